@@ -1,0 +1,50 @@
+# The two commands of the README are `make demo` and `make test`; each sets up what it needs.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/set-up
+LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
+
+.PHONY: setup demo test test-slow lint bench clean help
+
+help:
+	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 4 minutes)"
+	@echo "make test    set up, lint, type-check and test (under 10 minutes)"
+	@echo "make test-slow   the long tests as well"
+	@echo "make bench   every benchmark of docs/performance.md"
+
+setup: $(STAMP)
+
+$(VENV)/packages: requirements.txt constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || \
+	  { echo "Python 3.10 to 3.13 is needed; '$(PYTHON)' is `$(PYTHON) --version 2>&1`. Name another one: make PYTHON=python3.12 ..."; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
+	  { echo "Python's venv module is missing. On Debian or Ubuntu: sudo apt-get install python3-venv"; exit 1; }
+	@echo "Setting up the virtual environment in $(VENV) (about a minute, once) ..."
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install -qq --disable-pip-version-check --requirement requirements.txt --constraint constraints.txt
+	@touch $@
+
+$(STAMP): $(VENV)/packages $(LAYOUT)
+	@echo "Building the workspace ..."
+	@$(BIN)/colcon --log-base build/log build --merge-install --symlink-install > build.log 2>&1 || { cat build.log; exit 1; }
+	@site=`$(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))'`; \
+	  $(BIN)/python -c 'import pathlib, sys; root = pathlib.Path.cwd(); print(*sorted(str(root / "build" / p.parent.name) for p in root.glob("src/*/setup.py")), sep="\n")' > $$site/ankle_workspace.pth
+	@ln -sf ../../install/lib/ankle_bringup/ankle $(BIN)/ankle
+	@touch $@
+
+test: setup lint
+	@$(BIN)/python -m pytest -q -m "not slow"
+
+test-slow: setup
+	@$(BIN)/python -m pytest -q -m slow
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy --no-error-summary src/*/[a-z]*_*/
+
+demo: setup
+	@$(BIN)/ankle demo
+
+clean:
+	rm -rf $(VENV) build install build.log

@@ -1,0 +1,1 @@
+"""Launch files, configurations and the ankle command that runs all of it."""

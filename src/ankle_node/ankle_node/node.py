@@ -1,0 +1,210 @@
+"""The base of every node: declared parameters, blocks in and out, health, start and stop."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from sample_blocks.block import TIME_COLUMN, Block, pack, require_columns, unpack
+from sample_blocks.continuity import Continuity, Finding
+from sample_blocks.errors import BlockError
+from std_msgs.msg import Float64MultiArray
+
+from ankle_node.parameters import Parameter, ParameterError, Value
+
+# Reliable, keep-last 64: one second of blocks, so that a busy reader loses nothing.
+BLOCK_QOS = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST, depth=64, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.VOLATILE
+)
+DIAGNOSTICS_PERIOD = 1.0  # s
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class AnkleNode(Node):
+    """A node with declared parameters and health on ``/diagnostics`` once a second.
+
+    Args:
+        name: node name.
+        parameters: every parameter of the node; a refused start value raises `ParameterError`.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+        super().__init__(name)
+        self._declared = {parameter.name: parameter for parameter in parameters}
+        for parameter in parameters:
+            self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+            parameter.check(self.get_parameter(parameter.name).value)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self._health: dict[str, tuple[bytes, str, float]] = {}
+        self._counters: dict[str, str] = {}
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_health)
+
+    def describe_parameters(self, names: list[str]) -> list[ParameterDescriptor]:
+        """What ``ros2 param describe`` shows, ranges included.
+
+        The ranges are added here and not at declaration, because rclpy would check them before our
+        own check and answer without name of the unit and the range.
+        """
+        descriptors = super().describe_parameters(names)
+        for descriptor in descriptors:
+            declared = self._declared.get(descriptor.name)
+            if declared is None or not math.isfinite(declared.upper - declared.lower):
+                continue
+            if isinstance(declared.default, float):
+                descriptor.floating_point_range = [FloatingPointRange(from_value=float(declared.lower), to_value=float(declared.upper))]
+            elif isinstance(declared.default, int):
+                descriptor.integer_range = [IntegerRange(from_value=int(declared.lower), to_value=int(declared.upper))]
+        return descriptors
+
+    def value(self, name: str) -> Value:
+        """The present value of a declared parameter, in its declared type."""
+        return self._declared[name].check(self.get_parameter(name).value)
+
+    def number(self, name: str) -> float:
+        """The present value of a float or int parameter."""
+        return float(self.value(name))
+
+    def text(self, name: str) -> str:
+        """The present value of a text parameter."""
+        return str(self.value(name))
+
+    def parameters_changed(self, values: dict[str, Value]) -> None:
+        """Called with accepted new values before they are stored; raise `ParameterError` to refuse them."""
+
+    def _check_parameters(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
+        accepted: dict[str, Value] = {}
+        try:
+            for change in changes:
+                declared = self._declared.get(change.name)
+                if declared is None:
+                    continue
+                if declared.fixed:
+                    raise ParameterError(f"parameter '{declared.name}' can be set at start only")
+                accepted[change.name] = declared.check(change.value)
+            if accepted:
+                self.parameters_changed(accepted)
+        except ParameterError as error:
+            self.get_logger().error(str(error))
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def block_publisher(self, topic: str, columns: Sequence[str]) -> Callable[[np.ndarray], None]:
+        """A function that publishes data of shape (n, m), m columns ``t[s], ...``, as one block."""
+        names = tuple(columns)
+        publisher = self.create_publisher(Float64MultiArray, topic, BLOCK_QOS)
+
+        def publish(data: np.ndarray) -> None:
+            publisher.publish(pack(Block(names, data)))
+
+        return publish
+
+    def block_subscription(
+        self, topic: str, required: Sequence[str], callback: Callable[[Block, list[Finding]], None]
+    ) -> Continuity:
+        """Calls back with each block of a topic, its required columns in SI, and what is wrong in the stream.
+
+        A refused block is reported on ``/diagnostics`` and in the log, and dropped.
+
+        Args:
+            required: full SI names without time; empty takes the block as it comes.
+        """
+        continuity = Continuity()
+        told: set[str] = set()
+
+        def receive(message: bytes) -> None:
+            try:
+                block = unpack(message)
+                _, notes = block.in_si()
+                for note in notes:
+                    if note not in told:
+                        told.add(note)
+                        self.get_logger().warning(f"{topic}: {note}")
+                        self.health(f"{topic} units", WARN, note)
+                block = require_columns(block, tuple(required), topic) if required else block
+            except BlockError as error:
+                text = str(error) if str(error).startswith(topic) else f"{topic}: {error}"
+                if text not in told:
+                    told.add(text)
+                    self.get_logger().error(text)
+                self.health(f"{topic} blocks", ERROR, text)
+                return
+            findings = continuity.check(block.data)
+            for finding in findings:
+                self.get_logger().warning(f"{topic}: {finding.message}", throttle_duration_sec=1.0)
+                self.health(topic, WARN, finding.message)
+            self.count(f"{topic} missing samples", continuity.missing)
+            callback(block, findings)
+
+        self.create_subscription(Float64MultiArray, topic, receive, BLOCK_QOS, raw=True)
+        return continuity
+
+    def now(self) -> float:
+        """ROS time [s]."""
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def health(self, what: str, level: bytes, message: str) -> None:
+        """State the health of one thing; a warning or error is shown for at least ten seconds."""
+        self._health[what] = (level, message, time.monotonic())
+
+    def count(self, what: str, value: object) -> None:
+        """A figure that is shown with the node's health."""
+        self._counters[what] = str(value)
+
+    def _publish_health(self) -> None:
+        shown = 10.0  # s, so that a person who looks up once sees it
+        now = time.monotonic()
+        bad = [(level, f"{what}: {message}") for what, (level, message, when) in self._health.items() if level != OK and now - when < shown]
+        level = max((entry[0] for entry in bad), default=OK)
+        text = "; ".join(message for _, message in sorted(bad, reverse=True)) or "running"
+        status = DiagnosticStatus(level=level, name=self.get_name(), message=text, hardware_id="")
+        status.values = [KeyValue(key=key, value=value) for key, value in self._counters.items()]
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+
+def _descriptor(parameter: Parameter) -> ParameterDescriptor:
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    # dynamic_typing: rclpy would refuse `amplitude:=1` for a float before our own check can say why.
+    descriptor = ParameterDescriptor(description=f"{parameter.description}{unit}", dynamic_typing=True, read_only=False)
+    descriptor.additional_constraints = f"allowed: {parameter.allowed}" + ("; at start only" if parameter.fixed else "")
+    return descriptor
+
+
+def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -> int:
+    """Start rclpy, spin the node until it is told to stop, and clean up.
+
+    Discovery stays on this host unless the environment says otherwise.
+
+    Returns:
+        Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one line on stderr.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(args=arguments)
+    node: AnkleNode | None = None
+    try:
+        node = make()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (ParameterError, ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

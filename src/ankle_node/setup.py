@@ -1,0 +1,19 @@
+from setuptools import find_packages, setup
+
+package_name = "ankle_node"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="What every node of the graph shares: parameters declared as data, block publishers and subscriptions, diagnostics, start and stop.",
+    license="Apache-2.0",
+)

@@ -1,0 +1,1 @@
+"""A virtual rig and subject behind the topics of the real one."""

@@ -1,0 +1,1 @@
+"""Online separation of intrinsic and reflexive joint impedance."""

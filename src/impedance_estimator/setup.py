@@ -1,0 +1,24 @@
+from setuptools import find_packages, setup
+
+package_name = "impedance_estimator"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="Online separation of intrinsic and reflexive joint impedance.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "impedance_estimator = impedance_estimator.impedance_estimator_node:main",
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""Pulse-step and other perturbation signals for joint identification."""

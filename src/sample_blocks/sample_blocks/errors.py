@@ -1,0 +1,9 @@
+"""Errors of the block format. Each message names the value and what was expected."""
+
+
+class BlockError(ValueError):
+    """A message whose layout contradicts its data or misses a column."""
+
+
+class UnitError(BlockError):
+    """A unit that is unknown or does not fit the quantity."""

@@ -1,0 +1,1 @@
+"""Record, replay, import and export of bags."""

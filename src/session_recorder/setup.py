@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = "session_recorder"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="Record, replay, import and export of bags.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "record = session_recorder.record_node:main",
+            "replay = session_recorder.replay_node:main",
+        ],
+    },
+)
