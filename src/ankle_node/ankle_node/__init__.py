@@ -1,1 +1,1 @@
-"""What every node of the graph shares: parameters declared as data, block publishers and subscriptions, diagnostics, start and stop."""
+"""What every node shares: declared parameters, blocks in and out, diagnostics, start and stop."""

@@ -12,21 +12,24 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
-from sample_blocks.block import TIME_COLUMN, Block, pack, require_columns, unpack
-from sample_blocks.continuity import Continuity, Finding
-from sample_blocks.errors import BlockError
 from std_msgs.msg import Float64MultiArray
 
 from ankle_node.parameters import Parameter, ParameterError, Value
+from sample_blocks.block import Block, pack, require_columns, unpack
+from sample_blocks.continuity import Continuity, Finding
+from sample_blocks.errors import BlockError
 
 # Reliable, keep-last 64: one second of blocks, so that a busy reader loses nothing.
 BLOCK_QOS = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST, depth=64, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.VOLATILE
 )
 DIAGNOSTICS_PERIOD = 1.0  # s
+READERS_POLL_PERIOD = 0.05  # s; short against the start of a process, long against its cost
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -47,6 +50,7 @@ class AnkleNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self._health: dict[str, tuple[bytes, str, float]] = {}
         self._counters: dict[str, str] = {}
+        self._block_publishers: dict[str, Publisher] = {}
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_health)
 
@@ -103,15 +107,14 @@ class AnkleNode(Node):
         """A function that publishes data of shape (n, m), m columns ``t[s], ...``, as one block."""
         names = tuple(columns)
         publisher = self.create_publisher(Float64MultiArray, topic, BLOCK_QOS)
+        self._block_publishers[topic] = publisher
 
         def publish(data: np.ndarray) -> None:
             publisher.publish(pack(Block(names, data)))
 
         return publish
 
-    def block_subscription(
-        self, topic: str, required: Sequence[str], callback: Callable[[Block, list[Finding]], None]
-    ) -> Continuity:
+    def block_subscription(self, topic: str, required: Sequence[str], callback: Callable[[Block, list[Finding]], None]) -> Continuity:
         """Calls back with each block of a topic, its required columns in SI, and what is wrong in the stream.
 
         A refused block is reported on ``/diagnostics`` and in the log, and dropped.
@@ -148,6 +151,28 @@ class AnkleNode(Node):
 
         self.create_subscription(Float64MultiArray, topic, receive, BLOCK_QOS, raw=True)
         return continuity
+
+    def when_read(self, topic: str, readers: int, begin: Callable[[], None]) -> None:
+        """Call `begin` once as many readers are connected to a block topic of this node; at once for 0.
+
+        A graph whose nodes start in any order loses no block at its beginning when each node takes
+        its input only after its own output is read.
+        """
+        if readers <= 0:
+            begin()
+            return
+        publisher = self._block_publishers[topic]
+        asked_at = time.monotonic()
+
+        def look() -> None:
+            connected = publisher.get_subscription_count()
+            if connected >= readers:
+                timer.cancel()
+                begin()
+            elif time.monotonic() - asked_at > 5.0:
+                self.health(topic, WARN, f"waiting for {readers} readers, {connected} connected")
+
+        timer = self.create_timer(READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def now(self) -> float:
         """ROS time [s]."""
@@ -191,7 +216,7 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one line on stderr.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=arguments)
+    rclpy.init(args=None if arguments is None else list(arguments))
     node: AnkleNode | None = None
     try:
         node = make()

@@ -94,7 +94,9 @@ class Continuity:
             if step <= 0:
                 findings.append(Finding("backwards", f"time runs back by {(1 - step) / self.rate:.6f} s at t = {at:.6f} s"))
             elif step < 1:
-                findings.append(Finding("rate", f"samples {step / self.rate:.6f} s apart at t = {at:.6f} s, expected {1 / self.rate:.6f} s"))
+                findings.append(
+                    Finding("rate", f"samples {step / self.rate:.6f} s apart at t = {at:.6f} s, expected {1 / self.rate:.6f} s")
+                )
             else:
                 lost = round(step) - 1
                 self.missing += lost

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from sample_blocks.block import Block, pack, require_columns, unpack
 from sample_blocks.continuity import Continuity, sampling_rate
 from sample_blocks.errors import BlockError, UnitError
@@ -55,13 +56,18 @@ def test_degrees_and_millinewton_metres_are_converted_and_said():
     block = Block(("t[s]", "position[deg]", "torque[mN.m]"), np.array([[0.0, 180.0, 2000.0]]))
     si, notes = block.in_si()
     assert si.data[0].tolist() == pytest.approx([0.0, np.pi, 2.0])
-    assert len(notes) == 2 and "position[deg]" in notes[0]
+    assert len(notes) == 2
+    assert "position[deg]" in notes[0]
     assert require_columns(block, ("torque[N.m]",), "/x").data[0].tolist() == pytest.approx([0.0, 2.0])
 
 
 @pytest.mark.parametrize(
     ("columns", "words"),
-    [(("t[s]", "torque[ft.lbf]"), "unknown unit 'ft.lbf'"), (("t[s]", "torque[rad]"), "torque comes in 'rad'"), (("t[s]", "torque"), "does not say its unit")],
+    [
+        (("t[s]", "torque[ft.lbf]"), "unknown unit 'ft.lbf'"),
+        (("t[s]", "torque[rad]"), "torque comes in 'rad'"),
+        (("t[s]", "torque"), "does not say its unit"),
+    ],
 )
 def test_wrong_units_are_refused(columns, words):
     with pytest.raises(UnitError, match=words.replace(".", r"\.")):

@@ -1,0 +1,5 @@
+"""Errors of models and terms. Each message names the value, its unit and the allowed range."""
+
+
+class ModelError(ValueError):
+    """A model file or a parameter value that cannot be used."""

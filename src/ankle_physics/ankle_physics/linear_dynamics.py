@@ -1,0 +1,127 @@
+"""Linear building blocks of terms, compiled: delay, first- and second-order response.
+
+Each keeps its state between calls and integrates exactly for an input that is linear between
+samples (first-order hold), so that the result depends on the sampling rate only through the input.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from scipy.linalg import expm
+
+
+class Delay:
+    """``y(t) = x(t - delay)``, linear between samples; zero before the first sample.
+
+    Args:
+        rate: [Hz].
+        longest: longest delay that will be asked for [s].
+    """
+
+    def __init__(self, rate: float, longest: float) -> None:
+        self._rate = rate
+        self._longest = longest
+        self._past = np.zeros(math.ceil(longest * rate) + 2)
+
+    def run(self, x: np.ndarray, delay: float) -> np.ndarray:
+        """Delayed samples, shape (n,).
+
+        Raises:
+            ValueError: delay outside 0...longest.
+        """
+        if not 0.0 <= delay <= self._longest:
+            raise ValueError(f"delay {delay:g} s is outside 0 to {self._longest:g} s")
+        known = np.concatenate([self._past, x])
+        shift = delay * self._rate
+        whole = math.floor(shift)
+        part = shift - whole
+        start = len(self._past) - whole
+        later = known[start : start + len(x)]
+        earlier = known[start - 1 : start - 1 + len(x)]
+        self._past = known[-len(self._past) :].copy()
+        return (1.0 - part) * later + part * earlier
+
+
+class SecondOrder:
+    """``y'' + 2 z w y' + w^2 y = w^2 x``: unit gain at rest; `run` also gives y' and y''."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.zeros(3)  # y, y', last input
+        self._settings: tuple[float, float] | None = None
+        self._step = np.zeros((2, 4))
+
+    def settle(self, x: float) -> None:
+        """Start at rest under the constant input x."""
+        self._state[:] = x, 0.0, x
+
+    def run(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
+        """Response y of shape (n,)."""
+        return self.run_with_rates(x, omega, damping)[0]
+
+    def run_with_rates(self, x: np.ndarray, omega: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Response and its first and second derivative, each of shape (n,)."""
+        if self._settings != (omega, damping):
+            self._step = second_order_step(omega, damping, 1.0 / self._rate)
+            self._settings = (omega, damping)
+        out = _second_order(np.ascontiguousarray(x, dtype=float), self._step, self._state)
+        y, rate = out[0], out[1]
+        return y, rate, omega**2 * (x - y) - 2.0 * damping * omega * rate
+
+
+def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
+    """Rows of ``[y, y']`` after dt from ``[y, y', x now, x at the end]``, shape (2, 4); input linear in between."""
+    system = np.zeros((4, 4))
+    system[0, 1] = 1.0
+    system[1] = -(omega**2), -2.0 * damping * omega, omega**2, 0.0
+    system[2, 3] = 1.0 / dt
+    grown = expm(system * dt)
+    step = grown[:2].copy()
+    # The last state is the input's rise over dt: x(end) - x(now).
+    step[:, 2] -= step[:, 3]
+    return step
+
+
+@njit(cache=True)
+def _second_order(x: np.ndarray, step: np.ndarray, state: np.ndarray) -> np.ndarray:
+    out = np.empty((2, x.size))
+    y, rate, last = state[0], state[1], state[2]
+    for k in range(x.size):
+        next_y = step[0, 0] * y + step[0, 1] * rate + step[0, 2] * last + step[0, 3] * x[k]
+        rate = step[1, 0] * y + step[1, 1] * rate + step[1, 2] * last + step[1, 3] * x[k]
+        y = next_y
+        last = x[k]
+        out[0, k] = y
+        out[1, k] = rate
+    state[0], state[1], state[2] = y, rate, last
+    return out
+
+
+class FirstOrder:
+    """``T y' + y = x`` for a time constant T [s]; exact for an input linear between samples."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.zeros(2)  # y, last input
+
+    def run(self, x: np.ndarray, time_constant: float) -> np.ndarray:
+        """Response y of shape (n,)."""
+        return _first_order(np.ascontiguousarray(x, dtype=float), 1.0 / (self._rate * time_constant), self._state)
+
+
+@njit(cache=True)
+def _first_order(x: np.ndarray, ratio: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(x.size)
+    decay = math.exp(-ratio)
+    now = (1.0 - decay) / ratio - decay
+    end = 1.0 - (1.0 - decay) / ratio
+    y, last = state[0], state[1]
+    for k in range(x.size):
+        y = decay * y + now * last + end * x[k]
+        last = x[k]
+        out[k] = y
+    state[0], state[1] = y, last
+    return out

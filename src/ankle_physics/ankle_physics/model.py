@@ -1,0 +1,190 @@
+"""A joint model: a list of terms with their parameter values, read from and written to YAML.
+
+See `ankle_physics.term` for what a term is. The paper's model is
+``[inertia, viscosity, stiffness, reflex]`` (van 't Veld et al. 2018, figure 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ankle_physics.errors import ModelError
+from ankle_physics.signals import Signals
+from ankle_physics.term import PATH, Place, State, Term, term_library
+
+PAPER_TERMS = ("inertia", "viscosity", "stiffness", "reflex")
+
+
+@dataclass
+class Entry:
+    """A term in a model.
+
+    Attributes:
+        term: the effect.
+        values: every parameter of the term by symbol; an array of shape (n,) is allowed for a linear
+            parameter while a stretch of n samples is simulated.
+        standard_errors: by symbol, where a fit gave them.
+    """
+
+    term: Term
+    values: dict[str, Any]
+    standard_errors: dict[str, float] = field(default_factory=dict)
+
+
+class Model:
+    """Terms with values, in the order of the signal path.
+
+    Args:
+        entries: at most one of each term.
+        title: free text.
+
+    Raises:
+        ModelError: a term twice.
+    """
+
+    def __init__(self, entries: list[Entry], title: str = "") -> None:
+        names = [entry.term.name for entry in entries]
+        for name in names:
+            if names.count(name) > 1:
+                raise ModelError(f"term '{name}' appears {names.count(name)} times; each term can be in a model once")
+        self.title = title
+        self.entries = sorted(entries, key=lambda entry: PATH.index(entry.term.place))
+
+    @classmethod
+    def of(cls, values: Mapping[str, Mapping[str, float]] | None = None, title: str = "") -> Model:
+        """A model from ``{term: {symbol: value}}``; None is the paper's model. What is not given is typical.
+
+        Raises:
+            ModelError: unknown term or symbol, or a value out of range.
+        """
+        wanted = {name: {} for name in PAPER_TERMS} if values is None else values
+        return cls([_entry(name, dict(given)) for name, given in wanted.items()], title)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Model:
+        """Read a model file.
+
+        Raises:
+            ModelError: not a model file, unknown term or parameter, wrong unit, value out of range; names the file.
+            OSError: the file cannot be read.
+        """
+        text = Path(path).read_text()
+        try:
+            content = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ModelError(f"{path}: not YAML: {error}") from None
+        try:
+            return cls.from_content(content)
+        except ModelError as error:
+            raise ModelError(f"{path}: {error}") from None
+
+    @classmethod
+    def from_content(cls, content: Any) -> Model:
+        """The model in the parsed content of a model file.
+
+        Raises:
+            ModelError: as `load`.
+        """
+        if not isinstance(content, dict) or not isinstance(content.get("terms"), list):
+            raise ModelError("a model file has 'model: free text' and a list 'terms'")
+        entries = []
+        for item in content["terms"]:
+            if not isinstance(item, dict) or "term" not in item:
+                raise ModelError(f"each entry of 'terms' names its 'term'; found {item!r}")
+            given, errors = {}, {}
+            name = item["term"]
+            term = _find(name)
+            for key, value in item.items():
+                if key == "term":
+                    continue
+                parameter = next((p for p in term.parameters if p.key == key), None)
+                if parameter is None:
+                    known = ", ".join(p.key for p in term.parameters)
+                    raise ModelError(f"{name}: unknown parameter '{key}'; it has {known}")
+                if isinstance(value, dict):
+                    if "standard_error" in value:
+                        errors[parameter.symbol] = float(value["standard_error"])
+                    value = value.get("value")
+                given[parameter.symbol] = value
+            entry = _entry(name, given)
+            entry.standard_errors = errors
+            entries.append(entry)
+        return cls(entries, str(content.get("model", "")))
+
+    def save(self, path: str | Path) -> None:
+        """Write a model file that `load` reads back to the same values."""
+        terms = []
+        for entry in self.entries:
+            item: dict[str, Any] = {"term": entry.term.name}
+            for parameter in entry.term.parameters:
+                value = float(entry.values[parameter.symbol])
+                error = entry.standard_errors.get(parameter.symbol)
+                item[parameter.key] = value if error is None else {"value": value, "standard_error": float(error)}
+            terms.append(item)
+        Path(path).write_text(yaml.safe_dump({"model": self.title, "terms": terms}, sort_keys=False))
+
+    def entry(self, name: str) -> Entry:
+        """One term of the model.
+
+        Raises:
+            ModelError: the model lacks it.
+        """
+        for entry in self.entries:
+            if entry.term.name == name:
+                return entry
+        raise ModelError(f"the model has no term '{name}'; it has {', '.join(entry.term.name for entry in self.entries)}")
+
+    def has(self, name: str) -> bool:
+        """Whether the model has the term."""
+        return any(entry.term.name == name for entry in self.entries)
+
+    def start(self, rate: float, seed: int = 0) -> ModelRun:
+        """Begin a run at `rate` [Hz]."""
+        return ModelRun(self, rate, seed)
+
+    def torque(self, signals: Signals) -> np.ndarray:
+        """Torque [N.m] of shape (n,) over a whole stretch, from rest."""
+        return self.start(signals.rate).torque(signals)
+
+
+class ModelRun:
+    """A model on its way through time; keeps the state of every term between stretches."""
+
+    def __init__(self, model: Model, rate: float, seed: int = 0) -> None:
+        self.model = model
+        self._states: list[State] = [entry.term.start(rate, seed + index) for index, entry in enumerate(model.entries)]
+
+    def torque(self, signals: Signals) -> np.ndarray:
+        """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate signals."""
+        total = np.zeros(len(signals.position))
+        summed = False
+        for entry, state in zip(self.model.entries, self._states, strict=True):
+            if entry.term.place in (Place.TORQUE_SENSOR, Place.POSITION_SENSOR) and not summed:
+                signals.torque, summed = total, True
+            entry.term.transform(signals, entry.values, state)
+            for symbol, column in entry.term.torque(signals, entry.values, state).items():
+                total = total + entry.values[symbol] * column
+        if not summed:
+            signals.torque = total
+        return signals.torque
+
+
+def _find(name: str) -> type[Term]:
+    library = term_library()
+    if name not in library:
+        raise ModelError(f"unknown term '{name}'; known: {', '.join(library)}")
+    return library[name]
+
+
+def _entry(name: str, given: dict[str, Any]) -> Entry:
+    term = _find(name)
+    for symbol in given:
+        term.parameter(symbol)
+    values = {p.symbol: p.check(given.get(p.symbol, p.typical), name) for p in term.parameters}
+    return Entry(term(), values)

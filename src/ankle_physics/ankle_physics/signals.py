@@ -1,0 +1,52 @@
+"""What happens along the signal path during a stretch of time, from the footplate to the torque sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Signals:
+    """One stretch of n samples on its way through the terms of a model; terms change it in place.
+
+    Signs: position, velocity and torque positive in dorsiflexion; torque is what is needed to move the ankle.
+
+    Attributes:
+        rate: sampling rate of all arrays [Hz].
+        position: footplate angle [rad], shape (n,).
+        velocity: footplate velocity [rad/s], shape (n,).
+        acceleration: footplate acceleration [rad/s^2], shape (n,).
+        activation: muscle activation as the background torque that goes with it [N.m], shape (n,); zero at rest.
+        foot_position, foot_velocity, foot_acceleration: the same for the foot; equal to the
+            footplate's until a coupling term moves the foot differently.
+        drive: stretch velocity that the spindles signal [rad/s], shape (n,); the foot's velocity
+            until a reflex-input term shapes it. The reflex rectifies it.
+        torque: torque at the footplate [N.m], shape (n,); filled when the torque terms are summed.
+        measured_position: what the position sensor reports [rad], shape (n,).
+    """
+
+    rate: float
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    activation: np.ndarray | None = None
+    foot_position: np.ndarray = field(init=False)
+    foot_velocity: np.ndarray = field(init=False)
+    foot_acceleration: np.ndarray = field(init=False)
+    drive: np.ndarray = field(init=False)
+    torque: np.ndarray = field(init=False)
+    measured_position: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        if self.activation is None:
+            self.activation = np.zeros(len(self.position))
+        self.measured_position = self.position
+        self.torque = np.zeros(len(self.position))
+        self.move_foot(self.position, self.velocity, self.acceleration)
+
+    def move_foot(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> None:
+        """Give the foot a motion of its own; the spindles feel it."""
+        self.foot_position, self.foot_velocity, self.foot_acceleration = position, velocity, acceleration
+        self.drive = velocity

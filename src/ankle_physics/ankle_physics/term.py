@@ -1,0 +1,149 @@
+"""What a term of the joint model is: one physical effect, its equation, its parameters, its place.
+
+A model is a list of terms. Each term is one file in `ankle_physics.terms` with one subclass of
+`Term`; putting the file there is all that is needed for simulation, fitting, search and
+documentation to know it.
+
+A term acts in one of two ways:
+
+- `torque` returns columns, one for each of its linear parameters; the model adds
+  ``value * column`` to the torque. Fitting solves for these values directly (variable projection),
+  and a linear parameter may change from sample to sample.
+- `transform` changes a signal on the way (foot motion, reflex drive, measured torque or position).
+
+Both work stretch by stretch with the state that `start` made, so that the same code runs online in
+blocks of 32 samples and offline on a whole recording, with the same result.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import pkgutil
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ankle_physics.errors import ModelError
+from ankle_physics.signals import Signals
+
+Values = Mapping[str, Any]
+State = dict[str, Any]
+
+
+class Place(Enum):
+    """Where in the signal path a term acts, in the order in which the path is walked."""
+
+    ACTUATOR = "actuator and reference"
+    COUPLING = "coupling between footplate and foot"
+    ACTIVATION = "activation"
+    INTRINSIC = "intrinsic"
+    REFLEX_INPUT = "reflex input"
+    REFLEX_DYNAMICS = "reflex dynamics"
+    TORQUE_SENSOR = "torque sensor"
+    POSITION_SENSOR = "position sensor"
+
+
+PATH = tuple(Place)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a term.
+
+    Attributes:
+        symbol: as in the equation, ``K``.
+        unit: ``N.m/rad``.
+        lower, upper: physically possible range, inclusive.
+        typical: where a search starts and what a simulation takes unless told otherwise.
+        source: where range and typical value come from.
+        linear: whether the torque is proportional to it (then `Term.torque` returns its column).
+    """
+
+    symbol: str
+    unit: str
+    lower: float
+    upper: float
+    typical: float
+    source: str
+    linear: bool = False
+
+    @property
+    def key(self) -> str:
+        """Name with unit, as model files write it: ``K[N.m/rad]``."""
+        return f"{self.symbol}[{self.unit}]"
+
+    def check(self, value: Any, term: str) -> float:
+        """The value as a float.
+
+        Raises:
+            ModelError: not a finite number or outside lower...upper.
+        """
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = math.nan
+        if not self.lower <= number <= self.upper:
+            raise ModelError(f"{term}: {self.symbol} = {value} {self.unit} is outside {self.lower:g} to {self.upper:g} {self.unit}")
+        return number
+
+
+class Term(ABC):
+    """One physical effect. Subclasses state the class attributes and override what they do.
+
+    Attributes:
+        name: as in model files, ``maxwell_relaxation``.
+        place: where in the signal path it acts.
+        sentence: one sentence in plain words that says what it is.
+        parameters: all of them, linear and not.
+    """
+
+    name: ClassVar[str]
+    place: ClassVar[Place]
+    sentence: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        """Fresh state for a run at `rate` [Hz]; `seed` matters to terms that draw random numbers."""
+        return {}
+
+    def transform(self, signals: Signals, values: Values, state: State) -> None:
+        """Change a signal of the path in place."""
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        """Torque per unit of each linear parameter, each of shape (n,), keyed by symbol."""
+        return {}
+
+    @classmethod
+    def parameter(cls, symbol: str) -> Parameter:
+        """One parameter by its symbol.
+
+        Raises:
+            ModelError: no such parameter.
+        """
+        for parameter in cls.parameters:
+            if parameter.symbol == symbol:
+                return parameter
+        known = ", ".join(parameter.symbol for parameter in cls.parameters) or "none"
+        raise ModelError(f"{cls.name}: no parameter '{symbol}'; it has {known}")
+
+
+@cache
+def term_library() -> dict[str, type[Term]]:
+    """Every term in `ankle_physics.terms` by its name."""
+    import ankle_physics.terms as package
+
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{package.__name__}.{module.name}")
+    found = {term.name: term for term in _subclasses(Term) if hasattr(term, "name")}
+    return dict(sorted(found.items()))
+
+
+def _subclasses(parent: type[Term]) -> list[type[Term]]:
+    direct = parent.__subclasses__()
+    return direct + [term for child in direct for term in _subclasses(child)]
