@@ -9,7 +9,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/launch", ["launch/laboratory.launch.py"]),
     ],
+    package_data={package_name: ["config/*.yaml", "scenarios/*.yaml"]},
     install_requires=["setuptools"],
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",

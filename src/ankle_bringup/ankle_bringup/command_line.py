@@ -1,2 +1,194 @@
-def main():
-    print("hi")
+"""The `ankle` command: every verb is a thin door to a package that also works without it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+app = typer.Typer(
+    name="ankle",
+    help="Software of an ankle-perturbation laboratory: run it, record it, estimate joint impedance from it.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+console = Console()
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="Where to write. An existing place is never overwritten.")]
+Settings = Annotated[list[str], typer.Option("--set", help="A parameter, as node.parameter=value. May be repeated.")]
+
+
+@contextmanager
+def _progress(what: str) -> Iterator:
+    """A progress bar, and a function that takes the done share from 0 to 1."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@app.command()
+def demo(
+    out: Out = Path("demo_results"),
+    seconds: Annotated[float, typer.Option(help="Length of the live run; below 75 s the estimates do not reach the jump's end.")] = 90.0,
+    trials: Annotated[Path, typer.Option(help="Folder of real trials as .npz files.")] = Path("../shared/recordings"),
+) -> None:
+    """Run the main job once: simulated ankle live, estimates made again from the bag, real human trials.
+
+    Example: ankle demo --out demo_results
+    """
+    from ankle_bringup.demo import run_demo
+
+    if not run_demo(out, seconds, trials, console):
+        raise typer.Exit(1)
+
+
+@app.command()
+def estimate(
+    bag: Annotated[Path, typer.Argument(help="A bag with /ankle/samples.")],
+    out: Out = Path("estimates"),
+    algorithm: Annotated[str, typer.Option(help="As the estimator node's parameter of that name.")] = "",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is at --out.")] = False,
+) -> None:
+    """Estimate K, B, I and G from a bag, with the numbers that the node gives.
+
+    Example: ankle estimate session --out session_estimates
+    """
+    from impedance_estimator.algorithms import DEFAULT
+    from impedance_estimator.offline import estimate_bag
+
+    with _progress(f"estimating {bag}") as share:
+        result = estimate_bag(bag, out, algorithm or DEFAULT, overwrite=overwrite, progress=share)
+    for note in result.notes:
+        console.print(f"note: {note}")
+    table = Table("", "median", "unit")
+    for name, value in result.median().items():
+        quantity, unit = name.rstrip("]").split("[")
+        table.add_row(quantity, f"{value:.4g}", unit)
+    console.print(table)
+    console.print(f"{len(result.valid)} of {len(result.rows)} estimates are valid; written to {out.resolve()}")
+
+
+@app.command()
+def up(
+    graph: Annotated[str, typer.Argument(help="A graph that comes with the package, or the path of a YAML file.")] = "simulated",
+    settings: Settings = [],  # noqa: B006
+    seconds: Annotated[float, typer.Option(help="Stop after so many seconds; 0 runs until Ctrl-C.")] = 0.0,
+    logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path("ankle_logs"),
+) -> None:
+    """Start a graph of nodes and show what it says, until Ctrl-C.
+
+    Example: ankle up simulated --set ankle_sim.K=80.0 --seconds 30
+    """
+    from ankle_bringup.graph import load_graph
+    from ankle_bringup.up import run_graph
+
+    run_graph(load_graph(graph).with_settings(settings), logs, seconds, console)
+
+
+@app.command()
+def graphs() -> None:
+    """List the graphs that come with the package.
+
+    Example: ankle graphs
+    """
+    from ankle_bringup.graph import known_graphs, load_graph
+
+    for name in known_graphs():
+        console.print(f"[bold]{name}[/bold]: {load_graph(name).description}")
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []})
+def run(context: typer.Context, package: str, executable: str) -> None:
+    """Run a single node, as `ros2 run` does.
+
+    Example: ankle run ankle_sim ankle_sim --ros-args -p K:=80.0
+    """
+    from ankle_bringup.processes import node_command
+
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    command = node_command(package, executable) + context.args
+    os.execv(command[0], command)
+
+
+@app.command()
+def topics() -> None:
+    """List the topics of the running graph, with their types and how many publish and read them.
+
+    Example: ankle topics
+    """
+    from ankle_bringup.live_graph import observer
+    from ankle_bringup.live_graph import topics as live_topics
+
+    table = Table("topic", "type", "publishers", "readers")
+    with observer() as node:
+        for name, types, publishers, readers in live_topics(node):
+            table.add_row(name, types, str(publishers), str(readers))
+    console.print(table)
+
+
+@app.command()
+def echo(
+    topic: str,
+    count: Annotated[int, typer.Option("--count", "-n", help="End after so many messages; 0 goes on.")] = 0,
+    seconds: Annotated[float, typer.Option(help="End when nothing has come for so many seconds.")] = 10.0,
+) -> None:
+    """Show the messages of a topic: blocks as tables, all others as YAML.
+
+    Example: ankle echo /impedance/estimate -n 1
+    """
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import echo as live_echo
+    from ankle_bringup.live_graph import observer
+
+    with observer() as node:
+        shown = live_echo(node, topic, lambda text: print(text, flush=True), count, seconds)
+    if shown == 0:
+        raise RunError(f"nothing came on '{topic}' within {seconds:g} s")
+
+
+@app.command()
+def params(
+    node: Annotated[str, typer.Argument(help="Name of a running node.")],
+    parameter: Annotated[Optional[str], typer.Argument(help="Show this one only.")] = None,  # noqa: UP045
+    value: Annotated[Optional[str], typer.Argument(help="Set it to this value.")] = None,  # noqa: UP045
+) -> None:
+    """Show the parameters of a running node with unit, range and description, or set one.
+
+    Example: ankle params ankle_sim K 120.0
+    """
+    from ankle_bringup.live_graph import describe_parameters, observer, set_parameter
+
+    with observer() as looking:
+        if parameter is not None and value is not None:
+            set_parameter(looking, node, parameter, value)
+            console.print(f"{node}: {parameter} = {value}")
+            return
+        table = Table("parameter", "value", "what it is", "allowed")
+        for descriptor, present in describe_parameters(looking, node):
+            if parameter is None or descriptor.name == parameter:
+                table.add_row(descriptor.name, str(present), descriptor.description, descriptor.additional_constraints)
+    console.print(table)
+
+
+def main() -> None:
+    """Run the command; errors that a user can act on are one line on stderr and exit code 1."""
+    try:
+        app()
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

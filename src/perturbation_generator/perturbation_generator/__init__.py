@@ -1,1 +1,1 @@
-"""Pulse-step and other perturbation signals for joint identification."""
+"""Position perturbations for joint identification, sample by sample, and the node that publishes them."""

@@ -1,0 +1,173 @@
+"""The main job from beginning to end: run the laboratory, regenerate its estimates, do the same with real ankles."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from ankle_bringup import demo_pictures
+from ankle_bringup.errors import RunError
+from ankle_bringup.graph import load_graph
+from ankle_bringup.live_graph import observer
+from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, SAMPLES, TRUTH, LiveMonitor
+from ankle_bringup.processes import Processes
+from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
+from ankle_bringup.up import status_table
+from impedance_estimator.offline import estimate_bag
+from session_recorder.bag_reader import BagReader
+from session_recorder.importing import import_recording
+
+TOLERANCE = 1e-9
+WHERE_REAL_TRIALS_COME_FROM = (
+    "Such data come with the public stiffness identification toolbox of the McGill REKLAB group (reklab/reklab_public, "
+    "stiffnessID/experimental_data.mat); save each trial as .npz with time [s], position [rad], torque [N.m]."
+)
+
+
+@dataclass
+class Result:
+    """What the demo found, for its last table."""
+
+    rows: list[tuple[str, str, str]] = field(default_factory=list)
+    passed: bool = True
+
+    def add(self, what: str, value: str, meaning: str) -> None:
+        """One line of the table."""
+        self.rows.append((what, value, meaning))
+
+    def require(self, passed: bool, what: str, value: str, meaning: str) -> None:
+        """One line that must hold for the demo to succeed."""
+        self.passed = self.passed and passed
+        self.add(what, value if passed else f"{value} (NOT MET)", meaning)
+
+
+def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
+    """Run all steps and write everything below `out`.
+
+    Returns:
+        Whether every line that must hold did.
+
+    Raises:
+        RunError: a node failed, or `out` exists already.
+    """
+    if out.exists() and any(out.iterdir()):
+        raise RunError(f"{out} is not empty; give another folder with --out, or remove it")
+    out.mkdir(parents=True, exist_ok=True)
+    # A domain of its own, so that a running laboratory is not disturbed.
+    os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+    result = Result()
+    bag = out / "simulated_session"
+    console.rule("1  A simulated ankle, live")
+    run_live(bag, seconds, out / "logs", result, console)
+    console.rule("2  The same estimates, made again from the recorded bag")
+    regenerate(bag, out, result, console)
+    console.rule("3  Real human ankles")
+    real_ankles(trials, out, result, console)
+    console.rule("4  What came out")
+    summary(out, result, console)
+    return result.passed
+
+
+def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Console) -> None:
+    """Generator, simulated ankle, estimator and recorder as four processes at real time, with a jump in K and G."""
+    scenario = resources.files("ankle_bringup") / "scenarios" / "jump.yaml"
+    graph = load_graph("simulated_recorded").with_settings(
+        [f"record.out={bag}", f"perturbation_generator.duration={seconds}", f"ankle_sim.scenario={scenario}", *ONE_MORE_READER]
+    )
+    console.print(
+        f"Four processes stream at 2048 Hz for {seconds:.0f} s: small pushes at the ankle, its torque, and the estimates.\n"
+        "After 45 s the simulated stiffness K jumps from 50 to 150 and the reflex gain G from 5 to 15; watch the estimates follow.\n"
+        "The paper's algorithm needs about 16 s for 10 to 90 % of a step in K and 8 s in G, and 30 s before it is valid."
+    )
+    with observer("demo") as node, Processes(graph, logs) as processes:
+        monitor = LiveMonitor(node)
+        began = None
+        asked_at = time.monotonic()
+        with Live(status_table(monitor, seconds), console=console, refresh_per_second=4) as live:
+            while not processes.ended("perturbation_generator"):
+                monitor.spin(0.25)
+                if began is None and monitor.streams[SAMPLES].blocks:
+                    began = time.monotonic()
+                if began is None and time.monotonic() - asked_at > 120.0:
+                    raise RunError(f"no samples within 120 s (logs: {logs})")
+                live.update(status_table(monitor, seconds if began is None else began + seconds - time.monotonic()))
+            monitor.spin(1.0)
+            live.update(status_table(monitor, 0.0))
+        codes = processes.stop()
+    for name, code in codes.items():
+        if code != 0:
+            raise RunError(f"{name} ended with exit code {code} (log: {logs / name}.log)")
+    sent = round(seconds * 2048)
+    recorded = len(BagReader(bag).signal(SAMPLES)[1])
+    result.require(recorded == sent, "samples lost on the way to the bag", f"{sent - recorded} of {sent}", "none may be lost")
+
+
+def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
+    """Estimates by replay through the node and straight from the file, against those of the live run."""
+    console.print("Replaying the bag through a fresh estimator process ...")
+    replayed_bag = out / "replayed_estimates"
+    began = time.monotonic()
+    regenerate_by_replay(bag, replayed_bag, out / "logs" / "replay")
+    console.print(f"  done in {time.monotonic() - began:.1f} s. Estimating straight from the file ...")
+    file_bag = out / "estimates_from_file"
+    estimate_bag(bag, file_bag)
+    columns, live = BagReader(bag).signal(ESTIMATE)
+    _, replayed = BagReader(replayed_bag).signal(ESTIMATE)
+    _, from_file = BagReader(file_bag).signal(ESTIMATE)
+    for name, other in (("replay through the node", replayed), ("straight from the file", from_file)):
+        found = agreement(columns, live, other)
+        result.require(_agrees(found), f"live against {name}", f"{found.largest:.1e} in {found.rows} estimates", f"at most {TOLERANCE:g}")
+    truth_columns, truth = BagReader(bag).signal(TRUTH)
+    demo_pictures.live_run(columns, live, truth_columns, truth, out / "1_live_estimates.png")
+    valid = live[live[:, columns.index("valid[1]")] == 1.0]
+    if len(valid):
+        last = valid[-1]
+        for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad")):
+            name = f"{symbol}[{unit}]"
+            true = truth[-1, truth_columns.index(name)]
+            result.add(f"{symbol} at the end, simulated ankle", f"{last[columns.index(name)]:.3g} {unit}", f"true: {true:.3g} {unit}")
+
+
+def _agrees(found: Agreement) -> bool:
+    return found.largest <= TOLERANCE and found.only_first == 0 and found.only_second == 0
+
+
+def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> None:
+    """Import the real trials to bags, estimate them, and draw measured against predicted torque."""
+    files = sorted(trials.glob("*.npz")) if trials.is_dir() else []
+    if not files:
+        console.print(f"No real trials in {trials}. {WHERE_REAL_TRIALS_COME_FROM} Then: ankle demo --trials FOLDER. Going on without.")
+        result.add("real trials", "none here", f"looked in {trials}")
+        return
+    for number, file in enumerate(files, start=1):
+        console.print(f"{file.name}: importing (the torque's sign there is the subject's, ours is the rig's) and estimating ...")
+        bag = out / f"{file.stem}_bag"
+        import_recording(file, bag, columns={"t[s]": "time", "position[rad]": "position", "torque[N.m]": "torque"}, torque_sign="subject")
+        estimated = estimate_bag(bag, out / f"{file.stem}_estimates")
+        if not len(estimated.valid):
+            result.require(False, file.stem, "no valid estimate", "; ".join(estimated.notes) or "expected valid estimates")
+            continue
+        _, samples = BagReader(bag).signal(SAMPLES)
+        demo_pictures.real_trial(file.stem, estimated.rows, estimated.torques, samples, out / f"{number + 1}_{file.stem}.png")
+        for name, value in estimated.median().items():
+            if not name.startswith("se_"):
+                quantity, unit = name.rstrip("]").split("[")
+                result.add(f"{quantity} of {file.stem}", f"{value:.3g} {unit}", "median of the valid estimates")
+
+
+def summary(out: Path, result: Result, console: Console) -> None:
+    """The closing table, and where everything lies."""
+    table = Table("what", "result", "meaning")
+    for row in result.rows:
+        table.add_row(*row)
+    console.print(table)
+    console.print(f"Everything is in {out.resolve()}:")
+    for path in sorted(out.iterdir()):
+        console.print(f"  {path.name}{'/' if path.is_dir() else ''}")

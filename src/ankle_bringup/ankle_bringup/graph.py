@@ -1,0 +1,123 @@
+"""A graph of nodes as data: one YAML file feeds `ros2 launch` and `ankle up` alike.
+
+```yaml
+description: simulated ankle at real time
+nodes:
+  - package: ankle_sim
+    executable: ankle_sim
+    name: ankle_sim            # optional, the executable's name unless given
+    parameters: {K: 100.0}
+    remappings: {/ankle/samples: /left/ankle/samples}
+```
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ankle_bringup.errors import GraphError
+
+_NODE_KEYS = {"package", "executable", "name", "parameters", "remappings"}
+
+
+@dataclass(frozen=True)
+class NodeDescription:
+    """One process of a graph."""
+
+    package: str
+    executable: str
+    name: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    remappings: dict[str, str] = field(default_factory=dict)
+
+    def ros_arguments(self) -> list[str]:
+        """What follows the executable on its command line."""
+        arguments = ["--ros-args", "-r", f"__node:={self.name}"]
+        for key, value in self.parameters.items():
+            text = yaml.safe_dump(value, default_flow_style=True).strip().removesuffix("...").strip()
+            arguments += ["-p", f"{key}:={text}"]
+        for source, target in self.remappings.items():
+            arguments += ["-r", f"{source}:={target}"]
+        return arguments
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Nodes that run together."""
+
+    description: str
+    nodes: tuple[NodeDescription, ...]
+
+    def with_settings(self, settings: Iterable[str]) -> Graph:
+        """The graph with parameters replaced, each as ``node.parameter=value`` (value in YAML).
+
+        Raises:
+            GraphError: another form, or a node that the graph lacks.
+        """
+        nodes = {node.name: node for node in self.nodes}
+        for setting in settings:
+            target, equals, text = setting.partition("=")
+            name, dot, parameter = target.partition(".")
+            if not (equals and dot and parameter):
+                raise GraphError(f"'{setting}' is not 'node.parameter=value', as in 'ankle_sim.K=80.0'")
+            if name not in nodes:
+                raise GraphError(f"'{setting}': the graph has no node '{name}'; it has {', '.join(nodes)}")
+            nodes[name] = replace(nodes[name], parameters={**nodes[name].parameters, parameter: yaml.safe_load(text)})
+        return replace(self, nodes=tuple(nodes.values()))
+
+    def without(self, name: str) -> Graph:
+        """The graph without one node; the same where it has none of that name."""
+        return replace(self, nodes=tuple(node for node in self.nodes if node.name != name))
+
+
+def known_graphs() -> list[str]:
+    """Names of the graphs that come with the package."""
+    folder = resources.files("ankle_bringup") / "config"
+    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+def load_graph(name: str) -> Graph:
+    """A graph by the name of one that comes with the package, or by the path of a YAML file.
+
+    Raises:
+        GraphError: no such graph, not YAML, or a node without package or executable; names the file and the key.
+    """
+    path = Path(name)
+    source = path if path.suffix in (".yaml", ".yml") else resources.files("ankle_bringup") / "config" / f"{name}.yaml"
+    if not source.is_file():
+        raise GraphError(f"no graph '{name}': known are {', '.join(known_graphs())}, or give the path of a .yaml file")
+    try:
+        content = yaml.safe_load(source.read_text())
+    except yaml.YAMLError as error:
+        raise GraphError(f"{name}: not YAML: {error}") from None
+    if not isinstance(content, dict) or not isinstance(content.get("nodes"), list):
+        raise GraphError(f"{name}: a graph has 'description' and a list 'nodes'")
+    nodes = []
+    for item in content["nodes"]:
+        if not isinstance(item, dict) or not {"package", "executable"} <= set(item):
+            raise GraphError(f"{name}: each node has 'package' and 'executable'; found {item!r}")
+        unknown = set(item) - _NODE_KEYS
+        if unknown:
+            raise GraphError(
+                f"{name}: unknown key '{sorted(unknown)[0]}' of node '{item['executable']}'; allowed: {', '.join(sorted(_NODE_KEYS))}"
+            )
+        nodes.append(
+            NodeDescription(
+                item["package"],
+                item["executable"],
+                str(item.get("name") or item["executable"]),
+                item.get("parameters") or {},
+                item.get("remappings") or {},
+            )
+        )
+    names = [node.name for node in nodes]
+    for node_name in names:
+        if names.count(node_name) > 1:
+            raise GraphError(f"{name}: node name '{node_name}' appears twice; give each its own 'name'")
+    return Graph(str(content.get("description", "")), tuple(nodes))

@@ -1,0 +1,136 @@
+"""The nodes of a graph as processes: started together, watched, stopped by their own process ids."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from types import TracebackType
+
+from ankle_bringup.errors import GraphError, RunError
+from ankle_bringup.graph import Graph, NodeDescription
+
+# A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that rclpy is
+# known to hang at times, so the process is told again more strictly.
+STOP_STEPS = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 2.0))
+
+
+def node_command(package: str, executable: str) -> list[str]:
+    """The command that runs an executable of a package with this Python, without the `ros2` command.
+
+    Raises:
+        GraphError: no such package or executable; names those that exist.
+    """
+    try:
+        entries = [entry for entry in distribution(package).entry_points if entry.group == "console_scripts"]
+    except PackageNotFoundError:
+        raise GraphError(f"no package '{package}' in this installation") from None
+    for entry in entries:
+        if entry.name == executable:
+            return [sys.executable, "-c", f"import sys; from {entry.module} import {entry.attr}; sys.exit({entry.attr}())"]
+    raise GraphError(f"package '{package}' has no executable '{executable}'; it has {', '.join(e.name for e in entries) or 'none'}")
+
+
+class Processes:
+    """Runs the nodes of a graph; a context manager that leaves no process behind.
+
+    Args:
+        graph: what to run.
+        logs: folder for one log file a node.
+
+    Raises:
+        GraphError: an executable that does not exist (before anything is started).
+    """
+
+    def __init__(self, graph: Graph, logs: Path) -> None:
+        self._commands = [(node, node_command(node.package, node.executable)) for node in graph.nodes]
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Processes:
+        self._logs.mkdir(parents=True, exist_ok=True)
+        for node, command in self._commands:
+            self._start(node, command)
+        return self
+
+    def _start(self, node: NodeDescription, command: list[str]) -> None:
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        with open(self._logs / f"{node.name}.log", "wb") as log:
+            # Its own session: Ctrl-C at the terminal reaches us alone, and we stop the nodes in order.
+            self._running[node.name] = subprocess.Popen(
+                command + node.ros_arguments(),
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                env=environment,
+                start_new_session=True,
+            )
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.stop()
+
+    @property
+    def names(self) -> list[str]:
+        """Nodes still running."""
+        return [name for name, process in self._running.items() if process.poll() is None]
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids of all nodes by name."""
+        return {name: process.pid for name, process in self._running.items()}
+
+    def log(self, name: str) -> Path:
+        """The log file of a node."""
+        return self._logs / f"{name}.log"
+
+    def ended(self, name: str) -> bool:
+        """Whether a node that is meant to end has done so; every other one must still run.
+
+        Raises:
+            RunError: a node ended with an error, or ended though it is not `name`; carries the last line it wrote.
+        """
+        self._check(may_end=name)
+        return name not in self.names
+
+    def _check(self, may_end: str | None = None) -> None:
+        for name, process in self._running.items():
+            code = process.poll()
+            if code is not None and (code != 0 or name != may_end):
+                lines = self.log(name).read_text(errors="replace").strip().splitlines()
+                raise RunError(f"{name} ended with exit code {code}: {lines[-1] if lines else 'it wrote nothing'} (log: {self.log(name)})")
+
+    def wait_for_end(self, name: str, seconds: float) -> None:
+        """Wait until a node has ended by itself, watching all of them.
+
+        Raises:
+            RunError: it did not end in time, or as `ended`.
+        """
+        deadline = time.monotonic() + seconds
+        while not self.ended(name):
+            if time.monotonic() > deadline:
+                raise RunError(f"{name} did not end within {seconds:g} s (log: {self.log(name)})")
+            time.sleep(0.05)
+
+    def stop(self, names: Sequence[str] | None = None) -> dict[str, int]:
+        """Stop the named nodes, or all, and give their exit codes."""
+        chosen = {name: process for name, process in self._running.items() if names is None or name in names}
+        for number, patience in STOP_STEPS:
+            alive = [process for process in chosen.values() if process.poll() is None]
+            for process in alive:
+                process.send_signal(number)
+            deadline = time.monotonic() + patience
+            for process in alive:
+                try:
+                    process.wait(timeout=max(deadline - time.monotonic(), 0.01))
+                except subprocess.TimeoutExpired:
+                    continue
+        codes = {name: process.wait(timeout=5.0) for name, process in chosen.items()}
+        for name in chosen:
+            del self._running[name]
+        return codes

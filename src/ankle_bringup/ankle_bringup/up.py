@@ -1,0 +1,53 @@
+"""Run a graph in front of a person: what it estimates, what is missing, until they stop it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from ankle_bringup.graph import Graph
+from ankle_bringup.live_graph import observer
+from ankle_bringup.live_monitor import ESTIMATE, SAMPLES, TRUTH, LiveMonitor
+from ankle_bringup.processes import Processes
+
+
+def status_table(monitor: LiveMonitor, seconds_left: float | None) -> Table:
+    """Latest estimate beside the true value where a simulation tells it."""
+    table = Table("", "estimated", "true", "unit")
+    for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2")):
+        column = f"{symbol}[{unit}]"
+        truth = monitor.latest(TRUTH, column) if symbol in "KG" else float("nan")
+        table.add_row(symbol, f"{monitor.latest(ESTIMATE, column):.4g}", "" if truth != truth else f"{truth:.4g}", unit)
+    valid = monitor.latest(ESTIMATE, "valid[1]")
+    table.add_row("valid", "yes" if valid == 1.0 else "not yet" if valid != valid else "no", "", "")
+    table.add_row("samples received", str(monitor.streams[SAMPLES].samples), "", f"{monitor.missing} missing")
+    if seconds_left is not None:
+        table.add_row("time left", f"{max(seconds_left, 0.0):.0f}", "", "s")
+    return table
+
+
+def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> None:
+    """Start the graph and show its state until Ctrl-C, the end of `seconds` (0: no end), or the end of the perturbation.
+
+    Raises:
+        GraphError: an executable that does not exist.
+        RunError: a node ended with an error.
+    """
+    console.print(f"{graph.description}\nlogs: {logs.resolve()}   stop: Ctrl-C")
+    with observer() as node, Processes(graph, logs) as processes:
+        monitor = LiveMonitor(node)
+        began = time.monotonic()
+        with Live(status_table(monitor, None), console=console, refresh_per_second=4) as live:
+            try:
+                while not (seconds and time.monotonic() - began > seconds):
+                    if processes.ended("perturbation_generator"):
+                        console.print("the perturbation is over")
+                        break
+                    monitor.spin(0.25)
+                    live.update(status_table(monitor, began + seconds - time.monotonic() if seconds else None))
+            except KeyboardInterrupt:
+                console.print("stopping ...")

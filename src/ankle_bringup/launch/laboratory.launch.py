@@ -1,0 +1,39 @@
+"""`ros2 launch ankle_bringup laboratory.launch.py graph:=simulated`: the graph that `ankle up` runs too."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration
+from launch_ros.actions import Node
+
+from ankle_bringup.graph import load_graph
+
+
+def nodes_of(context):
+    """The nodes of the chosen graph."""
+    settings = [text for text in LaunchConfiguration("settings").perform(context).split(";") if text.strip()]
+    graph = load_graph(LaunchConfiguration("graph").perform(context)).with_settings(settings)
+    return [
+        Node(
+            package=node.package,
+            executable=node.executable,
+            name=node.name,
+            parameters=[node.parameters] if node.parameters else [],
+            remappings=list(node.remappings.items()),
+            output="screen",
+        )
+        for node in graph.nodes
+    ]
+
+
+def generate_launch_description():
+    """What `ros2 launch` asks for."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("graph", default_value="simulated", description="a graph of ankle_bringup, or the path of a YAML file"),
+            DeclareLaunchArgument("settings", default_value="", description="node.parameter=value, several separated by ';'"),
+            SetEnvironmentVariable(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE", EnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", default_value="LOCALHOST")
+            ),
+            OpaqueFunction(function=nodes_of),
+        ]
+    )

@@ -1,0 +1,56 @@
+"""Graph descriptions: what is in the package, settings, and every mistake by name."""
+
+import pytest
+
+from ankle_bringup.errors import GraphError, RunError
+from ankle_bringup.graph import Graph, NodeDescription, known_graphs, load_graph
+from ankle_bringup.processes import Processes, node_command
+
+
+@pytest.mark.parametrize("name", known_graphs())
+def test_every_graph_names_executables_that_exist(name):
+    graph = load_graph(name)
+    assert graph.description
+    for node in graph.nodes:
+        assert node_command(node.package, node.executable)[1] == "-c"
+
+
+def test_settings_reach_the_command_line():
+    graph = load_graph("simulated").with_settings(["ankle_sim.K=80.0", "perturbation_generator.signal=prbs"])
+    arguments = {node.name: node.ros_arguments() for node in graph.nodes}
+    assert "K:=80.0" in arguments["ankle_sim"]
+    assert "signal:=prbs" in arguments["perturbation_generator"]
+
+
+@pytest.mark.parametrize("setting", ["ankle_sim", "ankle_sim.K", "K=3", "nobody.K=3"])
+def test_bad_settings_are_refused(setting):
+    with pytest.raises(GraphError, match=setting.split(".")[0]):
+        load_graph("simulated").with_settings([setting])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("nodes: [{package: x}]", "each node has 'package' and 'executable'"),
+        ("nodes: [{package: x, executable: y, speed: 3}]", "unknown key 'speed'"),
+        ("nodes: [{package: x, executable: y}, {package: z, executable: y}]", "appears twice"),
+        ("nodes: [", "not YAML"),
+        ("hello", "list 'nodes'"),
+    ],
+)
+def test_bad_graph_files_are_named(tmp_path, text, words):
+    path = tmp_path / "graph.yaml"
+    path.write_text(text)
+    with pytest.raises(GraphError, match=words):
+        load_graph(str(path))
+
+
+def test_unknown_graph_names_the_known_ones():
+    with pytest.raises(GraphError, match="simulated"):
+        load_graph("nothing")
+
+
+def test_a_failing_node_is_told_with_its_last_line(tmp_path):
+    node = NodeDescription("ankle_sim", "ankle_sim", "ankle_sim", {"K": -5.0})
+    with Processes(Graph("", (node,)), tmp_path) as processes, pytest.raises(RunError, match=r"'K' = -5\.0 N\.m/rad is refused"):
+        processes.wait_for_end("ankle_sim", 60.0)

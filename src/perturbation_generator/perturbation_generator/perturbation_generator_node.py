@@ -1,0 +1,146 @@
+"""Publishes the perturbation that the actuator follows.
+
+| topic | direction | type | rate | columns |
+| --- | --- | --- | --- | --- |
+| /perturbation/reference | out | Float64MultiArray | 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| /diagnostics | out | DiagnosticArray | 1 Hz | blocks sent, late blocks, worst lateness |
+
+Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A block leaves when the time of its last
+sample is reached, less the parameter ``lead``. A block that is late is sent all the same, with its own times.
+Parameters: `perturbation_generator.parameters`.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+from rclpy.duration import Duration
+from rclpy.time import Time
+
+from ankle_node.node import OK, WARN, AnkleNode, run
+from ankle_node.parameters import Value
+from perturbation_generator.limits import limits_from
+from perturbation_generator.pacing import Lateness, Schedule
+from perturbation_generator.parameters import BLOCK_SIZE, LEAD, PARAMETERS, READERS
+from perturbation_generator.signals import signal_from
+
+TOPIC = "/perturbation/reference"
+COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
+# Between blocks that are sent late, so that a long backlog does not overrun the readers' queues of 64 blocks.
+CATCH_UP_PAUSE = 0.5e-3  # s
+# Until simulated time starts.
+CLOCK_POLL = 0.02  # s
+# For the readers to confirm the last blocks before the process ends.
+LAST_BLOCKS_TIMEOUT = 2.0  # s
+
+
+class PerturbationGeneratorNode(AnkleNode):
+    """Paces a signal by absolute deadlines in a thread of its own."""
+
+    def __init__(self) -> None:
+        super().__init__("perturbation_generator", PARAMETERS)
+        values = {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
+        self._limits = limits_from(values)
+        self._signal = signal_from(values)
+        self._limits.check(self._signal, self._signal.amplitude)
+        self._block_size = int(values[BLOCK_SIZE.name])
+        self._lead = float(values[LEAD.name])
+        # One block behind: the next one is due already.
+        self._lateness = Lateness(self._block_size / self._signal.settings.rate)
+        self._publish = self.block_publisher(TOPIC, COLUMNS)
+        self._busy = threading.Lock()
+        self._stopped = threading.Event()
+        self.health("clock", OK, "")
+        self.health("pacing", OK, "")
+        self._report()
+        self._failure: Exception | None = None
+        self._failed = self.create_guard_condition(self._raise_failure)
+        self._thread = threading.Thread(target=self._guarded_pace, name="pacing", daemon=True)
+        self.when_read(TOPIC, int(values[READERS.name]), self._thread.start)
+
+    def parameters_changed(self, values: dict[str, Value]) -> None:
+        """The amplitude, the only parameter that is not fixed, holds from the next movement on."""
+        if "amplitude" in values:
+            amplitude = float(values["amplitude"])
+            self._limits.check(self._signal, amplitude)
+            with self._busy:
+                self._signal.set_amplitude(amplitude)
+
+    def destroy_node(self) -> None:
+        """Stops the pacing first: no block leaves a node that is being taken down."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2 * LAST_BLOCKS_TIMEOUT)
+        super().destroy_node()
+
+    @property
+    def _running(self) -> bool:
+        return not self._stopped.is_set() and self.context.ok()
+
+    def _guarded_pace(self) -> None:
+        try:
+            self._pace()
+        except Exception as error:
+            if self._running:  # else the node was taken down meanwhile
+                self._failure = error
+                self._failed.trigger()
+
+    def _raise_failure(self) -> None:
+        """In the executor, so that an error of the pacing thread ends the process."""
+        if self._failure is not None:
+            raise self._failure
+
+    def _pace(self) -> None:
+        clock = self.get_clock()
+        while self._running and not self.now() > 0:
+            self.health("clock", WARN, "simulated time has not started: waiting for /clock")
+            time.sleep(CLOCK_POLL)
+        self.health("clock", OK, "")
+        settings = self._signal.settings
+        schedule = Schedule(self.now(), settings.rate, self._lead)
+        first = 0
+        while self._running and first != settings.samples:
+            n = self._block_size if settings.samples is None else min(self._block_size, settings.samples - first)
+            with self._busy:
+                samples = self._signal.next(n)
+            block = np.column_stack([schedule.times(first, n), samples])
+            deadline = schedule.deadline(first, n)
+            if self.now() < deadline:
+                clock.sleep_until(Time(nanoseconds=round(deadline * 1e9), clock_type=clock.clock_type))
+            else:
+                time.sleep(CATCH_UP_PAUSE)
+            if not self._running:
+                return
+            self._publish(block)
+            self._note(self.now() - deadline)
+            first += n
+        if self._running:
+            self._finish()
+
+    def _note(self, delay: float) -> None:
+        if self._lateness.note(delay):
+            self.health("pacing", WARN, f"a block left {1e3 * delay:.1f} ms late; {self._lateness.late} late so far, none left out")
+        self._report()
+
+    def _report(self) -> None:
+        self.count("blocks sent", self._lateness.sent)
+        self.count("late blocks", self._lateness.late)
+        self.count("worst lateness [ms]", f"{1e3 * self._lateness.worst:.2f}")
+
+    def _finish(self) -> None:
+        self.get_logger().info(f"the signal is over: {self._lateness.sent} blocks sent, {self._lateness.late} of them late")
+        for publisher in self.publishers:
+            if publisher.topic_name == self.resolve_topic_name(TOPIC):
+                publisher.wait_for_all_acked(Duration(seconds=LAST_BLOCKS_TIMEOUT))
+        self.context.try_shutdown()
+
+
+def main() -> int:
+    """Entry point of ``ros2 run perturbation_generator perturbation_generator``."""
+    return run(PerturbationGeneratorNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,62 @@
+"""Pseudo-random binary sequence: a maximum-length sequence of 2^n - 1 clock intervals.
+
+Its autocorrelation is that of white noise sampled at the clock: 1 at lag zero, -1/(2^n - 1) at all others (for
+levels ±1). One period holds 2^(n-1) ones. Source: Golomb, Shift Register Sequences, 1967; used for ankle stiffness
+by Kearney, Stein and Parameswaran, IEEE Trans Biomed Eng 44:493-504, 1997.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import max_len_seq
+
+from ankle_node.parameters import Parameter, Value
+from perturbation_generator.settings import Settings
+from perturbation_generator.step_sequence import Cycle, StepSequence
+
+
+class Prbs(StepSequence):
+    """Switches between rest and the amplitude (``both``: between plus and minus the amplitude) at clock times.
+
+    The seed chooses where in the period the sequence starts. A new amplitude holds from the next switch on.
+    """
+
+    name = "prbs"
+    parameters = (
+        Parameter("prbs.order", 10, "1", "Length n of the shift register; the period is 2^n - 1 clock intervals.", 3, 20, fixed=True),
+        # Slow enough for a low mean velocity, which leaves the stretch reflex strong (Kearney et al. 1997).
+        Parameter("prbs.clock", 0.15, "s", "Shortest time between two switches.", 0.005, 10.0, fixed=True),
+    )
+
+    def __init__(self, settings: Settings, **own: Value) -> None:
+        super().__init__(settings, **own)
+        order = int(self.own["order"])
+        state = self._random.integers(0, 2, order)
+        if not state.any():  # the register's only state that never changes
+            state[0] = 1
+        self._bits = max_len_seq(order, state=state)[0].astype(bool)
+        self._next = 0
+
+    @property
+    def spacing(self) -> float:
+        """The clock interval [s]."""
+        return float(self.own["clock"])
+
+    @property
+    def longest_cycle(self) -> float:
+        """The longest run of equal bits is as long as the register [s]."""
+        return int(self.own["order"]) * self.spacing
+
+    @property
+    def largest_step(self) -> float:
+        """Twice the amplitude where the sequence switches between both sides."""
+        return float(len(self.settings.sides))
+
+    def _draw(self) -> Cycle:
+        bits, first = self._bits, self._next
+        one = bits[first % len(bits)]
+        run = int(np.argmax(np.roll(bits, -(first % len(bits))) != one))
+        self._next = first + run
+        sides = self.settings.sides
+        low = float(sides[1]) if len(sides) > 1 else 0.0
+        return Cycle(((0.0, float(sides[0]) if one else low),), run * self.spacing)

@@ -1,0 +1,93 @@
+"""The base of every perturbation signal.
+
+A new signal is one file with a subclass, and its entry in `signals.SIGNALS`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ankle_node.parameters import Parameter, ParameterError, Value
+from perturbation_generator.edges import Extremes
+from perturbation_generator.settings import Settings
+
+
+@dataclass(frozen=True)
+class Onset:
+    """The start of a movement.
+
+    Attributes:
+        time: since the start of the signal [s].
+        direction: 1 dorsiflexing, -1 plantarflexing.
+        amplitude: size of the movement [rad], positive.
+    """
+
+    time: float
+    direction: int
+    amplitude: float
+
+
+class Signal(ABC):
+    """Position, velocity and acceleration, sample after sample; the state is kept between calls.
+
+    Args:
+        settings: common to all signals.
+        own: values of the signal's own parameters by their short names (``stretch`` for ``pulse_step.stretch``);
+            those left out have their defaults.
+
+    Raises:
+        ParameterError: an unknown parameter, a value out of its range, or values that contradict each other.
+
+    Attributes:
+        name: value of the parameter ``signal``.
+        parameters: the signal's own, named ``<signal>.<short name>``.
+        own: their values.
+        amplitude: the amplitude in force for the next movement [rad].
+    """
+
+    name: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+
+    def __init__(self, settings: Settings, **own: Value) -> None:
+        declared = {parameter.name.split(".")[1]: parameter for parameter in self.parameters}
+        unknown = sorted(own.keys() - declared.keys())
+        if unknown:
+            raise ParameterError(f"signal '{self.name}' has no parameter '{unknown[0]}'; it has {', '.join(declared)}")
+        self.own = {short: parameter.check(own.get(short, parameter.default)) for short, parameter in declared.items()}
+        self.settings = settings
+        self.amplitude = settings.amplitude
+        self._given = 0
+
+    @property
+    def time(self) -> float:
+        """Time [s] of the next sample since the start of the signal: samples given so far / rate."""
+        return self._given / self.settings.rate
+
+    def next(self, n: int) -> np.ndarray:
+        """The next n samples: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3).
+
+        Behind the end of a signal with a duration the samples are at rest.
+        """
+        samples = self._samples(self._given, n)
+        self._given += n
+        return samples
+
+    def onsets(self) -> list[Onset]:
+        """Every movement that began before the next sample, in order; empty for a signal without edges."""
+        return []
+
+    def set_amplitude(self, amplitude: float) -> None:
+        """A new amplitude [rad], from the next movement on. The caller has checked `extremes` against the limits."""
+        self.amplitude = amplitude
+
+    @abstractmethod
+    def extremes(self, amplitude: float) -> Extremes:
+        """What position, velocity and acceleration can reach at most with an amplitude [rad], in any run."""
+
+    @abstractmethod
+    def _samples(self, first: int, n: int) -> np.ndarray:
+        """Samples first ... first + n - 1, shape (n, 3); called with first growing by n."""
