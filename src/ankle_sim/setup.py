@@ -9,6 +9,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/config", ["config/k_and_g_jump.yaml"]),
     ],
     install_requires=["setuptools"],
     zip_safe=False,

@@ -29,13 +29,22 @@ WHERE_REAL_TRIALS_COME_FROM = (
     "Such data come with the public stiffness identification toolbox of the McGill REKLAB group (reklab/reklab_public, "
     "stiffnessID/experimental_data.mat); save each trial as .npz with time [s], position [rad], torque [N.m]."
 )
+MEANINGS = {
+    "K[N.m/rad]": "stiffness",
+    "B[N.m.s/rad]": "viscosity",
+    "I[kg.m^2]": "inertia of foot and footplate",
+    "G[N.m.s/rad]": "reflex gain",
+    "vaf_intrinsic[%]": "share of the torque that the intrinsic part explains",
+    "vaf_total[%]": "share that intrinsic part and reflex explain together",
+}
 
 
 @dataclass
 class Result:
-    """What the demo found, for its last table."""
+    """What the demo found, for its last tables."""
 
     rows: list[tuple[str, str, str]] = field(default_factory=list)
+    trials: dict[str, dict[str, float]] = field(default_factory=dict)
     passed: bool = True
 
     def add(self, what: str, value: str, meaning: str) -> None:
@@ -156,10 +165,7 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
             continue
         _, samples = BagReader(bag).signal(SAMPLES)
         demo_pictures.real_trial(file.stem, estimated.rows, estimated.torques, samples, out / f"{number + 1}_{file.stem}.png")
-        for name, value in estimated.median().items():
-            if not name.startswith("se_"):
-                quantity, unit = name.rstrip("]").split("[")
-                result.add(f"{quantity} of {file.stem}", f"{value:.3g} {unit}", "median of the valid estimates")
+        result.trials[file.stem] = estimated.median()
 
 
 def summary(out: Path, result: Result, console: Console) -> None:
@@ -168,6 +174,12 @@ def summary(out: Path, result: Result, console: Console) -> None:
     for row in result.rows:
         table.add_row(*row)
     console.print(table)
+    if result.trials:
+        columns = Table("real ankles: median of the valid estimates", *result.trials, "what it is", title_justify="left")
+        for name, meaning in MEANINGS.items():
+            quantity, unit = name.rstrip("]").split("[")
+            columns.add_row(f"{quantity} [{unit}]", *(f"{median[name]:.3g}" for median in result.trials.values()), meaning)
+        console.print(columns)
     console.print(f"Everything is in {out.resolve()}:")
     for path in sorted(out.iterdir()):
         console.print(f"  {path.name}{'/' if path.is_dir() else ''}")

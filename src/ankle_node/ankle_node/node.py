@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
-from std_msgs.msg import Float64MultiArray
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64MultiArray, String
 
 from ankle_node.parameters import Parameter, ParameterError, Value
 from sample_blocks.block import Block, pack, require_columns, unpack
@@ -28,8 +34,21 @@ from sample_blocks.errors import BlockError
 BLOCK_QOS = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST, depth=64, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.VOLATILE
 )
+# A publisher keeps half a minute, for readers that ask again for what was dropped on the way: a recorder of a graph
+# that replays at a hundred times real time lost blocks with 64.
+PUBLISHED_BLOCKS_QOS = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST, depth=2048, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.VOLATILE
+)
+# Latched, the last one only: what a reader has worked off so far is also known to a replay that connects later.
+WORKED_OFF_QOS = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST, depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL
+)
+WORKED_OFF = "/_worked_off"  # behind a topic's name; the underscore hides it from `ros2 topic list`
 DIAGNOSTICS_PERIOD = 1.0  # s
 READERS_POLL_PERIOD = 0.05  # s; short against the start of a process, long against its cost
+STOP_POLL_PERIOD = 0.1  # s; longest time from a signal to the stop of a node that nothing else wakes
+HAND_OVER_TIME = 3.0  # s; Fast DDS asks after lost blocks at least that often
+MessageInfo = dict[str, Any]  # as rclpy hands it to a callback of two arguments
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -54,22 +73,20 @@ class AnkleNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_health)
 
-    def describe_parameters(self, names: list[str]) -> list[ParameterDescriptor]:
-        """What ``ros2 param describe`` shows, ranges included.
+    def describe_parameter(self, name: str) -> ParameterDescriptor:
+        """What ``ros2 param describe`` shows, range included.
 
-        The ranges are added here and not at declaration, because rclpy would check them before our
-        own check and answer without name of the unit and the range.
+        The range is added here and not at declaration, because rclpy would check it before our own
+        check and answer without the unit and the range.
         """
-        descriptors = super().describe_parameters(names)
-        for descriptor in descriptors:
-            declared = self._declared.get(descriptor.name)
-            if declared is None or not math.isfinite(declared.upper - declared.lower):
-                continue
+        descriptor = copy.deepcopy(super().describe_parameter(name))
+        declared = self._declared.get(name)
+        if declared is not None and math.isfinite(declared.upper - declared.lower):
             if isinstance(declared.default, float):
                 descriptor.floating_point_range = [FloatingPointRange(from_value=float(declared.lower), to_value=float(declared.upper))]
             elif isinstance(declared.default, int):
                 descriptor.integer_range = [IntegerRange(from_value=int(declared.lower), to_value=int(declared.upper))]
-        return descriptors
+        return descriptor
 
     def value(self, name: str) -> Value:
         """The present value of a declared parameter, in its declared type."""
@@ -106,7 +123,7 @@ class AnkleNode(Node):
     def block_publisher(self, topic: str, columns: Sequence[str]) -> Callable[[np.ndarray], None]:
         """A function that publishes data of shape (n, m), m columns ``t[s], ...``, as one block."""
         names = tuple(columns)
-        publisher = self.create_publisher(Float64MultiArray, topic, BLOCK_QOS)
+        publisher = self.create_publisher(Float64MultiArray, topic, PUBLISHED_BLOCKS_QOS)
         self._block_publishers[topic] = publisher
 
         def publish(data: np.ndarray) -> None:
@@ -124,8 +141,13 @@ class AnkleNode(Node):
         """
         continuity = Continuity()
         told: set[str] = set()
+        worked_off = self.worked_off(topic)
 
-        def receive(message: bytes) -> None:
+        def receive(message: bytes, info: MessageInfo) -> None:
+            take(message)
+            worked_off(info)
+
+        def take(message: bytes) -> None:
             try:
                 block = unpack(message)
                 _, notes = block.in_si()
@@ -149,8 +171,25 @@ class AnkleNode(Node):
             self.count(f"{topic} missing samples", continuity.missing)
             callback(block, findings)
 
-        self.create_subscription(Float64MultiArray, topic, receive, BLOCK_QOS, raw=True)
+        # rclpy passes the info to a callback of two arguments; its annotation knows one.
+        with_info: Any = receive
+        self.create_subscription(Float64MultiArray, topic, with_info, BLOCK_QOS, raw=True)
         return continuity
+
+    def worked_off(self, topic: str) -> Callable[[MessageInfo], None]:
+        """A function to call with the info of each message of a topic that this node is done with.
+
+        DDS confirms that a message reached the reader's queue, not that the reader got to it: a
+        replay at full speed would overrun the queue of 64 if it did not hear this. The message says
+        who reads, and when the message that it got to was sent [ns].
+        """
+        publisher = self.create_publisher(String, self.resolve_topic_name(topic) + WORKED_OFF, WORKED_OFF_QOS)
+        reader = f"{self.get_fully_qualified_name()} {os.getpid()}-{id(publisher)}"
+
+        def tell(info: MessageInfo) -> None:
+            publisher.publish(String(data=f"{reader} {info['source_timestamp']}"))
+
+        return tell
 
     def when_read(self, topic: str, readers: int, begin: Callable[[], None]) -> None:
         """Call `begin` once as many readers are connected to a block topic of this node; at once for 0.
@@ -173,6 +212,14 @@ class AnkleNode(Node):
                 self.health(topic, WARN, f"waiting for {readers} readers, {connected} connected")
 
         timer = self.create_timer(READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def hand_over(self) -> None:
+        """Give the readers time to take the last blocks; says so where they did not."""
+        deadline = time.monotonic() + HAND_OVER_TIME
+        for topic, publisher in self._block_publishers.items():
+            left = max(deadline - time.monotonic(), 0.0)
+            if rclpy.ok() and not publisher.wait_for_all_acked(Duration(seconds=left)):
+                self.get_logger().warning(f"{topic}: readers did not confirm the last blocks within {HAND_OVER_TIME:g} s")
 
     def now(self) -> float:
         """ROS time [s]."""
@@ -216,13 +263,19 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one line on stderr.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=None if arguments is None else list(arguments))
+    # rclpy's own handlers would close the context at once, with the last blocks still on their way.
+    rclpy.init(args=None if arguments is None else list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    told_to_stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: told_to_stop.set())
     node: AnkleNode | None = None
     try:
         node = make()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin()
+        while rclpy.ok() and not told_to_stop.is_set():
+            executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
+        node.hand_over()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ParameterError, ValueError, OSError) as error:

@@ -56,7 +56,16 @@ class SecondOrder:
 
     def settle(self, x: float) -> None:
         """Start at rest under the constant input x."""
-        self._state[:] = x, 0.0, x
+        self.resume(x, 0.0, x)
+
+    def resume(self, y: float, rate: float, x: float) -> None:
+        """Start from y, y' and the last input x."""
+        self._state[:] = y, rate, x
+
+    @property
+    def state(self) -> tuple[float, float, float]:
+        """y, y' and the last input."""
+        return float(self._state[0]), float(self._state[1]), float(self._state[2])
 
     def run(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
         """Response y of shape (n,)."""

@@ -14,11 +14,16 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ankle_physics.compliant_coupling import CompliantCoupling, FootLoop, torques_of
 from ankle_physics.errors import ModelError
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, State, Term, term_library
 
 PAPER_TERMS = ("inertia", "viscosity", "stiffness", "reflex")
+# Which torques act where: on the plate, on the foot behind the coupling, or on nothing because they only distort what is measured.
+PLATE = (Place.ACTUATOR, Place.COUPLING)
+FOOT = (Place.INTRINSIC, Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
+SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 
 
 @dataclass
@@ -154,25 +159,46 @@ class Model:
 
 
 class ModelRun:
-    """A model on its way through time; keeps the state of every term between stretches."""
+    """A model on its way through time; keeps the state of every term between stretches.
+
+    Attributes:
+        parts: torque [N.m] of each term during the last stretch, by term name, each of shape (n,).
+    """
 
     def __init__(self, model: Model, rate: float, seed: int = 0) -> None:
         self.model = model
-        self._states: list[State] = [entry.term.start(rate, seed + index) for index, entry in enumerate(model.entries)]
+        self.parts: dict[str, np.ndarray] = {}
+        states = [entry.term.start(rate, seed + index) for index, entry in enumerate(model.entries)]
+        pairs = list(zip(model.entries, states, strict=True))
+        couplings = [entry for entry in model.entries if isinstance(entry.term, CompliantCoupling)]
+        if len(couplings) > 1:
+            raise ModelError(f"a model has one compliant coupling at most; found {' and '.join(entry.term.name for entry in couplings)}")
+        self._on_plate = [(entry, state) for entry, state in pairs if entry.term.place in PLATE and entry not in couplings]
+        self._activation = [(entry, state) for entry, state in pairs if entry.term.place is Place.ACTIVATION]
+        self._on_foot = [(entry, state) for entry, state in pairs if entry.term.place in FOOT]
+        self._sensors = [(entry, state) for entry, state in pairs if entry.term.place in SENSORS]
+        self._loop: FootLoop | None = None
+        if couplings:
+            terms, their_states = [entry for entry, _ in self._on_foot], [state for _, state in self._on_foot]
+            self._loop = FootLoop(rate, couplings[0], terms, their_states)
 
     def torque(self, signals: Signals) -> np.ndarray:
         """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate signals."""
-        total = np.zeros(len(signals.position))
-        summed = False
-        for entry, state in zip(self.model.entries, self._states, strict=True):
-            if entry.term.place in (Place.TORQUE_SENSOR, Place.POSITION_SENSOR) and not summed:
-                signals.torque, summed = total, True
+        self.parts = _walk(self._on_plate, signals)
+        given = _walk(self._activation, signals)
+        self.parts.update(given)
+        if self._loop is None:
+            self.parts.update(_walk(self._on_foot, signals))
+        else:
+            self.parts.update(self._loop.run(signals, sum(given.values(), np.zeros(len(signals.position)))))
+        signals.torque = sum(self.parts.values(), np.zeros(len(signals.position)))
+        for entry, state in self._sensors:
             entry.term.transform(signals, entry.values, state)
-            for symbol, column in entry.term.torque(signals, entry.values, state).items():
-                total = total + entry.values[symbol] * column
-        if not summed:
-            signals.torque = total
         return signals.torque
+
+
+def _walk(pairs: list[tuple[Entry, State]], signals: Signals) -> dict[str, np.ndarray]:
+    return torques_of([entry for entry, _ in pairs], signals, [entry.values for entry, _ in pairs], [state for _, state in pairs])
 
 
 def _find(name: str) -> type[Term]:

@@ -63,6 +63,8 @@ class Parameter:
         typical: where a search starts and what a simulation takes unless told otherwise.
         source: where range and typical value come from.
         linear: whether the torque is proportional to it (then `Term.torque` returns its column).
+        fitted: False for a convention, as the angle about which a curve is written; whoever fits sets
+            it (an angle: to the mean angle of the recording) and leaves it.
     """
 
     symbol: str
@@ -72,6 +74,7 @@ class Parameter:
     typical: float
     source: str
     linear: bool = False
+    fitted: bool = True
 
     @property
     def key(self) -> str:
@@ -114,6 +117,14 @@ class Term(ABC):
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:
         """Change a signal of the path in place."""
+
+    def response(self, frequency: np.ndarray, values: Values) -> np.ndarray | None:
+        """Frequency response of a linear filter on the measured torque, complex, at each frequency [Hz].
+
+        Terms at the torque sensor state it beside `transform`, so that a fit can apply it to each
+        column's spectrum; None for all others.
+        """
+        return None
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         """Torque per unit of each linear parameter, each of shape (n,), keyed by symbol."""

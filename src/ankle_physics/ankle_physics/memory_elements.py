@@ -1,0 +1,123 @@
+"""Nonlinear building blocks of terms that remember movement, compiled: Dahl spring, play, structure, unequal lag.
+
+Each keeps its state between calls and advances sample by sample with the input held linear between
+samples.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+class DahlSpring:
+    """Spring that slips: ``z' = v - |v| z / yield_size - z / recovery``; z starts at 0.
+
+    For a step much larger than `yield_size` z saturates there (Dahl 1968); at rest it is forgotten
+    with the time constant `recovery` (infinite: never, which is friction).
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.full(2, np.nan)  # z, last position
+
+    def run(self, x: np.ndarray, yield_size: float, recovery: float = math.inf) -> np.ndarray:
+        """Deflection z of shape (n,) in the unit of x."""
+        forgetting = math.exp(-1.0 / (self._rate * recovery))
+        return _dahl(np.ascontiguousarray(x, dtype=float), yield_size, forgetting, self._state)
+
+
+@njit(cache=True)
+def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(x.size)
+    z, last = state[0], state[1]
+    if math.isnan(last):
+        z, last = 0.0, x[0]
+    for k in range(x.size):
+        move = x[k] - last
+        last = x[k]
+        # Exact for a movement in one direction: z tends to +-yield_size over the distance yield_size.
+        limit = yield_size if move > 0.0 else -yield_size
+        z = limit + (z - limit) * math.exp(-abs(move) / yield_size)
+        z *= forgetting
+        out[k] = z
+    state[0], state[1] = z, last
+    return out
+
+
+class Play:
+    """Backlash: the output follows the input only when the gap is used up; it starts in the middle of the gap."""
+
+    def __init__(self) -> None:
+        self._state = np.full(1, np.nan)
+
+    def run(self, x: np.ndarray, gap: float) -> np.ndarray:
+        """Output of shape (n,), within half a gap of the input."""
+        return _play(np.ascontiguousarray(x, dtype=float), 0.5 * gap, self._state)
+
+
+@njit(cache=True)
+def _play(x: np.ndarray, half: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(x.size)
+    y = state[0]
+    if math.isnan(y):
+        y = x[0]
+    for k in range(x.size):
+        y = min(max(y, x[k] - half), x[k] + half)
+        out[k] = y
+    state[0] = y
+    return out
+
+
+class Structure:
+    """What movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s / breaking``; s starts at 1.
+
+    Thixotropic bonds (u = velocity) and the readiness of a reflex (u = stretch velocity) follow it.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.ones(1)
+
+    def run(self, u: np.ndarray, breaking: float, recovery: float) -> np.ndarray:
+        """Structure s in 0...1, shape (n,), before the sample's own movement has broken it."""
+        return _structure(np.ascontiguousarray(u, dtype=float), 1.0 / self._rate, breaking, recovery, self._state)
+
+
+@njit(cache=True)
+def _structure(u: np.ndarray, dt: float, breaking: float, recovery: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(u.size)
+    s = state[0]
+    for k in range(u.size):
+        out[k] = s
+        speed = abs(u[k]) / breaking + 1.0 / recovery
+        s = (1.0 / recovery) / speed + (s - (1.0 / recovery) / speed) * math.exp(-speed * dt)
+    state[0] = s
+    return out
+
+
+class UnequalLag:
+    """First-order lag with one time constant while rising and another while falling."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.zeros(1)
+
+    def run(self, u: np.ndarray, rising: float, falling: float) -> np.ndarray:
+        """Response of shape (n,); time constants in s."""
+        up, down = -math.expm1(-1.0 / (self._rate * rising)), -math.expm1(-1.0 / (self._rate * falling))
+        return _unequal(np.ascontiguousarray(u, dtype=float), up, down, self._state)
+
+
+@njit(cache=True)
+def _unequal(u: np.ndarray, up: float, down: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(u.size)
+    y = state[0]
+    for k in range(u.size):
+        gap = u[k] - y
+        y += (up if gap > 0.0 else down) * gap
+        out[k] = y
+    state[0] = y
+    return out

@@ -1,0 +1,118 @@
+"""From the true signals at the internal rate to samples: anti-alias filter, sampling, noise.
+
+Filter: fourth-order Butterworth at 90 % of the Nyquist frequency of the samples (frequency: van 't Veld et al. 2018,
+section II-C; order: not in the paper, a common analog anti-alias filter). All channels have the same one, so that none
+lags another. Noise: white, Gaussian, ``standard deviation = std(clean signal) / 10^(SNR/20)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.signal import butter, sosfilt_zi
+
+from ankle_physics.errors import ModelError
+
+FILTER_ORDER = 4
+FILTER_CORNER = 0.9  # of the Nyquist frequency
+# Labels the noise's random streams, so that they differ from those of the terms for the same seed.
+_NOISE_STREAM = 7_301
+
+
+class Sampler:
+    """Anti-alias filter and sampling, stretch by stretch; settled at the first value.
+
+    Args:
+        rate: of the samples [Hz].
+        factor: internal samples for each of them.
+    """
+
+    def __init__(self, rate: float, factor: int) -> None:
+        self._factor = factor
+        self._sections = butter(FILTER_ORDER, FILTER_CORNER * rate / 2.0, fs=rate * factor, output="sos")
+        self._state: np.ndarray | None = None
+
+    def run(self, signals: np.ndarray) -> np.ndarray:
+        """Samples of shape (n, m) from m internal signals, shape (m, n * factor)."""
+        if self._state is None:
+            rest = sosfilt_zi(self._sections)
+            self._state = rest[None] * signals[:, 0][:, None, None]
+        return _filter_and_sample(np.ascontiguousarray(signals), self._sections, self._state, self._factor)
+
+
+@njit(cache=True)
+def _filter_and_sample(signals: np.ndarray, sections: np.ndarray, state: np.ndarray, factor: int) -> np.ndarray:
+    """Two second-order sections in transposed direct form II; every factor-th output is kept. Changes `state`."""
+    channels, total = signals.shape
+    out = np.empty((total // factor, channels))
+    b0, b1, b2, a1, a2 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
+    c0, c1, c2, d1, d2 = sections[1, 0], sections[1, 1], sections[1, 2], sections[1, 4], sections[1, 5]
+    for channel in range(channels):
+        p1, p2 = state[channel, 0, 0], state[channel, 0, 1]
+        q1, q2 = state[channel, 1, 0], state[channel, 1, 1]
+        k = 0
+        for row in range(total // factor):
+            z = 0.0
+            for _ in range(factor):
+                x = signals[channel, k]
+                k += 1
+                y = b0 * x + p1
+                p1 = b1 * x - a1 * y + p2
+                p2 = b2 * x - a2 * y
+                z = c0 * y + q1
+                q1 = c1 * y - d1 * z + q2
+                q2 = c2 * y - d2 * z
+            out[row, channel] = z
+        state[channel, 0, 0], state[channel, 0, 1] = p1, p2
+        state[channel, 1, 0], state[channel, 1, 1] = q1, q2
+    return out
+
+
+@dataclass(frozen=True)
+class SignalToNoise:
+    """Signal-to-noise ratios [dB]: 20 log10 of the standard deviations of clean signal and noise.
+
+    Defaults of van 't Veld et al. 2018, sections II-C and II-D, measured on their device. Infinite: no noise.
+
+    Raises:
+        ModelError: a ratio below 0 dB.
+    """
+
+    position: float = 52.7
+    velocity: float = 37.7
+    torque: float = 24.1
+
+    def __post_init__(self) -> None:
+        for name, value in (("position", self.position), ("velocity", self.velocity), ("torque", self.torque)):
+            if not value >= 0.0:
+                raise ModelError(f"signal-to-noise ratio of {name} = {value:g} dB is below 0 dB")
+
+    def deviations(self, clean: np.ndarray) -> np.ndarray:
+        """Standard deviations of the noise, shape (3,), for clean signals of shape (n, 3)."""
+        ratios = np.array([self.position, self.velocity, self.torque])
+        return clean.std(axis=0) * 10.0 ** (-ratios / 20.0)
+
+
+NO_NOISE = SignalToNoise(np.inf, np.inf, np.inf)
+
+
+class Noise:
+    """White noise on the samples; the same for a seed whatever the size of the stretches.
+
+    Args:
+        deviations: standard deviations [rad, rad/s, N.m], shape (3,).
+        seed: of the random streams, one for each channel.
+    """
+
+    def __init__(self, deviations: np.ndarray, seed: int) -> None:
+        self._deviations = deviations
+        self._streams = [np.random.default_rng([_NOISE_STREAM, seed, channel]) for channel in range(len(deviations))]
+
+    def add(self, clean: np.ndarray) -> np.ndarray:
+        """Measured samples of shape (n, 3)."""
+        measured = np.empty_like(clean)
+        for channel, (stream, deviation) in enumerate(zip(self._streams, self._deviations, strict=True)):
+            measured[:, channel] = clean[:, channel] + deviation * stream.standard_normal(len(clean))
+        return measured

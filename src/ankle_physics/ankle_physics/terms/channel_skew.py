@@ -1,0 +1,32 @@
+"""Time between the channels: torque read ``skew`` later than position (negative: earlier)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.linear_dynamics import Delay
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class ChannelSkew(Term):
+    """Two acquisition cards, or a driver that buffers one channel. Simulation delays the channel that is late."""
+
+    name = "channel_skew"
+    place = Place.TORQUE_SENSOR
+    sentence = "The torque and position channels are not read at the same moment."
+    parameters = (
+        Parameter("skew", "s", -0.02, 0.02, 0.003, "one to a few sample blocks; 20 ms and more is a broken recording, not a finding"),
+    )
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        longest = self.parameter("skew").upper
+        return {"torque": Delay(rate, longest), "position": Delay(rate, longest)}
+
+    def transform(self, signals: Signals, values: Values, state: State) -> None:
+        skew = float(values["skew"])
+        signals.torque = state["torque"].run(signals.torque, max(skew, 0.0))
+        signals.measured_position = state["position"].run(signals.measured_position, max(-skew, 0.0))
+
+    def response(self, frequency: np.ndarray, values: Values) -> np.ndarray:
+        return np.exp(-2j * np.pi * frequency * float(values["skew"]))

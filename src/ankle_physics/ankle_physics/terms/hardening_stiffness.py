@@ -1,0 +1,23 @@
+"""Stiffness that changes with the size of the movement: ``torque = k3 * (x - xc)^3``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class HardeningStiffness(Term):
+    """Odd curvature of the static torque-angle curve (Duffing): hardening for k3 > 0, softening for k3 < 0."""
+
+    name = "hardening_stiffness"
+    place = Place.INTRINSIC
+    sentence = "Large movements, in either direction, meet a different stiffness than small ones."
+    parameters = (
+        Parameter("k3", "N.m/rad^3", -1e5, 1e6, 2e4, "K doubles at the end of a step of 0.05 rad for k3 = 1.3e4 N.m/rad^3", linear=True),
+        Parameter("xc", "rad", -1.0, 1.0, 0.0, "middle of the curve; range of the ankle joint", fitted=False),
+    )
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        return {"k3": (signals.foot_position - values["xc"]) ** 3}

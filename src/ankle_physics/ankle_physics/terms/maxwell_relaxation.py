@@ -1,0 +1,40 @@
+"""Stress relaxation: a spring in series with a dashpot, ``T * torque' + torque = k * T * v``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.linear_dynamics import FirstOrder
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class MaxwellRelaxation(Term):
+    """``torque = k * (x - x lagged by T)``: extra stiffness that relaxes with the time constant T.
+
+    Beside stiffness and viscosity this is the standard linear solid of muscle and tendon (Fung,
+    Biomechanics, 1993, section 2.11).
+    """
+
+    name = "maxwell_relaxation"
+    place = Place.INTRINSIC
+    sentence = "After a movement the torque relaxes: tissues give way while the angle is held."
+    parameters = (
+        Parameter(
+            "k",
+            "N.m/rad",
+            0.0,
+            1000.0,
+            30.0,
+            "up to the intrinsic stiffness of the active ankle; passive ankles relax by 10 to 30 %",
+            linear=True,
+        ),
+        Parameter("T", "s", 0.004, 2.0, 0.1, "cross-bridge and tissue relaxation, milliseconds to seconds (Kirsch & Kearney 1997)"),
+    )
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        return {"lag": FirstOrder(rate)}
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        x = signals.foot_position
+        return {"k": x - state["lag"].run(x, float(values["T"]))}

@@ -1,0 +1,35 @@
+"""Stiffness that changes with the angle: ``torque = k1 * (x - xc)^2 / 2``, so that ``dK/dx = k1``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class PositionDependentStiffness(Term):
+    """Even curvature of the static torque-angle curve; K is the stiffness at the angle xc.
+
+    Passive ankle torque grows about exponentially towards dorsiflexion (Weiss, Kearney & Hunter
+    1986, J. Biomech. 19, 727: stiffness doubles to triples over 0.2 to 0.3 rad).
+    """
+
+    name = "position_dependent_stiffness"
+    place = Place.INTRINSIC
+    sentence = "The joint is stiffer in one direction of movement than in the other: stiffness changes with the angle."
+    parameters = (
+        Parameter(
+            "k1",
+            "N.m/rad^2",
+            -5000.0,
+            5000.0,
+            300.0,
+            "Weiss et al. 1986: stiffness doubles over 0.2 rad; more over small steps",
+            linear=True,
+        ),
+        Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle at which K is stated; range of the ankle joint", fitted=False),
+    )
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        return {"k1": 0.5 * (signals.foot_position - values["xc"]) ** 2}

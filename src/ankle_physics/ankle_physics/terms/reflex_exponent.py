@@ -1,0 +1,22 @@
+"""Power law of the stretch reflex: ``drive = v1 * (max(v, 0) / v1)^p`` with ``v1 = 1 rad/s``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class ReflexExponent(Term):
+    """Spindles signal a low power of velocity (Houk, Rymer & Crago 1981, J. Neurophysiol. 46, 143: 0.3; Prochazka: 0.5 to 0.6)."""
+
+    name = "reflex_exponent"
+    place = Place.REFLEX_INPUT
+    sentence = "The reflex grows less than in proportion to the speed of the stretch."
+    parameters = (
+        Parameter("p", "1", 0.2, 2.5, 0.6, "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment"),
+    )
+
+    def transform(self, signals: Signals, values: Values, state: State) -> None:
+        signals.drive = np.maximum(signals.drive, 0.0) ** float(values["p"])

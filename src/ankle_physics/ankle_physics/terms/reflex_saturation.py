@@ -1,0 +1,21 @@
+"""Saturation of the stretch reflex: ``drive = vs * tanh(max(v, 0) / vs)``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class ReflexSaturation(Term):
+    """The reflex cannot recruit more than its pool: fast stretches evoke no more than vs would."""
+
+    name = "reflex_saturation"
+    place = Place.REFLEX_INPUT
+    sentence = "Beyond a certain speed a faster stretch evokes no larger reflex."
+    parameters = (Parameter("vs", "rad/s", 0.1, 10.0, 1.0, "reflex torque levels off between 1 and 5 rad/s (Stein & Kearney 1995)"),)
+
+    def transform(self, signals: Signals, values: Values, state: State) -> None:
+        vs = float(values["vs"])
+        signals.drive = vs * np.tanh(np.maximum(signals.drive, 0.0) / vs)

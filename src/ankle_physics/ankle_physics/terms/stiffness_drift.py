@@ -1,0 +1,32 @@
+"""Stiffness that drifts through the recording: ``torque = kt * (t - 30 s) * (x - xc)``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+# K is then the stiffness half a minute into the run, the middle of the shortest trial.
+_REFERENCE_TIME = 30.0
+
+
+class StiffnessDrift(Term):
+    """Fatigue, warming up or a change of posture: K changes at the constant rate kt."""
+
+    name = "stiffness_drift"
+    place = Place.INTRINSIC
+    sentence = "Stiffness changes steadily in the course of the recording, as with fatigue."
+    parameters = (
+        Parameter("kt", "N.m/rad/s", -5.0, 5.0, -0.3, "a third of K within a minute or two of contraction", linear=True),
+        Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle about which the spring acts; range of the ankle joint", fitted=False),
+    )
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        return {"rate": rate, "count": 0}
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        n = len(signals.position)
+        time = (state["count"] + np.arange(n)) / state["rate"]
+        state["count"] += n
+        return {"kt": (time - _REFERENCE_TIME) * (signals.foot_position - values["xc"])}

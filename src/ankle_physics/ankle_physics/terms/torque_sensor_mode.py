@@ -1,0 +1,39 @@
+"""Vibration of footplate and torque sensor: ``Tm'' + 2 z w Tm' + w^2 Tm = w^2 T``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.linear_dynamics import SecondOrder
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class TorqueSensorMode(Term):
+    """The plate on the elastic torque sensor is a resonator between the joint's torque and the reading."""
+
+    name = "torque_sensor_mode"
+    place = Place.TORQUE_SENSOR
+    sentence = "After each movement the torque reading rings: the rig or its torque sensor vibrates."
+    parameters = (
+        Parameter(
+            "frequency",
+            "Hz",
+            8.0,
+            150.0,
+            30.0,
+            "sensors and footplates of ankle rigs: 20 to 200 Hz; what lies above the recorded band cannot be seen",
+        ),
+        Parameter("damping", "1", 0.01, 0.9, 0.1, "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3"),
+    )
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        return {"mode": SecondOrder(rate)}
+
+    def transform(self, signals: Signals, values: Values, state: State) -> None:
+        omega = 2.0 * np.pi * float(values["frequency"])
+        signals.torque = state["mode"].run(signals.torque, omega, float(values["damping"]))
+
+    def response(self, frequency: np.ndarray, values: Values) -> np.ndarray:
+        ratio = frequency / float(values["frequency"])
+        return 1.0 / (1.0 - ratio**2 + 2j * float(values["damping"]) * ratio)

@@ -1,0 +1,161 @@
+"""A virtual rig and subject behind the topics of the real one.
+
+| topic | direction | type | rate | columns |
+| --- | --- | --- | --- | --- |
+| /perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2]; position alone will do |
+| /ankle/samples | out | Float64MultiArray | as the reference | t[s],position[rad],velocity[rad/s],torque[N.m] |
+| /ankle/joint_states | out | JointState, name `ankle` | each block | last sample |
+| /ankle/truth | out | Float64MultiArray | each block, one row | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
+| /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
+
+A term that the model lacks is NaN in /ankle/truth. The node advances by the samples of the reference, never by timers:
+it is as fast as its input. Parameters: `ankle_sim.parameters`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+
+from ankle_node.node import ERROR, WARN, AnkleNode, run
+from ankle_node.parameters import ParameterError, Value
+from ankle_physics.actuator import Servo
+from ankle_physics.errors import ModelError
+from ankle_physics.model import Model
+from ankle_physics.scenario import Scenario
+from ankle_physics.sensors import SignalToNoise
+from ankle_sim.live_rig import LiveRig, Setup, Stretch
+from ankle_sim.parameters import MODEL, RIG_PARAMETERS, VOLUNTARY_TORQUE, model_parameters, with_voluntary_torque
+from sample_blocks.block import Block, require_columns
+from sample_blocks.continuity import Finding
+from sample_blocks.errors import BlockError
+
+NAME = "ankle_sim"
+REFERENCE = "/perturbation/reference"
+SAMPLES = "/ankle/samples"
+TRUTH = "/ankle/truth"
+MOTION = ("position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
+USUAL_RATE = 2048.0  # Hz; what the warm-up compiles and prepares for, any other rate works too
+
+
+class AnkleSimNode(AnkleNode):
+    """Wires a `LiveRig` to its topics.
+
+    Args:
+        model: the joint; its values are the defaults of the model's parameters.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._of_model = model_parameters(model)
+        super().__init__(NAME, [*RIG_PARAMETERS, *(declared for declared, _, _ in self._of_model.values())])
+        for name, (_, term, symbol) in self._of_model.items():
+            model.entry(term).values[symbol] = self.number(name)
+        scenario = Scenario.load(self.text("scenario")) if self.text("scenario") else Scenario([])
+        setup = Setup(
+            model,
+            Servo(self.number("actuator_bandwidth"), self.number("actuator_damping")),
+            SignalToNoise(self.number("snr_position"), self.number("snr_velocity"), self.number("snr_torque")),
+            scenario,
+            self.number("noise_amplitude"),
+            int(self.number("seed")),
+        )
+        self._rig = LiveRig(setup, self._report, bool(self.value("noise")))
+        self._samples = self.block_publisher(SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"))
+        self._truth = self.block_publisher(TRUTH, ("t[s]", "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]"))
+        self._joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
+        self._simulated, self._busy = 0, 0.0
+        self.get_logger().info("preparing (compiles the simulation at the first start, about 20 s)")
+        noise = self._rig.noise_deviations(USUAL_RATE)
+        self.when_read(SAMPLES, int(self.number("wait_for_readers")), self._begin)
+        terms = ", ".join(entry.term.name for entry in model.entries)
+        self.get_logger().info(
+            f"ready; model: {terms}; scenario: {scenario.title or 'none'}; "
+            f"noise {noise[0]:.2g} rad, {noise[1]:.2g} rad/s, {noise[2]:.2g} N.m (standard deviations)"
+        )
+
+    def parameters_changed(self, values: dict[str, Value]) -> None:
+        """Model parameters and noise hold from the next block on."""
+        changes = [(*self._of_model[name][1:], float(value)) for name, value in values.items() if name in self._of_model]
+        try:
+            for change in changes:
+                self._rig.check(*change)
+        except ModelError as error:
+            raise ParameterError(str(error)) from None
+        for change in changes:
+            self._rig.set(*change)
+        self._rig.noisy = bool(values.get("noise", self._rig.noisy))
+
+    def _begin(self) -> None:
+        self._continuity = self.block_subscription(REFERENCE, (), self._take)
+
+    def _take(self, block: Block, findings: list[Finding]) -> None:
+        started = time.process_time()
+        try:
+            stretches = self._rig.take(*self._motion(block))
+        except (BlockError, ModelError) as error:
+            self._refuse(str(error))
+            return
+        for stretch in stretches:
+            self._publish(stretch)
+        self._continuity.rate = self._rig.rate
+        self._simulated += sum(len(stretch.time) for stretch in stretches)
+        self._busy += time.process_time() - started
+        self.count("samples", self._simulated)
+        self.count("held samples", self._rig.held)
+        if self._simulated and self._rig.rate:
+            self.count("processor time of the simulation [%]", f"{100.0 * self._busy * self._rig.rate / self._simulated:.2f}")
+
+    def _motion(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+        in_si, _ = block.in_si()
+        known = MOTION if all(in_si.has(name) for name in MOTION) else MOTION[:1]
+        data = require_columns(block, known, REFERENCE).data
+        if known != MOTION:
+            self.health("reference", WARN, "without velocity and acceleration; position taken as linear between samples")
+        return data[:, 0], data[:, 1:]
+
+    def _publish(self, stretch: Stretch) -> None:
+        self._samples(np.column_stack([stretch.time, stretch.samples]))
+        voluntary = stretch.parts.get(VOLUNTARY_TORQUE, math.nan)
+        row = [stretch.truth.get("stiffness.K[N.m/rad]", math.nan), stretch.truth.get("reflex.G[N.m.s/rad]", math.nan), voluntary]
+        self._truth(np.array([[stretch.time[-1], *row]]))
+        position, velocity, torque = (float(value) for value in stretch.samples[-1])
+        state = JointState(name=["ankle"], position=[position], velocity=[velocity], effort=[torque])
+        state.header.stamp = Time(nanoseconds=round(stretch.time[-1] * 1e9)).to_msg()
+        self._joint.publish(state)
+
+    def _report(self, sentence: str) -> None:
+        self.get_logger().warning(sentence, throttle_duration_sec=1.0)
+        self.health("simulation", WARN, sentence)
+
+    def _refuse(self, sentence: str) -> None:
+        self.get_logger().error(sentence, throttle_duration_sec=1.0)
+        self.health("simulation", ERROR, sentence)
+
+
+def _start_value(name: str, default: str) -> str:
+    """A text parameter's start value, read by a short-lived node of the same name.
+
+    The defaults of the node's other parameters come from the model file, so its name must be known before they are declared.
+    """
+    probe = Node(NAME, start_parameter_services=False, enable_rosout=False)
+    try:
+        value = probe.declare_parameter(name, default).value
+    finally:
+        probe.destroy_node()
+    return str(value)
+
+
+def make() -> AnkleSimNode:
+    """The node with the model that its parameter `model` names."""
+    path = _start_value(MODEL.name, str(MODEL.default))
+    return AnkleSimNode(with_voluntary_torque(Model.load(path) if path else Model.of()))
+
+
+def main() -> int:
+    """Run the node until it is told to stop."""
+    return run(make)

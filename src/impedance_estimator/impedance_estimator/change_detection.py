@@ -1,0 +1,118 @@
+"""When did the ankle change? Generalised likelihood ratio between the recent and the older part of the memory.
+
+For every candidate window at the end of the memory, are K, B, I and G the same within it as before it?
+
+    D = min_θ [Q_old(θ) + Q_recent(θ)] - min_θ Q_old(θ) - min_θ Q_recent(θ),   Q: squared residual / noise variance
+
+Without a change D is chi-square distributed with four degrees of freedom. Where the largest D of all windows passes a threshold,
+everything before that window is forgotten (Willsky & Jones, IEEE Trans. Autom. Control 21 (1976) 108-112). Between changes
+the memory grows to its full length, so precision and speed are not traded against each other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from impedance_estimator.joint_regression import GAINS, UNKNOWNS, solve_with_prior, squared_residual, unpack_sums
+
+SHORTEST = 6
+"""Blocks of the shortest window: 0.4 s, the length of a reflex response."""
+LEAST_OLDER = 16
+"""Blocks that must be left before the window: 1 s, one or two perturbations."""
+GROWTH = 1.4
+"""Ratio of successive windows."""
+
+
+def candidate_windows(longest: int) -> np.ndarray:
+    """Lengths of the windows in blocks, geometric from `SHORTEST` to less than `longest`, shape (k,)."""
+    windows = [SHORTEST]
+    while windows[-1] * GROWTH < longest - LEAST_OLDER:
+        windows.append(round(windows[-1] * GROWTH))
+    return np.array(windows)
+
+
+@njit
+def split_statistic(
+    recent: np.ndarray, older: np.ndarray, together: np.ndarray, precision: np.ndarray, variance: float, work: np.ndarray, solution: np.ndarray
+) -> float:
+    """D for one split.
+
+    Args:
+        recent, older: normal matrices of both parts, shape (8, 8).
+        together: K, B, I, G of both parts together, shape (>= 4,).
+        precision: of the prior around `together` that keeps short windows solvable, over the noise variance, shape (4,).
+        variance: of the noise [N²m²].
+        work: shape (3, 8, 8), overwritten.
+        solution: shape (8,), overwritten.
+    """
+    before = squared_residual(recent, GAINS, together) + squared_residual(older, GAINS, together)
+    after = 0.0
+    for part in (recent, older):
+        if not solve_with_prior(part, GAINS, precision, together, solution, work[0], work[1:]):
+            return 0.0
+        after += squared_residual(part, GAINS, solution)
+        for i in range(GAINS):
+            after += precision[i] * (solution[i] - together[i]) ** 2
+    return (before - after) / variance
+
+
+@njit
+def find_change(
+    ring: np.ndarray,
+    newest: int,
+    length: int,
+    windows: np.ndarray,
+    total: np.ndarray,
+    tangent: np.ndarray,
+    precision: np.ndarray,
+    samples: int,
+    matrices: np.ndarray,
+    sums: np.ndarray,
+    projection: np.ndarray,
+    vectors: np.ndarray,
+) -> tuple[int, float]:
+    """The window with the largest D, and that D; (0, 0) where the memory is too short.
+
+    Args:
+        ring: packed sums of every block, shape (capacity, packed).
+        newest: index of the newest block in the ring.
+        length: blocks in the memory.
+        windows: candidate lengths, rising.
+        total: normal matrix of the whole memory, shape (8, 8).
+        tangent: of the linear problem, see `unpack_sums`.
+        precision: shape (4,), 1 / (widest jump)² of K, B, I, G.
+        samples: in one block.
+        matrices: shape (6, 8, 8), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3, 8); overwritten.
+    """
+    best, largest = 0, 0.0
+    recent, older = matrices[0], matrices[1]
+    together, solution, prior = vectors[0], vectors[1], vectors[2]
+    prior[:] = 1e-12
+    if not solve_with_prior(total, GAINS, prior, prior, together, matrices[3], matrices[4:]):
+        return best, largest
+    sums[:] = 0.0
+    taken = 0
+    for window in windows:
+        if length - window < LEAST_OLDER:
+            break
+        while taken < window:
+            block = ring[(newest - taken) % ring.shape[0]]
+            for k in range(sums.shape[0]):
+                sums[k] += block[k]
+            taken += 1
+        unpack_sums(sums, tangent, recent, projection)
+        for i in range(UNKNOWNS + 1):
+            for j in range(UNKNOWNS + 1):
+                older[i, j] = total[i, j] - recent[i, j]
+        # The older part alone gives the noise: a change never enlarges it.
+        prior[:] = 1e-12
+        if not solve_with_prior(older, GAINS, prior, prior, solution, matrices[3], matrices[4:]):
+            continue
+        variance = squared_residual(older, GAINS, solution) / ((length - window) * samples)
+        for i in range(GAINS):
+            prior[i] = variance * precision[i]
+        d = split_statistic(recent, older, together, prior, variance, matrices[3:], solution)
+        if d > largest:
+            best, largest = window, d
+    return best, largest

@@ -1,0 +1,71 @@
+"""`estimate`: impedance from a recorded bag, without a running graph."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+from rich.table import Table
+
+from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
+from impedance_estimator.offline import OfflineResult, estimate_bag
+from impedance_estimator.settings import HIGHPASS_CHOICES
+from impedance_estimator.stream import compile_estimators
+
+_DIGITS = 4
+"""Shown of each value; standard errors are a few per cent."""
+
+
+def estimate(
+    bag: Annotated[Path, typer.Argument(help="A bag with /ankle/samples.")],
+    out: Annotated[Optional[Path], typer.Option("--out", "-o", help="Write /impedance/estimate and /impedance/reflex_irf there.")] = None,  # noqa: UP045
+    algorithm: Annotated[str, typer.Option(help=f"One of {', '.join(ALGORITHMS)}.")] = DEFAULT,
+    highpass: Annotated[str, typer.Option(help=f"One of {', '.join(HIGHPASS_CHOICES)}.")] = HIGHPASS_CHOICES[0],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the bag at --out.")] = False,
+) -> None:
+    """Estimate K, B, I and G from a recorded bag and show their medians over the valid time.
+
+    Example: estimate session_3 --out session_3_impedance --highpass all
+    """
+    console = Console()
+    if algorithm not in ALGORITHMS:
+        raise ValueError(f"algorithm '{algorithm}' is not known; allowed: {', '.join(ALGORITHMS)}")
+    settings_type = ALGORITHMS[algorithm].settings_type
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        bar.add_task("compiling (about 20 s the first time)", total=None)
+        compile_estimators()
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"{algorithm} on {bag.name}", total=1.0)
+        settings = settings_type(highpass=highpass)
+        result = estimate_bag(bag, out, algorithm, settings, overwrite=overwrite, progress=lambda share: bar.update(task, completed=share))
+    for note in result.notes:
+        console.print(note, highlight=False)
+    console.print(_table(result))
+    if out is not None:
+        console.print(f"{len(result.rows)} estimates in {out}", highlight=False)
+
+
+def _table(result: OfflineResult) -> Table:
+    median = result.median()
+    table = Table("", "median", "standard error", title=f"{len(result.valid)} of {len(result.rows)} estimates valid")
+    for name, value in median.items():
+        if not name.startswith("se_"):
+            error = median.get(f"se_{name}")
+            table.add_row(escape(name), f"{value:.{_DIGITS}g}", "" if error is None else f"{error:.2g}")
+    return table
+
+
+def main() -> None:
+    """Entry point of ``ros2 run impedance_estimator estimate``; an error is one line on stderr and exit code 1."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(estimate)
+    try:
+        app()
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)

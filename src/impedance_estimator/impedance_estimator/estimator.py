@@ -1,0 +1,116 @@
+"""What every estimator offers, and the columns of its result."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from impedance_estimator.settings import Settings
+
+ESTIMATE_COLUMNS = (
+    "t[s]",
+    "K[N.m/rad]",
+    "B[N.m.s/rad]",
+    "I[kg.m^2]",
+    "G[N.m.s/rad]",
+    "vaf_intrinsic[%]",
+    "vaf_total[%]",
+    "valid[1]",
+    "se_K[N.m/rad]",
+    "se_B[N.m.s/rad]",
+    "se_I[kg.m^2]",
+    "se_G[N.m.s/rad]",
+)
+"""Columns of an estimate. Where ``valid`` is 0 the row holds the last valid estimate, or NaN when there has been none."""
+
+ESTIMATE_TOPIC, REFLEX_TOPIC = "/impedance/estimate", "/impedance/reflex_irf"
+
+REFLEX_COLUMNS = ("lag[s]", "h[N.m/rad]")
+"""Columns of a reflex impulse response."""
+
+TORQUE_COLUMNS = ("t[s]", "torque[N.m]", "intrinsic_torque[N.m]", "reflex_torque[N.m]")
+"""Columns of the torque that an estimator saw (filtered) and of its two parts as it predicted them."""
+
+LEAST_RATE, LARGEST_RATE = 500.0, 10_000.0
+"""[Hz] Below, the 4th-order differences no longer follow a 100 Hz signal; above, nothing was tested."""
+
+
+class Estimator(ABC):
+    """Estimates K, B, I and G from a stream of samples.
+
+    The result depends on the samples alone, not on how they are split into calls. One row comes out after every
+    ``round(rate / estimate_rate)`` samples; its time is the last sample's.
+
+    Args:
+        rate: sampling rate [Hz], 500 to 10,000.
+        measured_velocity: whether samples carry a velocity column.
+        settings: defaults where None.
+
+    Raises:
+        ValueError: a rate out of range, or settings that do not fit the rate.
+
+    A new estimator is a file with a subclass and a line in `algorithms.ALGORITHMS`.
+    """
+
+    name: ClassVar[str]
+    """Short name, as in the parameter ``algorithm``."""
+    title: ClassVar[str]
+    """What it is, in one line."""
+    settings_type: ClassVar[type[Settings]] = Settings
+
+    def __init__(self, rate: float, measured_velocity: bool, settings: Settings | None = None) -> None:
+        if not LEAST_RATE <= rate <= LARGEST_RATE:
+            raise ValueError(f"sampling rate {rate:g} Hz is refused; allowed: {LEAST_RATE:g} to {LARGEST_RATE:g} Hz")
+        self.rate = rate
+        self.measured_velocity = measured_velocity
+        self.settings = self.settings_type() if settings is None else settings
+
+    @property
+    def sample_columns(self) -> int:
+        """Columns of the samples: 4 (t, position, velocity, torque), or 3 without velocity."""
+        return 4 if self.measured_velocity else 3
+
+    @abstractmethod
+    def process(self, samples: np.ndarray) -> np.ndarray:
+        """Take in samples and return the estimates that became due.
+
+        Args:
+            samples: shape (n, 3) or (n, 4): t [s], position [rad], velocity [rad/s] where measured, torque [N.m].
+
+        Returns:
+            Shape (k, 12), columns `ESTIMATE_COLUMNS`.
+
+        Raises:
+            ValueError: a shape that does not fit.
+        """
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget everything."""
+
+    @property
+    @abstractmethod
+    def reason(self) -> str:
+        """Why the newest estimate is not valid, in words; empty where it is valid."""
+
+    @property
+    @abstractmethod
+    def reflex_response(self) -> np.ndarray:
+        """The newest reflex impulse response, shape (k, 2), columns `REFLEX_COLUMNS`; h is NaN before the first valid estimate."""
+
+    @property
+    @abstractmethod
+    def torques(self) -> np.ndarray:
+        """Measured and predicted torque during the last call of `process`, shape (k, 4), columns `TORQUE_COLUMNS`."""
+
+    @property
+    @abstractmethod
+    def rate_lost(self) -> bool:
+        """Whether the samples come at another rate than `rate`; `process` then has stopped at `consumed`."""
+
+    @property
+    @abstractmethod
+    def consumed(self) -> int:
+        """Samples that the last call of `process` used: all of them unless the rate was lost."""

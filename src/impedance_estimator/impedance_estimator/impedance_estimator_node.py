@@ -1,0 +1,80 @@
+"""Online estimates of intrinsic and reflex impedance.
+
+| topic | type | |
+| --- | --- | --- |
+| `/ankle/samples` | Float64MultiArray | in: t, position, torque, and velocity where it is measured |
+| `/impedance/estimate` | Float64MultiArray | out: one row every 1 / `estimate_rate` of sample time |
+| `/impedance/reflex_irf` | Float64MultiArray | out: reflex impulse response, twice a second |
+| `/diagnostics` | DiagnosticArray | out: why estimates are not valid, missing samples |
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
+from ankle_node.parameters import ParameterError, Value
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC, REFLEX_COLUMNS, REFLEX_TOPIC
+from impedance_estimator.parameters import PARAMETERS, WAIT_FOR_READERS, settings_from
+from impedance_estimator.stream import TOPIC, EstimateStream, compile_estimators
+from sample_blocks.block import Block
+from sample_blocks.continuity import Finding
+
+
+class ImpedanceEstimator(AnkleNode):
+    """Feeds the estimator with blocks and publishes what becomes due."""
+
+    def __init__(self) -> None:
+        super().__init__("impedance_estimator", PARAMETERS)
+        self._values = {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
+        self._stream = self._make_stream(self._values)
+        self._reason: str | None = None
+        self.get_logger().info("compiling the estimators (about 20 s the first time)")
+        begin = time.monotonic()
+        compile_estimators()
+        self._publish_estimate = self.block_publisher(ESTIMATE_TOPIC, ESTIMATE_COLUMNS)
+        self._publish_response = self.block_publisher(REFLEX_TOPIC, REFLEX_COLUMNS)
+        self.get_logger().info(f"ready after {time.monotonic() - begin:.1f} s: {self._values['algorithm']}")
+        self.when_read(ESTIMATE_TOPIC, int(self._values[WAIT_FOR_READERS.name]), self._subscribe)
+
+    def _subscribe(self) -> None:
+        # Velocity is optional, so the block is taken as it comes; the stream asks for the columns.
+        self.block_subscription(TOPIC, (), self._receive)
+
+    def _make_stream(self, values: dict[str, Value]) -> EstimateStream:
+        try:
+            return EstimateStream(str(values["algorithm"]), settings_from(values))
+        except ValueError as error:
+            raise ParameterError(str(error)) from None
+
+    def parameters_changed(self, values: dict[str, Value]) -> None:
+        changed = {**self._values, **values}
+        if changed != self._values:
+            self._stream = self._make_stream(changed)
+            self._values = changed
+            self.get_logger().info(f"estimator starts anew: {', '.join(f'{name} = {value}' for name, value in values.items())}")
+
+    def _receive(self, block: Block, findings: list[Finding]) -> None:
+        try:
+            due = self._stream.feed(block)
+        except ValueError as error:
+            self.get_logger().error(f"{TOPIC}: {error}", throttle_duration_sec=5.0)
+            self.health("samples", ERROR, str(error))
+            return
+        for note in due.notes:
+            self.get_logger().info(note)
+        for row in due.rows:
+            self._publish_estimate(row[None])
+        for _, response in due.responses:
+            self._publish_response(response)
+        reason = self._stream.reason
+        self.health("estimate", WARN if reason else OK, f"not valid: {reason}")
+        if reason != self._reason:
+            self.get_logger().info(f"estimates are not valid: {reason}" if reason else "estimates are valid")
+            self._reason = reason
+
+
+def main() -> None:
+    """Entry point of ``ros2 run impedance_estimator impedance_estimator``."""
+    sys.exit(run(ImpedanceEstimator))

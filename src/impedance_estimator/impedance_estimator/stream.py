@@ -1,0 +1,149 @@
+"""From blocks of samples to estimates: the one path that the node, the replay and the file share.
+
+The sampling rate is taken from the first 256 samples; samples are judged by their own time, never by when their block
+came. So the result is a function of the samples alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
+from impedance_estimator.settings import Settings
+from impedance_estimator.validity import RATE_WINDOW
+from sample_blocks.block import Block, require_columns
+from sample_blocks.continuity import sampling_rate
+from sample_blocks.units import split_column
+
+TOPIC = "/ankle/samples"
+POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
+RESPONSE_RATE = 2.0
+"""[Hz] Reflex impulse responses per second."""
+
+
+@dataclass
+class Estimates:
+    """What became due.
+
+    Attributes:
+        rows: shape (k, 12), columns `ESTIMATE_COLUMNS`.
+        responses: (t [s], shape (L, 2) with columns `REFLEX_COLUMNS`) for each reflex impulse response.
+        torques: shape (j, 4), columns `TORQUE_COLUMNS`.
+        notes: what happened to the stream, one sentence each.
+    """
+
+    rows: np.ndarray
+    responses: list[tuple[float, np.ndarray]]
+    torques: np.ndarray
+    notes: list[str]
+
+
+@dataclass
+class _Parts:
+    rows: list[np.ndarray] = field(default_factory=list)
+    responses: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    torques: list[np.ndarray] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def joined(self) -> Estimates:
+        rows = np.concatenate(self.rows) if self.rows else np.empty((0, len(ESTIMATE_COLUMNS)))
+        torques = np.concatenate(self.torques) if self.torques else np.empty((0, len(TORQUE_COLUMNS)))
+        return Estimates(rows, self.responses, torques, self.notes)
+
+
+class EstimateStream:
+    """Estimates from one stream of samples.
+
+    Args:
+        algorithm: a name in `algorithms.ALGORITHMS`.
+        settings: defaults where None.
+
+    Raises:
+        ValueError: an unknown algorithm, or settings of another one.
+    """
+
+    def __init__(self, algorithm: str = DEFAULT, settings: Settings | None = None) -> None:
+        self.algorithm = algorithm
+        self.settings = make_estimator(algorithm, 1000.0, True, settings).settings
+        self.estimator: Estimator | None = None
+        self._waiting: list[np.ndarray] = []
+        self._measured_velocity: bool | None = None
+        self._samples = 0
+
+    @property
+    def reason(self) -> str:
+        """Why the newest estimate is not valid; empty where it is."""
+        return self.estimator.reason if self.estimator else "waiting for samples that tell the sampling rate"
+
+    def feed(self, block: Block) -> Estimates:
+        """Take in one block of ``/ankle/samples``; velocity is optional, other columns are left out.
+
+        Raises:
+            BlockError, UnitError: a column is missing or in a unit of another dimension.
+            ValueError: a sampling rate that the estimator refuses.
+        """
+        velocity = any(split_column(name)[0] == "velocity" for name in block.columns)
+        required = (POSITION, VELOCITY, TORQUE) if velocity else (POSITION, TORQUE)
+        return self.feed_samples(require_columns(block, required, TOPIC).data, velocity)
+
+    def feed_samples(self, samples: np.ndarray, measured_velocity: bool) -> Estimates:
+        """Take in samples of shape (n, 4), or (n, 3) without velocity, in SI.
+
+        Raises:
+            ValueError: a sampling rate that the estimator refuses.
+        """
+        parts = _Parts()
+        if self._measured_velocity not in (None, measured_velocity):
+            parts.notes.append(f"velocity is {'there' if measured_velocity else 'gone'} from now on: the estimator starts anew")
+            self.estimator = None
+            self._waiting = []
+        self._measured_velocity = measured_velocity
+        while len(samples):
+            if self.estimator is None:
+                self._waiting.append(np.array(samples))
+                samples = self._start(parts)
+                if self.estimator is None:
+                    break
+            samples = self._advance(self.estimator, samples, parts)
+        return parts.joined()
+
+    def _start(self, parts: _Parts) -> np.ndarray:
+        """Make an estimator when enough samples are there; returns the samples that it is to begin with."""
+        samples = np.concatenate(self._waiting)
+        times = samples[np.isfinite(samples[:, 0]), 0]
+        if len(times) < RATE_WINDOW:
+            return samples[:0]
+        self._waiting = []
+        rate = sampling_rate(times[:RATE_WINDOW])
+        self.estimator = make_estimator(self.algorithm, rate, bool(self._measured_velocity), self.settings)
+        self._samples = 0
+        parts.notes.append(f"{self.algorithm} at {rate:g} Hz, velocity {'measured' if self._measured_velocity else 'from position'}")
+        return samples
+
+    def _advance(self, estimator: Estimator, samples: np.ndarray, parts: _Parts) -> np.ndarray:
+        """Samples up to the next reflex response; returns the rest."""
+        every = max(round(self.settings.estimate_rate / RESPONSE_RATE), 1) * max(round(estimator.rate / self.settings.estimate_rate), 1)
+        piece = samples[: every - self._samples % every]
+        parts.rows.append(estimator.process(piece))
+        parts.torques.append(estimator.torques)
+        used = estimator.consumed
+        self._samples += used
+        if estimator.rate_lost:
+            parts.notes.append(f"the sampling rate is no longer {estimator.rate:g} Hz: the estimator starts anew")
+            self.estimator = None
+        elif self._samples % every == 0:
+            parts.responses.append((float(parts.rows[-1][-1, 0]), estimator.reflex_response))
+        return samples[used:]
+
+
+def compile_estimators() -> None:
+    """Compile, or load from the cache on disk, everything that an estimator needs, for samples with and without velocity."""
+    for algorithm, measured_velocity in product(ALGORITHMS, (True, False)):
+        stream = EstimateStream(algorithm)
+        samples = np.zeros((2 * RATE_WINDOW, 4 if measured_velocity else 3))
+        samples[:, 0] = np.arange(len(samples)) / 1000.0
+        stream.feed_samples(samples, measured_velocity)

@@ -1,0 +1,179 @@
+"""``metadata.yaml`` of a rosbag2 directory, version 9 as ROS 2 Jazzy writes it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
+
+from session_recorder.errors import BagError
+
+METADATA_FILE = "metadata.yaml"
+VERSION = 9
+ROOT = "rosbag2_bagfile_information"
+# What rmw writes for "no deadline": the largest int64 of nanoseconds.
+INFINITE = QosTime(9223372036, 854775807)
+# rosbag2's starting time of a bag without messages.
+NO_TIME = 2**63 - 1
+
+
+def qos(depth: int, reliable: bool = True, latched: bool = False) -> Qos:
+    """Keep-last QoS without deadlines; `latched` is transient local."""
+    return Qos(
+        QosHistory.KEEP_LAST,
+        depth,
+        QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
+        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        INFINITE,
+        INFINITE,
+        QosLiveliness.AUTOMATIC,
+        INFINITE,
+        False,
+    )
+
+
+# What blocks are published with (DESIGN: reliable, keep-last 64).
+BLOCK_QOS = qos(64)
+
+
+@dataclass
+class Topic:
+    """One topic of a bag.
+
+    Attributes:
+        name: as ``/ankle/samples``.
+        type: as ``std_msgs/msg/Float64MultiArray``.
+        qos: what its publishers offered, each different profile once; empty where unknown.
+        type_hash: ``RIHS01_...``; empty where unknown.
+        definition: the stored schema text.
+        count: messages.
+    """
+
+    name: str
+    type: str
+    qos: tuple[Qos, ...] = ()
+    type_hash: str = ""
+    definition: str = ""
+    count: int = 0
+
+
+@dataclass
+class Contents:
+    """What ``metadata.yaml`` says about a bag: topics, counts, times [ns], files, free key-value pairs."""
+
+    files: list[str]
+    topics: list[Topic]
+    start_ns: int = NO_TIME
+    end_ns: int = 0
+    custom_data: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Messages of all topics."""
+        return sum(topic.count for topic in self.topics)
+
+
+def qos_text(profiles: Iterable[Qos]) -> str:
+    """QoS profiles as the YAML text that MCAP channels carry."""
+    return yaml.safe_dump(dump_qos_v9(list(profiles)), sort_keys=False).strip()
+
+
+def parse_qos_text(text: str) -> tuple[Qos, ...]:
+    """QoS profiles from the YAML text that MCAP channels carry.
+
+    Raises:
+        ValueError: it is no such text.
+    """
+    try:
+        return tuple(parse_qos(yaml.safe_load(text) or []))
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"not a list of QoS profiles: {' '.join(str(error).split())}") from None
+
+
+def information(contents: Contents) -> dict[str, Any]:
+    """The mapping under ``rosbag2_bagfile_information``."""
+    duration = max(0, contents.end_ns - contents.start_ns) if contents.count else 0
+    times: dict[str, Any] = {
+        "duration": {"nanoseconds": duration},
+        "starting_time": {"nanoseconds_since_epoch": contents.start_ns if contents.count else NO_TIME},
+        "message_count": contents.count,
+    }
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        **times,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": dump_qos_v9(list(topic.qos)),
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in contents.topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": list(contents.files),
+        "files": [{"path": file, **times} for file in contents.files],
+        "custom_data": dict(contents.custom_data) or None,
+        "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
+    }
+
+
+def metadata_text(info: Mapping[str, Any]) -> str:
+    """YAML text of a mapping, in its order and without aliases."""
+    dumper = yaml.SafeDumper
+    return yaml.dump(_plain(info), Dumper=type("Plain", (dumper,), {"ignore_aliases": lambda self, data: True}), sort_keys=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value
+
+
+def read_metadata(folder: Path) -> Contents:
+    """What the folder's ``metadata.yaml`` says.
+
+    Raises:
+        BagError: it is not readable, not YAML, of another storage, or misses an entry.
+    """
+    path = folder / METADATA_FILE
+    try:
+        info = yaml.safe_load(path.read_text(encoding="utf-8"))[ROOT]
+        storage = info["storage_identifier"]
+        if storage != "mcap":
+            raise BagError(f"{path}: storage '{storage}' is not read here; convert it: ros2 bag convert (storage_id: mcap)")
+        if info.get("compression_mode") or info.get("compression_format"):
+            raise BagError(
+                f"{path}: the bag is compressed by rosbag2 ('{info.get('compression_mode')}'); MCAP with zstd chunks is expected"
+            )
+        topics = []
+        for entry in info["topics_with_message_count"]:
+            about = entry["topic_metadata"]
+            profiles = tuple(parse_qos(about.get("offered_qos_profiles") or []))
+            topics.append(
+                Topic(about["name"], about["type"], profiles, about.get("type_description_hash", ""), "", int(entry["message_count"]))
+            )
+        start = int(info["starting_time"]["nanoseconds_since_epoch"])
+        end = start + int(info["duration"]["nanoseconds"])
+        custom = {str(key): str(value) for key, value in (info.get("custom_data") or {}).items()}
+        return Contents([Path(file).name for file in info["relative_file_paths"]], topics, start, end, custom)
+    except OSError as error:
+        raise BagError(f"{path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise BagError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    except (KeyError, TypeError, AttributeError) as error:
+        raise BagError(f"{path} is not a rosbag2 description: {error!r} is missing or of another kind") from None

@@ -1,0 +1,9 @@
+"""Errors of bags. Each message names the file or value and what was expected."""
+
+
+class BagError(ValueError):
+    """A bag that is missing, damaged, not a bag, or cannot be written."""
+
+
+class ImportRefused(ValueError):  # noqa: N818 - the recording is refused, nothing failed
+    """A recording whose data contradict what was stated about them."""

@@ -1,0 +1,97 @@
+"""How far a replay may run ahead of its readers.
+
+A reader's DDS queue holds the last 64 messages; a 65th overwrites the oldest that the reader has
+not got to. So at most `WINDOW` messages of a topic are under way: sent, and not yet worked off by
+the slowest reader. Readers say which message they have worked off by the time it was sent, which
+the middleware stamps on it, so a count that began with an earlier replay cannot confuse it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from bisect import bisect_right
+from collections.abc import Callable
+
+# Half of the readers' queue of 64, so that a message that is both unread and being worked off has room.
+WINDOW = 32
+
+
+class Flow:
+    """Messages of one topic under way to its readers. Safe to use from two threads.
+
+    Args:
+        readers: how many readers tell what they have worked off.
+        window: messages that may be under way.
+
+    Attributes:
+        sent: messages sent so far.
+    """
+
+    def __init__(self, readers: int, window: int = WINDOW) -> None:
+        self.readers = readers
+        self.window = window
+        self._sent_at: list[int] = []
+        self._done: dict[str, int] = {}
+        self._changed = threading.Condition()
+
+    @property
+    def sent(self) -> int:
+        """Messages sent so far."""
+        return len(self._sent_at)
+
+    def sending(self, now_ns: int) -> None:
+        """A message is about to be sent; its stamp will not be before `now_ns` [ns]."""
+        with self._changed:
+            self._sent_at.append(now_ns)
+
+    def worked_off(self, reader: str, stamp_ns: int) -> None:
+        """A reader is done with the message stamped `stamp_ns` [ns] and everything before it."""
+        with self._changed:
+            self._done[reader] = max(self._done.get(reader, 0), bisect_right(self._sent_at, stamp_ns))
+            self._changed.notify_all()
+
+    @property
+    def under_way(self) -> int:
+        """Messages that the slowest reader has not worked off; 0 without readers that tell."""
+        with self._changed:
+            return self._under_way()
+
+    def _under_way(self) -> int:
+        if self.readers == 0:
+            return 0
+        slowest = min(self._done.values()) if len(self._done) >= self.readers else 0
+        return len(self._sent_at) - slowest
+
+    def wait(self, at_most: int, patience: float, going_on: Callable[[], bool]) -> bool:
+        """Wait until at most so many messages are under way.
+
+        Args:
+            at_most: messages; 0 waits until everything is worked off.
+            patience: longest time [s] without any progress of the slowest reader.
+            going_on: asked ten times a second; False ends the wait.
+
+        Returns:
+            False when no reader made progress for `patience`, or the wait was ended.
+        """
+        with self._changed:
+            before = self._under_way()
+            since = time.monotonic()
+            while before > at_most:
+                self._changed.wait(0.1)
+                now = self._under_way()
+                if now < before:
+                    since = time.monotonic()
+                elif time.monotonic() - since > patience:
+                    return False
+                if not going_on():
+                    return False
+                before = now
+            return True
+
+    def laggards(self) -> str:
+        """Who has got how far, for an error message."""
+        with self._changed:
+            known = [f"{reader.split()[0]} worked off {done} of {len(self._sent_at)}" for reader, done in sorted(self._done.items())]
+            silent = self.readers - len(self._done)
+            return ", ".join(known + ([f"{silent} reader(s) never answered"] if silent > 0 else []))

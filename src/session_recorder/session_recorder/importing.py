@@ -1,0 +1,285 @@
+"""Recordings of other systems into bags: CSV, NPZ and MAT, in SI, with this project's signs.
+
+The user states for every column its name and unit, the sampling rate or a time column, and the sign
+of torque. What the data contradict is refused with the reason (`plausibility`), or, when forced,
+recorded in the bag as a warning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from sample_blocks.block import TIME_COLUMN, Block
+from sample_blocks.continuity import RATE_TOLERANCE, Continuity, sampling_rate
+from sample_blocks.errors import UnitError
+from sample_blocks.units import split_column, to_si
+from session_recorder.bag_writer import BagWriter
+from session_recorder.errors import ImportRefused
+from session_recorder.mcap_file import Progress
+from session_recorder.plausibility import Intrinsic, check_intrinsic, check_ranges, check_velocity, intrinsic
+from session_recorder.tables import read_table
+
+# Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the subject exerts.
+TORQUE_SIGNS = {"rig": 1.0, "subject": -1.0}
+MISSING_POLICIES = ("nan", "gap")
+# Quantity -> topic and column there. EMG columns have the muscle's name and a unit of voltage.
+QUANTITIES = {
+    "position": ("/ankle/samples", "position[rad]"),
+    "velocity": ("/ankle/samples", "velocity[rad/s]"),
+    "torque": ("/ankle/samples", "torque[N.m]"),
+    "reference_position": ("/perturbation/reference", "position[rad]"),
+    "reference_velocity": ("/perturbation/reference", "velocity[rad/s]"),
+    "reference_acceleration": ("/perturbation/reference", "acceleration[rad/s^2]"),
+}
+EMG_TOPIC = "/emg/samples"
+# Slower does not show an ankle's mechanics, faster is no rig: such a rate is a time column in another unit.
+RATE_RANGE = (50.0, 100_000.0)  # Hz
+BLOCKS_PER_SECOND = 64
+SHOWN_FINDINGS = 5
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """Outcome of `import_recording`.
+
+    Attributes:
+        bag: the new bag.
+        columns: of each topic.
+        samples: imported.
+        rate: sampling rate [Hz].
+        warnings: missing samples, contradictions that were forced, conversions worth knowing.
+        ignored: columns of the source that were not stated.
+        intrinsic: what the torque's sign and the units were judged by; None where the data do not tell.
+    """
+
+    bag: Path
+    columns: dict[str, tuple[str, ...]]
+    samples: int
+    rate: float
+    warnings: tuple[str, ...]
+    ignored: tuple[str, ...]
+    intrinsic: Intrinsic | None
+
+
+@dataclass
+class _Signals:
+    """Columns in SI on their way into a bag, and what was found about them."""
+
+    time: np.ndarray
+    rate: float
+    columns: dict[str, dict[str, np.ndarray]]
+    warnings: list[str] = field(default_factory=list)
+    contradictions: list[str] = field(default_factory=list)
+
+
+def import_recording(
+    source: Path | str,
+    bag: Path | str,
+    columns: Mapping[str, str],
+    *,
+    torque_sign: str | None = None,
+    rate: float | None = None,
+    missing: str = "nan",
+    force: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> ImportReport:
+    """Import one recording into a new bag.
+
+    Args:
+        source: a ``.csv``, ``.txt``, ``.npz`` or ``.mat`` file.
+        bag: the directory to create.
+        columns: stated name with unit -> column of the source, as ``{"t[ms]": "time", "position[deg]": "angle"}``.
+            Names: ``t``, those of `QUANTITIES`, and muscles in a unit of voltage as ``SOL[mV]``.
+        torque_sign: ``rig`` (torque that moves the ankle, positive in dorsiflexion) or ``subject`` (the opposite);
+            needed with a torque column.
+        rate: sampling rate [Hz]; needed without a time column, compared with it otherwise.
+        missing: what becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
+        force: import in spite of contradictions; they are recorded in the bag.
+        overwrite: replace a bag that is there.
+        progress: called with the fraction that is done.
+
+    Raises:
+        ImportRefused: the source is not readable, or what is stated is incomplete or contradicts the data.
+        BagError: the bag cannot be written.
+    """
+    stated = {name: _meaning(name) for name in columns}
+    _check_statement(stated, torque_sign, rate, missing)
+    table, ignored = read_table(source, list(dict.fromkeys(columns.values())))
+    if progress:
+        progress(0.3)
+    signals = _convert(columns, stated, table, TORQUE_SIGNS[torque_sign or "rig"], rate)
+    found = _check_signals(signals, torque_sign or "rig")
+    if signals.contradictions and not force:
+        raise ImportRefused(f"{source}: " + "; ".join(signals.contradictions))
+    signals.warnings += [f"forced: {sentence}" for sentence in signals.contradictions]
+    _report_missing(signals, missing)
+    if progress:
+        progress(0.5)
+    with BagWriter(bag, overwrite=overwrite) as writer:
+        written = _write(writer, signals, missing, progress)
+        writer.custom_data.update(
+            {
+                "imported_from": Path(source).name,
+                "stated_columns": ", ".join(f"{name} = {column}" for name, column in columns.items()),
+                "stated_torque_sign": torque_sign or "no torque",
+                "sampling_rate[Hz]": f"{signals.rate!r}",
+                "warnings": "\n".join(signals.warnings),
+            }
+        )
+    names = {topic: tuple(held) for topic, held in signals.columns.items()}
+    return ImportReport(writer.path, names, written, signals.rate, tuple(signals.warnings), tuple(ignored), found)
+
+
+def _meaning(name: str) -> tuple[str, str, float]:
+    """Topic (empty for time), SI column and factor of a stated name."""
+    try:
+        quantity, unit = split_column(name)
+        si, factor = to_si(unit)
+    except UnitError as error:
+        raise ImportRefused(str(error)) from None
+    if quantity == "t":
+        topic, column = "", TIME_COLUMN
+    elif quantity in QUANTITIES:
+        topic, column = QUANTITIES[quantity]
+    elif si == "V":
+        return EMG_TOPIC, f"{quantity}[V]", factor
+    else:
+        raise ImportRefused(f"'{name}': unknown quantity; known: t, {', '.join(QUANTITIES)}, and muscles in V, mV or uV")
+    expected = split_column(column)[1]
+    if si != expected:
+        raise ImportRefused(f"'{name}': {quantity} is given in '{unit}', expected {expected} or a multiple of it")
+    return topic, column, factor
+
+
+def _check_statement(stated: Mapping[str, tuple[str, str, float]], torque_sign: str | None, rate: float | None, missing: str) -> None:
+    held = [(topic, column) for topic, column, _ in stated.values()]
+    if len(set(held)) < len(held):
+        raise ImportRefused(f"a quantity is stated twice: {', '.join(stated)}")
+    if all(not topic for topic, _ in held):
+        raise ImportRefused("no signal is stated; expected for example 'position[rad]' and 'torque[N.m]'")
+    if ("/ankle/samples", "torque[N.m]") in held and torque_sign is None:
+        raise ImportRefused("the sign of torque is not stated: 'rig' (torque that moves the ankle) or 'subject' (the opposite)")
+    if torque_sign is not None and torque_sign not in TORQUE_SIGNS:
+        raise ImportRefused(f"torque sign '{torque_sign}' is not known; expected {' or '.join(TORQUE_SIGNS)}")
+    if missing not in MISSING_POLICIES:
+        raise ImportRefused(f"policy '{missing}' for missing samples is not known; expected {' or '.join(MISSING_POLICIES)}")
+    if rate is None and ("", TIME_COLUMN) not in held:
+        raise ImportRefused("neither a sampling rate nor a time column is stated")
+    if rate is not None and not RATE_RANGE[0] <= rate <= RATE_RANGE[1]:
+        raise ImportRefused(f"sampling rate {rate:g} Hz is refused; allowed: {RATE_RANGE[0]:g} to {RATE_RANGE[1]:g} Hz")
+
+
+def _convert(
+    columns: Mapping[str, str],
+    stated: Mapping[str, tuple[str, str, float]],
+    table: Mapping[str, np.ndarray],
+    sign: float,
+    rate: float | None,
+) -> _Signals:
+    signals = _Signals(np.empty(0), rate or 0.0, {})
+    for name, (topic, column, factor) in stated.items():
+        values = table[columns[name]] * (factor * sign if column == "torque[N.m]" else factor)
+        if topic:
+            signals.columns.setdefault(topic, {})[column] = values
+        else:
+            signals.time = values
+    length = len(next(iter(table.values())))
+    if length < 2:
+        raise ImportRefused(f"{length} sample(s); a recording has at least 2")
+    if len(signals.time):
+        _check_time(signals, rate)
+    else:
+        signals.time = np.arange(length) / signals.rate
+    return signals
+
+
+def _check_time(signals: _Signals, stated_rate: float | None) -> None:
+    finite = np.isfinite(signals.time)
+    if not finite.all():
+        signals.warnings.append(f"{int((~finite).sum())} samples have no time and are left out")
+        signals.time = signals.time[finite]
+        signals.columns = {topic: {name: v[finite] for name, v in held.items()} for topic, held in signals.columns.items()}
+    try:
+        signals.rate = sampling_rate(signals.time)
+    except ValueError as error:
+        raise ImportRefused(f"time column: {error}") from None
+    if not RATE_RANGE[0] <= signals.rate <= RATE_RANGE[1]:
+        raise ImportRefused(
+            f"the time column steps by {1 / signals.rate:g} s, a rate of {signals.rate:g} Hz; expected {RATE_RANGE[0]:g} to "
+            f"{RATE_RANGE[1]:g} Hz. Is it in {'ms or us' if signals.rate < RATE_RANGE[0] else 's'}?"
+        )
+    if stated_rate is not None and abs(signals.rate / stated_rate - 1) > RATE_TOLERANCE:
+        signals.contradictions.append(f"the stated sampling rate is {stated_rate:g} Hz, the time column steps at {signals.rate:.6g} Hz")
+    findings = Continuity(signals.rate).check(signals.time[:, None])
+    backwards = [finding.message for finding in findings if finding.kind == "backwards"]
+    others = [finding.message for finding in findings if finding.kind != "backwards"]
+    for sentences, out in ((backwards, signals.contradictions), (others, signals.warnings)):
+        out += sentences[:SHOWN_FINDINGS]
+        if len(sentences) > SHOWN_FINDINGS:
+            out.append(f"and {len(sentences) - SHOWN_FINDINGS} more like these")
+    if signals.time.min() < 0:
+        shift = float(-np.floor(signals.time.min()))
+        signals.warnings.append(f"time begins before 0: {shift:g} s are added, because a bag's times are not negative")
+        signals.time = signals.time + shift
+
+
+def _check_signals(signals: _Signals, torque_sign: str) -> Intrinsic | None:
+    ankle = signals.columns.get("/ankle/samples", {})
+    reference = signals.columns.get("/perturbation/reference", {})
+    signals.contradictions += check_ranges({**ankle, **signals.columns.get(EMG_TOPIC, {})})
+    signals.contradictions += [f"reference: {sentence}" for sentence in check_ranges(reference)]
+    # Where samples are missing in time, neighbours are not one step apart: such a place is kept out of the estimates.
+    jumps = np.concatenate([[False], np.abs(np.diff(signals.time) * signals.rate - 1) > 0.5])
+    position = ankle.get("position[rad]")
+    if position is None:
+        return None
+    position = np.where(jumps, np.nan, position)
+    if "velocity[rad/s]" in ankle:
+        signals.contradictions += check_velocity(signals.rate, position, ankle["velocity[rad/s]"])
+    if "torque[N.m]" not in ankle:
+        return None
+    found = intrinsic(signals.rate, position, ankle["torque[N.m]"])
+    if found is None:
+        signals.warnings.append("units and sign of torque were not verified: the data show too little fast movement")
+        return None
+    signals.contradictions += check_intrinsic(found, torque_sign)
+    return found
+
+
+def _report_missing(signals: _Signals, missing: str) -> None:
+    fate = "kept as NaN" if missing == "nan" else "left out as gaps"
+    for topic, held in signals.columns.items():
+        for name, values in held.items():
+            bad = np.flatnonzero(~np.isfinite(values))
+            if len(bad):
+                signals.warnings.append(
+                    f"{topic} {name}: {len(bad)} samples are missing or not finite, first at t = {signals.time[bad[0]]:.6f} s; {fate}"
+                )
+
+
+def _write(writer: BagWriter, signals: _Signals, missing: str, progress: Progress | None) -> int:
+    """Blocks of all topics in the order of time; returns the samples of the longest topic."""
+    size = max(1, round(signals.rate / BLOCKS_PER_SECOND))
+    blocks: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
+    for topic, held in signals.columns.items():
+        data = np.column_stack([signals.time, *held.values()])
+        if missing == "gap":
+            data = data[np.isfinite(data).all(axis=1)]
+        else:
+            data[~np.isfinite(data)] = np.nan
+        blocks[topic] = ((TIME_COLUMN, *held), data)
+        writer.add_topic(topic)
+    total = max(len(data) for _, data in blocks.values())
+    for start in range(0, total, size):
+        for topic, (names, data) in blocks.items():
+            piece = data[start : start + size]
+            if len(piece):
+                writer.write_block(topic, Block(names, piece))
+        if progress and start % (size * BLOCKS_PER_SECOND) == 0:
+            progress(0.5 + 0.5 * start / total)
+    return total

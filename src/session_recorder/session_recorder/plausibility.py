@@ -1,0 +1,186 @@
+"""Whether recorded signals can be what was stated about them: units, sign of torque, sampling rate.
+
+An ankle is a body part of known size. Its range of movement, strength, inertia and stiffness leave
+room for every subject, but not for a factor of 57 (degrees) or 1000 (millinewton-metres), and inertia
+and stiffness are positive. They are estimated around fast movements by least squares of
+
+    torque = I acceleration + B velocity + K position        (paper, figure 1: the intrinsic part)
+
+with every signal band-passed alike, in segments whose scatter gives the uncertainty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+# From 50 degrees plantarflexion to 30 degrees dorsiflexion is the joint's range; with room for where zero was put.
+LARGEST_POSITION = 1.5  # rad
+LARGEST_SPREAD = 1.6  # rad
+# Twice the strongest maximal voluntary contractions in the literature (about 200 N.m in plantarflexion).
+LARGEST_TORQUE = 400.0  # N.m
+# Sprinting reaches 15 rad/s.
+LARGEST_VELOCITY = 40.0  # rad/s
+# Amplifiers end at 10 or 15 V.
+LARGEST_EMG = 20.0  # V
+# Foot alone 0.005 to 0.015 kg.m^2; with a heavy footplate up to 0.1.
+INERTIA_RANGE = (0.002, 0.25)  # kg.m^2
+# Relaxed about 10, maximally contracted about 500 N.m/rad; the recording includes what reflexes add.
+STIFFNESS_RANGE = (2.0, 2000.0)  # N.m/rad
+# Below 5 Hz voluntary torque dominates, above 40 Hz the noise of differentiated positions.
+BAND = (5.0, 40.0)  # Hz
+SEGMENT = 2.0  # s; ten periods of the band's lower edge
+FEWEST_SEGMENTS = 4
+# Standard errors from zero before a sign counts as known.
+CERTAIN = 5.0
+# Less of the torque's variance explained says nothing about the ankle.
+LEAST_EXPLAINED = 0.05
+# A measured velocity may have its own filter and calibration, not another factor or no resemblance.
+VELOCITY_GAIN_RANGE = (0.7, 1.4)
+LEAST_CORRELATION = 0.7
+# Units that are mistaken for each other, as factors to SI.
+ANGLE_UNITS = {"deg": np.pi / 180, "mrad": 1e-3}
+TORQUE_UNITS = {"mN.m": 1e-3, "N.cm": 1e-2, "kN.m": 1e3}
+
+
+@dataclass(frozen=True)
+class Intrinsic:
+    """Estimates over the segments of a recording.
+
+    Attributes:
+        inertia, stiffness: means [kg.m^2, N.m/rad].
+        inertia_error, stiffness_error: their standard errors.
+        explained: share of the torque's variance in the band, 0 to 1.
+    """
+
+    inertia: float
+    inertia_error: float
+    stiffness: float
+    stiffness_error: float
+    explained: float
+
+
+def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
+    """Contradictions between SI columns (by full name, shape (n,)) and what an ankle can do."""
+    found = []
+    columns = {name: values[np.isfinite(values)] for name, values in columns.items() if np.isfinite(values).any()}
+    position = columns.get("position[rad]")
+    if position is not None:
+        spread, largest = float(np.ptp(position)), float(np.max(np.abs(position)))
+        if spread > LARGEST_SPREAD or largest > LARGEST_POSITION:
+            found.append(
+                f"position spans {spread:.4g} rad and reaches {largest:.4g} rad, an ankle's range is {LARGEST_SPREAD:g} rad"
+                + _suggest(largest, ANGLE_UNITS, LARGEST_POSITION)
+            )
+    for name, limit, units in (
+        ("torque[N.m]", LARGEST_TORQUE, TORQUE_UNITS),
+        ("velocity[rad/s]", LARGEST_VELOCITY, {f"{unit}/s": factor for unit, factor in ANGLE_UNITS.items()}),
+        *((name, LARGEST_EMG, {"mV": 1e-3, "uV": 1e-6}) for name in columns if name.endswith("[V]")),
+    ):
+        values = columns.get(name)
+        if values is not None and (largest := float(np.max(np.abs(values)))) > limit:
+            quantity, unit = name[:-1].split("[")
+            found.append(
+                f"{quantity} reaches {largest:.4g} {unit}, more than {limit:g} {unit} is not possible" + _suggest(largest, units, limit)
+            )
+    return found
+
+
+def _suggest(largest: float, units: dict[str, float], limit: float) -> str:
+    fitting = [unit for unit, factor in units.items() if largest * factor <= limit]
+    return f"; is it in {' or '.join(fitting)}?" if fitting else ""
+
+
+def segments(rate: float, *signals: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
+    """Pieces of `SEGMENT` seconds in which every signal is finite, band-passed to `BAND`, without the ends where the filter rings.
+
+    Args:
+        rate: sampling rate [Hz].
+        signals: shape (n,) each; the samples must be equally spaced, except where one is NaN.
+    """
+    length, edge = int(SEGMENT * rate), int(rate / BAND[0])
+    if rate < 2.5 * BAND[1]:
+        return
+    band = butter(2, BAND, "bandpass", fs=rate, output="sos")
+    for start in range(0, len(signals[0]) - length + 1, length):
+        pieces = [signal[start : start + length] for signal in signals]
+        if all(np.isfinite(piece).all() for piece in pieces):
+            yield tuple(sosfiltfilt(band, piece - piece.mean())[edge:-edge] for piece in pieces)
+
+
+def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsic | None:
+    """Inertia and stiffness of a recording in SI, shape (n,) each; None where it does not tell them.
+
+    It does not where fewer than `FEWEST_SEGMENTS` are intact, nothing moves, or movement explains
+    less than `LEAST_EXPLAINED` of the torque.
+    """
+    estimates, weights, left, total = [], [], 0.0, 0.0
+    for x, y in segments(rate, position, torque):
+        velocity = np.gradient(x, 1 / rate)
+        regressors = np.column_stack([np.gradient(velocity, 1 / rate), velocity, x])
+        scale = np.sqrt(np.mean(regressors**2, axis=0))
+        if not (scale > 0).all():
+            continue
+        solution, _, rank, _ = np.linalg.lstsq(regressors / scale, y, rcond=1e-6)
+        if rank < 3:
+            continue
+        estimates.append(solution / scale)
+        weights.append(float(np.mean(x**2)))
+        left += float(np.sum((y - regressors @ estimates[-1]) ** 2))
+        total += float(np.sum(y**2))
+    if len(estimates) < FEWEST_SEGMENTS or total == 0 or 1 - left / total < LEAST_EXPLAINED:
+        return None
+    # A segment without a perturbation tells little: each counts by the movement in it.
+    share = np.array(weights) / np.sum(weights)
+    mean = share @ np.array(estimates)
+    error = np.sqrt(share**2 @ (np.array(estimates) - mean) ** 2 * len(share) / (len(share) - 1))
+    return Intrinsic(float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), 1 - left / total)
+
+
+def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
+    """Contradictions between an ankle's inertia and stiffness and those found under the stated units and sign.
+
+    Inertia decides where it is certain, because neither contraction nor reflexes change it; stiffness otherwise.
+    """
+    values = f"inertia {found.inertia:.3g} ± {found.inertia_error:.1g} kg.m^2"
+    values += f", stiffness {found.stiffness:.4g} ± {found.stiffness_error:.2g} N.m/rad"
+    if abs(found.inertia) > CERTAIN * found.inertia_error:
+        value, (lowest, highest), unit = found.inertia, INERTIA_RANGE, "kg.m^2"
+    elif abs(found.stiffness) > CERTAIN * found.stiffness_error:
+        value, (lowest, highest), unit = found.stiffness, STIFFNESS_RANGE, "N.m/rad"
+    else:
+        return []
+    contradictions = []
+    if value < 0:
+        other = "subject" if stated_sign == "rig" else "rig"
+        contradictions.append(
+            f"the torque's sign is not '{stated_sign}': it gives {values}, which are positive in an ankle; state '{other}'"
+        )
+    if not lowest <= abs(value) <= highest:
+        guess = "position in degrees, or torque already in N.m" if abs(value) < lowest else "torque in mN.m, or position already in rad"
+        contradictions.append(
+            f"the units of position and torque do not fit each other: {values}, an ankle has {lowest:g} to {highest:g} {unit}; {guess}?"
+        )
+    return contradictions
+
+
+def check_velocity(rate: float, position: np.ndarray, velocity: np.ndarray) -> list[str]:
+    """Contradictions between a velocity [rad/s] and the derivative of position [rad], shape (n,) each."""
+    cross = own = other = 0.0
+    for x, v in segments(rate, position, velocity):
+        slope = np.gradient(x, 1 / rate)
+        cross, own, other = cross + float(slope @ v), own + float(slope @ slope), other + float(v @ v)
+    if own == 0:
+        return []
+    gain, correlation = cross / own, cross / np.sqrt(own * other) if other else 0.0
+    if correlation < -LEAST_CORRELATION:
+        return [f"velocity has the opposite sign of the derivative of position (correlation {correlation:.2f})"]
+    if correlation < LEAST_CORRELATION:
+        return [f"velocity does not follow the derivative of position (correlation {correlation:.2f})"]
+    if not VELOCITY_GAIN_RANGE[0] <= gain <= VELOCITY_GAIN_RANGE[1]:
+        near = [f"{unit}/s" for unit, factor in ANGLE_UNITS.items() if VELOCITY_GAIN_RANGE[0] <= gain * factor <= VELOCITY_GAIN_RANGE[1]]
+        return [f"velocity is {gain:.4g} times the derivative of position" + (f"; is it in {near[0]}?" if near else "")]
+    return []

@@ -1,0 +1,181 @@
+"""Records the topics of the graph into a bag.
+
+| topic | direction | type | what |
+| --- | --- | --- | --- |
+| every topic, or those of `topics` | in | any | stored as received, with the QoS of its publishers |
+| /diagnostics | out | DiagnosticArray | ready, messages, missing samples and messages, free disk |
+| TOPIC/_worked_off | out | String | how far a replay may go on (see `ankle_node.node`) |
+
+The log line ``ready: recording into PATH`` and ``ready`` = True in the diagnostics say that every topic
+known so far is connected. The laboratory's topics are connected before they have a publisher, so that
+no first block is lost; any other one when it appears. Log time is the time of reception, or the
+simulated time under `use_sim_time`; publish time is the publisher's stamp. Parameters: `session_recorder.parameters`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from collections.abc import Sequence
+from datetime import datetime
+
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import QoSProfile
+
+from ankle_node.node import BLOCK_QOS, ERROR, OK, WARN, WORKED_OFF, AnkleNode, MessageInfo, run
+from sample_blocks.block import MESSAGE_TYPE
+from session_recorder import bag_metadata
+from session_recorder.bag_writer import CHUNK_SECONDS
+from session_recorder.errors import BagError
+from session_recorder.message_definitions import definition
+from session_recorder.parameters import RECORDER
+from session_recorder.recording import Recording
+from session_recorder.ros_qos import from_ros, to_record
+
+# Connected from the start, publisher or not.
+LABORATORY_TOPICS = {
+    "/perturbation/reference": MESSAGE_TYPE,
+    "/ankle/samples": MESSAGE_TYPE,
+    "/ankle/joint_states": "sensor_msgs/msg/JointState",
+    "/emg/samples": MESSAGE_TYPE,
+    "/impedance/estimate": MESSAGE_TYPE,
+    "/impedance/reflex_irf": MESSAGE_TYPE,
+}
+DISCOVERY_PERIOD = 0.25  # s; how long a new topic waits for its subscription
+SETTLED_LOOKS = 3  # looks at the graph without a new topic before the recorder calls itself ready
+NAMED_TOPIC_PATIENCE = 5.0  # s before a named topic without publisher is reported
+
+
+class RecordNode(AnkleNode):
+    """Raw subscriptions into a `Recording`."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder", RECORDER)
+        self._named = [name.strip() for name in self.text("topics").split(",") if name.strip()]
+        self._connected: dict[str, str] = {}
+        self._refused: set[str] = set()
+        self._publisher_counts: dict[str, int] = {}
+        self._quiet_looks = 0
+        self._ready = False
+        self._began = time.monotonic()
+        self._simulated_time = bool(self.get_parameter("use_sim_time").value)
+        self.failed = False
+        self.recording: Recording | None = Recording(self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}")
+        for topic, message_type in LABORATORY_TOPICS.items():
+            if not self._named or topic in self._named:
+                self._connect(topic, message_type, to_record([BLOCK_QOS]))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DISCOVERY_PERIOD, self._look_for_topics, clock=steady)
+        self.create_timer(CHUNK_SECONDS / 2, self._keep_safe, clock=steady)
+        self.count("ready", False)
+
+    def _look_for_topics(self) -> None:
+        self._quiet_looks += 1
+        for topic, types in self.get_topic_names_and_types():
+            if topic.endswith(WORKED_OFF) or topic in self._refused or (self._named and topic not in self._named):
+                continue
+            offers = self.get_publishers_info_by_topic(topic)
+            self._publisher_counts[topic] = len(offers)
+            if not offers:
+                continue
+            if topic not in self._connected:
+                self._quiet_looks = 0
+                self._connect(topic, types[0], to_record([offer.qos_profile for offer in offers]))
+            if self.recording is not None and topic in self.recording.bag.topics:
+                for offer in offers:
+                    self.recording.bag.add_qos(topic, from_ros(offer.qos_profile))
+        waiting = [name for name in self._named if name not in self._connected]
+        if waiting and time.monotonic() - self._began > NAMED_TOPIC_PATIENCE:
+            self.health("topics", WARN, f"no publisher yet of {', '.join(waiting)}")
+        if not self._ready and not waiting and self._quiet_looks >= SETTLED_LOOKS and self.recording is not None:
+            self._ready = True
+            self.count("ready", True)
+            self.health("topics", OK, "")
+            self.get_logger().info(f"ready: recording into {self.recording.bag.path}")
+
+    def _connect(self, topic: str, message_type: str, qos: QoSProfile) -> None:
+        package, _, name = message_type.split("/")
+        try:
+            definition(message_type)
+            message_class = getattr(importlib.import_module(f"{package}.msg"), name)
+        except (ImportError, AttributeError, BagError) as error:
+            self._refused.add(topic)
+            self._warn(topic, f"not recorded: {error}")
+            return
+        self._connected[topic] = message_type
+        worked_off = self.worked_off(topic) if message_type == MESSAGE_TYPE else None
+
+        def receive(message: bytes, info: MessageInfo) -> None:
+            self._store(topic, message, info)
+            if worked_off is not None:
+                worked_off(info)
+
+        self.create_subscription(message_class, topic, receive, qos, raw=True)
+
+    def _store(self, topic: str, message: bytes, info: MessageInfo) -> None:
+        if self.recording is None:
+            return
+        if topic not in self.recording.bag.topics:
+            offers = self.get_publishers_info_by_topic(topic)
+            self._publisher_counts[topic] = len(offers)
+            profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)
+            self.recording.add_topic(topic, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,))
+        received = self.get_clock().now().nanoseconds if self._simulated_time else info["received_timestamp"] or time.time_ns()
+        # Counted by each publisher for itself, so of no use where there are several.
+        sequence = info["publication_sequence_number"] if self._publisher_counts.get(topic) == 1 else None
+        for sentence in self.recording.write(topic, received, message, info["source_timestamp"] or None, sequence):
+            self._warn(topic, sentence)
+
+    def _warn(self, topic: str, sentence: str) -> None:
+        self.get_logger().warning(f"{topic}: {sentence}", throttle_duration_sec=1.0)
+        self.health(topic, WARN, sentence)
+
+    def _keep_safe(self) -> None:
+        """Bring what came to the disk, and end in good order before the disk is full."""
+        if self.recording is None:
+            return
+        self.recording.bag.flush()
+        free = self.recording.free_space()
+        self.count("messages", self.recording.bag.count)
+        self.count("missing samples", sum(self.recording.missing.values()))
+        self.count("lost messages", sum(self.recording.lost.values()))
+        self.count("free disk [MB]", round(free))
+        if free < self.number("min_free_disk"):
+            sentence = f"recording ended: {free:.0f} MB free on the disk of {self.recording.bag.path}, below min_free_disk"
+            sentence += f" = {self.number('min_free_disk'):g} MB"
+            self.health("disk", ERROR, sentence)
+            self._publish_health()
+            self.recording.note(sentence)
+            self._close()
+            raise BagError(sentence)
+
+    def _close(self) -> None:
+        recording, self.recording = self.recording, None
+        if recording is not None:
+            recording.close()
+            print(recording.summary(), flush=True)
+
+    def destroy_node(self) -> None:
+        """Finishes the bag first."""
+        try:
+            self._close()
+        except BagError as error:
+            self.failed = True
+            print(f"error: {error}", file=sys.stderr, flush=True)
+        super().destroy_node()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run session_recorder record`; 1 after an error."""
+    made: list[RecordNode] = []
+
+    def make() -> RecordNode:
+        made.append(RecordNode())
+        return made[0]
+
+    return run(make, arguments) or int(any(node.failed for node in made))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
