@@ -6,6 +6,7 @@ STAMP := $(VENV)/set-up
 LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
 
 .PHONY: setup demo test test-slow lint bench clean help
+.DEFAULT_GOAL := help
 
 help:
 	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 4 minutes)"
@@ -42,6 +43,10 @@ test-slow: setup
 lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy --no-error-summary src/*/[a-z]*_*/
+
+bench: setup
+	@$(BIN)/python benchmarks/offline.py
+	@$(BIN)/python benchmarks/graph.py --seconds 60
 
 demo: setup
 	@$(BIN)/ankle demo

@@ -122,6 +122,114 @@ def run(context: typer.Context, package: str, executable: str) -> None:
 
 
 @app.command()
+def record(
+    out: Annotated[Path, typer.Argument(help="The new bag.")],
+    topics: Annotated[str, typer.Option(help="Topics joined by commas; empty records all of them.")] = "",
+) -> None:
+    """Record the running graph into a bag, until Ctrl-C.
+
+    Example: ankle record session
+    """
+    _become_node("session_recorder", "record", out=str(out), topics=topics)
+
+
+@app.command()
+def replay(
+    bag: Path,
+    rate: Annotated[float, typer.Option(help="Bag seconds per second; 0 is as fast as the readers follow.")] = 1.0,
+    topics: Annotated[str, typer.Option(help="Topics joined by commas; empty replays the recorded inputs, 'all' everything.")] = "",
+    wait_for_readers: Annotated[int, typer.Option(help="Nodes that must read along before the start.")] = 1,
+) -> None:
+    """Send a bag to the graph again, without losing a block at any rate.
+
+    Example: ankle replay session --rate 0
+    """
+    _become_node("session_recorder", "replay", bag=str(bag), rate=rate, topics=topics, wait_for_readers=wait_for_readers)
+
+
+def _become_node(package: str, executable: str, **parameters: object) -> None:
+    from ankle_bringup.graph import NodeDescription
+    from ankle_bringup.processes import node_command
+
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    command = node_command(package, executable) + NodeDescription(package, executable, executable, parameters).ros_arguments()
+    os.execv(command[0], command)
+
+
+@app.command("import")
+def import_(
+    source: Annotated[Path, typer.Argument(help="A .csv, .txt, .npz or .mat file.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The new bag.")],
+    column: Annotated[list[str], typer.Option("--column", "-c", help="What a column is: 'name[unit]=column'. Repeat for each.")],
+    torque_sign: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="'rig': torque that moves the ankle, positive in dorsiflexion; 'subject': the opposite."),
+    ] = None,
+    rate: Annotated[Optional[float], typer.Option(help="Sampling rate [Hz]; needed without a time column.")] = None,  # noqa: UP045
+    missing: Annotated[str, typer.Option(help="Samples that are not finite: 'nan' keeps them, 'gap' leaves them out.")] = "nan",
+    force: Annotated[bool, typer.Option("--force", help="Import in spite of contradictions; the bag says so.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a bag that is there.")] = False,
+) -> None:
+    """Import a recording into a bag; wrong units and signs are recognised from the data and refused.
+
+    Example: ankle import trial.npz -o trial -c 't[s]=time' -c 'position[rad]=position' -c 'torque[N.m]=torque' --torque-sign subject
+    """
+    from ankle_bringup.errors import GraphError
+    from session_recorder.importing import import_recording
+
+    stated = {}
+    for text in column:
+        name, equals, source_column = text.partition("=")
+        if not equals:
+            raise GraphError(f"--column '{text}' is not 'name[unit]=column', as in 'position[deg]=angle'")
+        stated[name] = source_column
+    with _progress(f"importing {source}") as share:
+        report = import_recording(
+            source, out, stated, torque_sign=torque_sign, rate=rate, missing=missing, force=force, overwrite=overwrite, progress=share
+        )
+    for sentence in report.warnings:
+        console.print(f"note: {sentence}")
+    console.print(f"written to {out.resolve()}")
+
+
+@app.command()
+def export(
+    bag: Path,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for CSV, file for NPZ.")],
+    form: Annotated[str, typer.Option("--format", help="'csv' or 'npz'.")] = "csv",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")] = False,
+) -> None:
+    """Write the sampled topics of a bag as CSV or NPZ, columns named with their units.
+
+    Example: ankle export session -o session_csv
+    """
+    from session_recorder.exporting import export_bag
+
+    with _progress(f"exporting {bag}") as share:
+        written = export_bag(bag, out, form, overwrite=overwrite, progress=share)
+    for path in written:
+        console.print(str(path))
+
+
+@app.command()
+def recover(
+    bag: Path,
+    out: Annotated[Optional[Path], typer.Option("--out", "-o", help="The repaired bag; beside the damaged one unless given.")] = None,  # noqa: UP045
+) -> None:
+    """Make a complete bag from one whose recorder was killed.
+
+    Example: ankle recover session -o session_repaired
+    """
+    from session_recorder.recovery import recover as recover_bag
+
+    with _progress(f"reading {bag}") as share:
+        recovered = recover_bag(bag, out, progress=share)
+    for sentence in recovered.problems:
+        console.print(f"note: {sentence}")
+    console.print(f"{recovered.messages} messages in {recovered.path}")
+
+
+@app.command()
 def topics() -> None:
     """List the topics of the running graph, with their types and how many publish and read them.
 
