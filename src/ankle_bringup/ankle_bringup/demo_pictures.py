@@ -34,6 +34,8 @@ def live_run(columns: tuple[str, ...], estimates: np.ndarray, truth_columns: tup
         axis.set_ylabel(f"{words} [{unit.replace('.', '·')}]")
         axis.set_ylim(bottom=0)
         axis.grid(alpha=0.3)
+        if valid.any():
+            axis.axvspan(0, time[valid][0], color=GREY, alpha=0.12, lw=0, label="settling: no valid estimate yet")
     axes[0].legend(loc="upper left")
     axes[0].set_title("Simulated ankle: stiffness and reflex gain jump, the online estimates follow")
     axes[1].set_xlabel("time since the start [s]")

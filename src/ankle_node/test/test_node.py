@@ -23,7 +23,8 @@ class N(AnkleNode):
         for name, value in (("amplitude", 0.2), ("amplitude", 0.05), ("seed", 2), ("shape", "saw")):
             print(self.set_parameters([R(name, value=value)])[0].reason or "accepted")
         d = self.describe_parameters(["amplitude"])[0]
-        print(d.description, d.floating_point_range[0].to_value, d.additional_constraints, flush=True)
+        print(d.description, d.floating_point_range[0].to_value, d.additional_constraints)
+        print(self.set_parameters([R("amplitude", value=0.3)])[0].reason, flush=True)
 sys.exit(run(N))
 """
 
@@ -56,7 +57,7 @@ def test_bad_start_value_ends_with_one_line(assignment, words):
 def test_values_at_run_time_and_stop_by_signal(number):
     process = start("amplitude:=0.08")
     try:
-        lines = [process.stdout.readline().strip() for _ in range(5)]
+        lines = [process.stdout.readline().strip() for _ in range(6)]
         time.sleep(0.3)
         os.kill(process.pid, number)
         assert process.wait(timeout=10) == 0
@@ -67,6 +68,7 @@ def test_values_at_run_time_and_stop_by_signal(number):
     assert "at start only" in lines[2]
     assert "one of block, polynomial" in lines[3]
     assert lines[4] == "Step size. [rad] 0.1 allowed: 0.001 to 0.1 rad"
+    assert "'amplitude' = 0.3 rad is refused" in lines[5]
 
 
 def test_check_keeps_types_apart():
