@@ -80,6 +80,36 @@ def estimate(
 
 
 @app.command()
+def diagnose(
+    bag: Annotated[Path, typer.Argument(help="A bag with /ankle/samples.")],
+    out: Out = Path("diagnosis"),
+    model: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="A model file as the baseline, instead of the paper's model refitted."),
+    ] = None,
+) -> None:
+    """Find where the joint model fails on a recording, and which physics was left out.
+
+    Writes report.html, verdict.json and the augmented model.yaml, which ankle_sim loads.
+
+    Example: ankle diagnose session --out session_diagnosis
+    """
+    from ankle_bringup.errors import RunError
+    from model_discrepancy.diagnose import diagnose as diagnose_bag
+
+    if out.exists() and any(out.iterdir()):
+        raise RunError(f"{out} is not empty; nothing is overwritten unasked")
+    with Console(stderr=True).status("diagnosing ...") as status:
+        found = diagnose_bag(bag, out, model, progress=lambda step: status.update(f"diagnosing: {step}"))
+    console.print(f"verdict: [bold]{found.verdict.verdict}[/bold]")
+    for effect in found.verdict.effects:
+        console.print(f"- {effect['sentence']}")
+    for reason in found.verdict.reasons:
+        console.print(f"  {reason}")
+    console.print(f"report: {(out / 'report.html').resolve()}")
+
+
+@app.command()
 def up(
     graph: Annotated[str, typer.Argument(help="A graph that comes with the package, or the path of a YAML file.")] = "simulated",
     settings: Settings = [],  # noqa: B006

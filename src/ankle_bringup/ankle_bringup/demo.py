@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
 
 from ankle_bringup import demo_pictures
@@ -180,7 +181,7 @@ def summary(out: Path, result: Result, console: Console) -> None:
         columns = Table("real ankles: median of the valid estimates", *result.trials, "what it is", title_justify="left")
         for name, meaning in MEANINGS.items():
             quantity, unit = name.rstrip("]").split("[")
-            columns.add_row(f"{quantity} [{unit}]", *(f"{median[name]:.3g}" for median in result.trials.values()), meaning)
+            columns.add_row(escape(f"{quantity} [{unit}]"), *(f"{median[name]:.3g}" for median in result.trials.values()), meaning)
         console.print(columns)
     console.print(f"Everything is in {out.resolve()}:")
     for path in sorted(out.iterdir()):

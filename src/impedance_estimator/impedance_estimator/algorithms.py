@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from impedance_estimator.conceptual_experimental import Conceptual, ConceptualExperimental
 from impedance_estimator.estimator import Estimator
+from impedance_estimator.joint import Joint
 from impedance_estimator.original import Original
-from impedance_estimator.settings import Settings
+from impedance_estimator.settings import EstimatorSettings
 
 ALGORITHMS: dict[str, type[Estimator]] = {
     estimator.name: estimator
@@ -13,13 +14,14 @@ ALGORITHMS: dict[str, type[Estimator]] = {
         ConceptualExperimental,
         Conceptual,
         Original,
+        Joint,
     )
 }
 
 DEFAULT = ConceptualExperimental.name
 
 
-def make_estimator(name: str, rate: float, measured_velocity: bool, settings: Settings | None = None) -> Estimator:
+def make_estimator(name: str, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> Estimator:
     """An estimator by its name.
 
     Raises:

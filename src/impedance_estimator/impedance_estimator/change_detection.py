@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from impedance_estimator.joint_regression import GAINS, UNKNOWNS, solve_with_prior, squared_residual, unpack_sums
+from impedance_estimator.joint_regression import GAINS, solve_with_prior, squared_residual, unpack_sums
 
 SHORTEST = 6
 """Blocks of the shortest window: 0.4 s, the length of a reflex response."""
@@ -34,22 +34,28 @@ def candidate_windows(longest: int) -> np.ndarray:
 
 @njit
 def split_statistic(
-    recent: np.ndarray, older: np.ndarray, together: np.ndarray, precision: np.ndarray, variance: float, work: np.ndarray, solution: np.ndarray
+    recent: np.ndarray,
+    older: np.ndarray,
+    together: np.ndarray,
+    precision: np.ndarray,
+    variance: float,
+    work: np.ndarray,
+    solution: np.ndarray,
 ) -> float:
     """D for one split.
 
     Args:
-        recent, older: normal matrices of both parts, shape (8, 8).
+        recent, older: normal matrices of both parts, shape (n, n).
         together: K, B, I, G of both parts together, shape (>= 4,).
         precision: of the prior around `together` that keeps short windows solvable, over the noise variance, shape (4,).
         variance: of the noise [N²m²].
-        work: shape (3, 8, 8), overwritten.
-        solution: shape (8,), overwritten.
+        work: shape (3, n, n), overwritten.
+        solution: shape (>= 4,), overwritten.
     """
     before = squared_residual(recent, GAINS, together) + squared_residual(older, GAINS, together)
     after = 0.0
     for part in (recent, older):
-        if not solve_with_prior(part, GAINS, precision, together, solution, work[0], work[1:]):
+        if np.isnan(solve_with_prior(part, GAINS, precision, together, solution, work[0], work[1:])):
             return 0.0
         after += squared_residual(part, GAINS, solution)
         for i in range(GAINS):
@@ -79,17 +85,17 @@ def find_change(
         newest: index of the newest block in the ring.
         length: blocks in the memory.
         windows: candidate lengths, rising.
-        total: normal matrix of the whole memory, shape (8, 8).
+        total: normal matrix of the whole memory, shape (n, n).
         tangent: of the linear problem, see `unpack_sums`.
         precision: shape (4,), 1 / (widest jump)² of K, B, I, G.
         samples: in one block.
-        matrices: shape (6, 8, 8), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3, 8); overwritten.
+        matrices: shape (6, n, n), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3, >= 4); overwritten.
     """
     best, largest = 0, 0.0
     recent, older = matrices[0], matrices[1]
     together, solution, prior = vectors[0], vectors[1], vectors[2]
     prior[:] = 1e-12
-    if not solve_with_prior(total, GAINS, prior, prior, together, matrices[3], matrices[4:]):
+    if np.isnan(solve_with_prior(total, GAINS, prior, prior, together, matrices[3], matrices[4:])):
         return best, largest
     sums[:] = 0.0
     taken = 0
@@ -102,14 +108,16 @@ def find_change(
                 sums[k] += block[k]
             taken += 1
         unpack_sums(sums, tangent, recent, projection)
-        for i in range(UNKNOWNS + 1):
-            for j in range(UNKNOWNS + 1):
+        for i in range(total.shape[0]):
+            for j in range(total.shape[0]):
                 older[i, j] = total[i, j] - recent[i, j]
         # The older part alone gives the noise: a change never enlarges it.
         prior[:] = 1e-12
-        if not solve_with_prior(older, GAINS, prior, prior, solution, matrices[3], matrices[4:]):
+        if np.isnan(solve_with_prior(older, GAINS, prior, prior, solution, matrices[3], matrices[4:])):
             continue
         variance = squared_residual(older, GAINS, solution) / ((length - window) * samples)
+        if not variance > 0.0:
+            continue
         for i in range(GAINS):
             prior[i] = variance * precision[i]
         d = split_statistic(recent, older, together, prior, variance, matrices[3:], solution)

@@ -14,8 +14,8 @@ from rich.table import Table
 
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
 from impedance_estimator.offline import OfflineResult, estimate_bag
-from impedance_estimator.settings import HIGHPASS_CHOICES
-from impedance_estimator.stream import compile_estimators
+from impedance_estimator.settings import HIGHPASS_CHOICES, describe
+from impedance_estimator.stream import compile_estimator
 
 _DIGITS = 4
 """Shown of each value; standard errors are a few per cent."""
@@ -25,7 +25,7 @@ def estimate(
     bag: Annotated[Path, typer.Argument(help="A bag with /ankle/samples.")],
     out: Annotated[Optional[Path], typer.Option("--out", "-o", help="Write /impedance/estimate and /impedance/reflex_irf there.")] = None,  # noqa: UP045
     algorithm: Annotated[str, typer.Option(help=f"One of {', '.join(ALGORITHMS)}.")] = DEFAULT,
-    highpass: Annotated[str, typer.Option(help=f"One of {', '.join(HIGHPASS_CHOICES)}.")] = HIGHPASS_CHOICES[0],
+    highpass: Annotated[Optional[str], typer.Option(help=f"CE, C and O: one of {', '.join(HIGHPASS_CHOICES)}.")] = None,  # noqa: UP045
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the bag at --out.")] = False,
 ) -> None:
     """Estimate K, B, I and G from a recorded bag and show their medians over the valid time.
@@ -36,12 +36,14 @@ def estimate(
     if algorithm not in ALGORITHMS:
         raise ValueError(f"algorithm '{algorithm}' is not known; allowed: {', '.join(ALGORITHMS)}")
     settings_type = ALGORITHMS[algorithm].settings_type
+    if highpass is not None and "highpass" not in describe(settings_type):
+        raise ValueError(f"algorithm '{algorithm}' has no --highpass")
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        bar.add_task("compiling (about 20 s the first time)", total=None)
-        compile_estimators()
+        bar.add_task("compiling (20 s the first time, joint two minutes)", total=None)
+        compile_estimator(algorithm)
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(f"{algorithm} on {bag.name}", total=1.0)
-        settings = settings_type(highpass=highpass)
+        settings = settings_type() if highpass is None else settings_type(highpass=highpass)  # type: ignore[call-arg]
         result = estimate_bag(bag, out, algorithm, settings, overwrite=overwrite, progress=lambda share: bar.update(task, completed=share))
     for note in result.notes:
         console.print(note, highlight=False)

@@ -14,7 +14,7 @@ from impedance_estimator.digital_filters import filter_state, weight_energy
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
 from impedance_estimator.reflex_response import decimation, lags
 from impedance_estimator.separation import ESTIMATES, INPUTS, VAF_MOMENTS, Plan, State, advance
-from impedance_estimator.settings import Settings
+from impedance_estimator.settings import EstimatorSettings, Settings
 
 LOWPASS_ORDER = 4
 """Of the filter on all inputs; the paper gives its cut-off only. Two differentiations raise white position noise by 12 dB an octave.
@@ -46,8 +46,13 @@ class CorrelationEstimator(Estimator):
     def averaging(order: int, cutoff: float, rate: float) -> np.ndarray:
         """Design of the averaging low-passes: sections, shape (k, 6), for a cut-off [Hz] at a sampling rate [Hz]."""
 
-    def __init__(self, rate: float, measured_velocity: bool, settings: Settings | None = None) -> None:
+    settings: Settings
+    settings_type = Settings
+
+    def __init__(self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> None:
         super().__init__(rate, measured_velocity, settings)
+        if not isinstance(self.settings, Settings):
+            raise ValueError(f"settings of type {type(self.settings).__name__} do not fit algorithm '{self.name}'; expected Settings")
         if self.input_lowpass and self.settings.lowpass_cutoff > 0.4 * rate:
             raise ValueError(
                 f"lowpass_cutoff = {self.settings.lowpass_cutoff:g} Hz is refused at {rate:g} Hz; allowed: at most {0.4 * rate:g} Hz"

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from impedance_estimator.settings import Settings
+from impedance_estimator.settings import EstimatorSettings
 
 ESTIMATE_COLUMNS = (
     "t[s]",
@@ -58,9 +58,9 @@ class Estimator(ABC):
     """Short name, as in the parameter ``algorithm``."""
     title: ClassVar[str]
     """What it is, in one line."""
-    settings_type: ClassVar[type[Settings]] = Settings
+    settings_type: ClassVar[type[EstimatorSettings]] = EstimatorSettings
 
-    def __init__(self, rate: float, measured_velocity: bool, settings: Settings | None = None) -> None:
+    def __init__(self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> None:
         if not LEAST_RATE <= rate <= LARGEST_RATE:
             raise ValueError(f"sampling rate {rate:g} Hz is refused; allowed: {LEAST_RATE:g} to {LARGEST_RATE:g} Hz")
         self.rate = rate

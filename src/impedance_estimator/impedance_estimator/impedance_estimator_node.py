@@ -17,7 +17,7 @@ from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
 from ankle_node.parameters import ParameterError, Value
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC, REFLEX_COLUMNS, REFLEX_TOPIC
 from impedance_estimator.parameters import PARAMETERS, WAIT_FOR_READERS, settings_from
-from impedance_estimator.stream import TOPIC, EstimateStream, compile_estimators
+from impedance_estimator.stream import TOPIC, EstimateStream, compile_estimator
 from sample_blocks.block import Block
 from sample_blocks.continuity import Finding
 
@@ -30,13 +30,16 @@ class ImpedanceEstimator(AnkleNode):
         self._values = {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
         self._stream = self._make_stream(self._values)
         self._reason: str | None = None
-        self.get_logger().info("compiling the estimators (about 20 s the first time)")
-        begin = time.monotonic()
-        compile_estimators()
+        self._compile()
         self._publish_estimate = self.block_publisher(ESTIMATE_TOPIC, ESTIMATE_COLUMNS)
         self._publish_response = self.block_publisher(REFLEX_TOPIC, REFLEX_COLUMNS)
-        self.get_logger().info(f"ready after {time.monotonic() - begin:.1f} s: {self._values['algorithm']}")
         self.when_read(ESTIMATE_TOPIC, int(self._values[WAIT_FOR_READERS.name]), self._subscribe)
+
+    def _compile(self) -> None:
+        algorithm, begin = str(self._values["algorithm"]), time.monotonic()
+        self.get_logger().info(f"compiling {algorithm} (20 s the first time, joint two minutes)")
+        compile_estimator(algorithm)
+        self.get_logger().info(f"{algorithm} ready after {time.monotonic() - begin:.1f} s")
 
     def _subscribe(self) -> None:
         # Velocity is optional, so the block is taken as it comes; the stream asks for the columns.
@@ -52,7 +55,10 @@ class ImpedanceEstimator(AnkleNode):
         changed = {**self._values, **values}
         if changed != self._values:
             self._stream = self._make_stream(changed)
+            another = changed["algorithm"] != self._values["algorithm"]
             self._values = changed
+            if another:
+                self._compile()
             self.get_logger().info(f"estimator starts anew: {', '.join(f'{name} = {value}' for name, value in values.items())}")
 
     def _receive(self, block: Block, findings: list[Finding]) -> None:

@@ -10,10 +10,12 @@ from impedance_estimator import reflex_shapes, validity, voluntary_torque_noise
 from impedance_estimator.change_detection import candidate_windows
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
 from impedance_estimator.gaussian_derivatives import gaussian_derivatives
-from impedance_estimator.joint_regression import UNKNOWNS
+from impedance_estimator.joint_fit import BATCH
+from impedance_estimator.joint_regression import GAINS, PARAMETERS
 from impedance_estimator.joint_settings import JointSettings
-from impedance_estimator.joint_stream import COUNTERS, ESTIMATES, Plan, State, advance
-from impedance_estimator.settings import Settings
+from impedance_estimator.joint_state import COUNTERS, Plan, State
+from impedance_estimator.joint_stream import ESTIMATES, advance
+from impedance_estimator.settings import EstimatorSettings
 
 SMOOTHING = 0.0015
 """[s] Standard deviation of the kernel: -3 dB at 88 Hz, well above the perturbation's 30-40 Hz. Wide enough that noise of
@@ -35,10 +37,10 @@ class Joint(Estimator):
     title = "joint regression, voluntary torque as coloured noise, memory that restarts with changes"
     settings_type = JointSettings
 
-    def __init__(self, rate: float, measured_velocity: bool, settings: Settings | None = None) -> None:
+    def __init__(self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> None:
         super().__init__(rate, measured_velocity, settings)
         if not isinstance(self.settings, JointSettings):
-            raise ValueError(f"settings of type {type(self.settings).__name__} do not fit; expected JointSettings")
+            raise ValueError(f"settings of type {type(self.settings).__name__} do not fit algorithm 'joint'; expected JointSettings")
         self._plan = self._make_plan(self.settings)
         self._samples = np.empty((CHUNK, self.sample_columns))
         self._rows = np.empty((CHUNK // self._plan.estimate_every + 1, ESTIMATES))
@@ -54,8 +56,10 @@ class Joint(Estimator):
         every = max(round(rate / DECIMATED_RATE), 1)
         slow = rate / every
         functions = reflex_shapes.basis(1.0 / slow)
+        whitening = voluntary_torque_noise.whitening_filters(slow)
         block_samples = round(BLOCK * slow)
         memory_blocks = max(round(s.memory * slow / block_samples), 1)
+        # After half the length of the basis 98 % of every reflex has come.
         settled = reflex_shapes.LENGTH / 2.0 + kernels.shape[1] / rate
         return Plan(
             rate=rate,
@@ -66,7 +70,10 @@ class Joint(Estimator):
             functions=np.ascontiguousarray(functions.T) / slow,
             basis=functions,
             lags=np.arange(functions.shape[1]) / slow,
-            whitening=voluntary_torque_noise.whitening_filters(slow),
+            area=functions.sum(axis=1) / slow,
+            typical=reflex_shapes.typical_coordinates(1.0 / slow),
+            whitening=whitening,
+            passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
             block_samples=block_samples,
             memory_blocks=memory_blocks,
             windows=candidate_windows(memory_blocks) if s.change_detection == "on" else np.zeros(0, dtype=np.int64),
@@ -82,6 +89,7 @@ class Joint(Estimator):
         p = self._plan
         count, lags = p.basis.shape
         size = count + 4
+        unknowns = PARAMETERS + count
         packed = size * (size + 1) // 2
         models = len(p.whitening)
         n = p.kernels.shape[1] // 2
@@ -97,20 +105,22 @@ class Joint(Estimator):
             whitened=np.zeros(size),
             filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, size)),
             sums=np.zeros((models, packed)),
-            ring=np.zeros((models, p.memory_blocks + 1, packed)),
+            ring=np.zeros((models, max(p.memory_blocks, BATCH * p.second) + 1, packed)),
             totals=np.zeros((models, packed)),
             eta=np.zeros((3, reflex_shapes.SHAPES)),
+            deviation=np.zeros((3, count)),
             tangent=np.zeros((count, 1 + reflex_shapes.SHAPES)),
             prior=np.zeros((2, 4)),
-            solution=np.zeros(UNKNOWNS + 1),
-            covariance=np.zeros((UNKNOWNS + 1, UNKNOWNS + 1)),
+            solution=np.zeros(unknowns),
+            covariance=np.zeros((unknowns, unknowns)),
+            output=np.zeros((2, GAINS)),
             response=np.zeros(count),
             likelihood=np.zeros(models),
-            scatter=np.ones(UNKNOWNS),
+            scatter=np.ones(GAINS),
             estimate=estimate,
             valid_response=np.full(count, np.nan),
-            matrices=np.zeros((7, UNKNOWNS + 1, UNKNOWNS + 1)),
-            vectors=np.zeros((4, UNKNOWNS + 1)),
+            matrices=np.zeros((7, unknowns + 1, unknowns + 1)),
+            vectors=np.zeros((4, unknowns)),
             projection=np.zeros((size, size + 4)),
             packed=np.zeros(packed),
             shape_work=np.zeros((2, lags)),

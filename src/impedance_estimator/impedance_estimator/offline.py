@@ -10,7 +10,7 @@ import numpy as np
 
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC, REFLEX_COLUMNS, REFLEX_TOPIC
-from impedance_estimator.settings import Settings
+from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.stream import TOPIC, Estimates, EstimateStream
 from sample_blocks.block import Block
 from sample_blocks.errors import BlockError
@@ -55,7 +55,7 @@ def estimate_signal(
     velocity: np.ndarray | None,
     torque: np.ndarray,
     algorithm: str = DEFAULT,
-    settings: Settings | None = None,
+    settings: EstimatorSettings | None = None,
 ) -> OfflineResult:
     """Estimates from arrays of shape (n,): time [s], position [rad], velocity [rad/s] or None, torque [N.m].
 
@@ -76,7 +76,7 @@ def estimate_bag(
     bag: Path | str,
     out: Path | str | None = None,
     algorithm: str = DEFAULT,
-    settings: Settings | None = None,
+    settings: EstimatorSettings | None = None,
     *,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,

@@ -9,7 +9,7 @@ from typing import Any
 
 from ankle_node.parameters import Parameter, Value
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
-from impedance_estimator.settings import Settings, describe
+from impedance_estimator.settings import EstimatorSettings, describe
 
 _TITLES = "; ".join(f"{name}: {estimator.title}" for name, estimator in ALGORITHMS.items())
 
@@ -48,7 +48,7 @@ PARAMETERS = (
 )
 
 
-def settings_from(values: dict[str, Value]) -> Settings:
+def settings_from(values: dict[str, Value]) -> EstimatorSettings:
     """Settings of the algorithm that `values` names, from parameter values by name.
 
     Parameters at their declared default are left to the algorithm, whose own default may differ; so a node with untouched

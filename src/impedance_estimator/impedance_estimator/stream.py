@@ -7,13 +7,12 @@ came. So the result is a function of the samples alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
-from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
+from impedance_estimator.algorithms import DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
-from impedance_estimator.settings import Settings
+from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.validity import RATE_WINDOW
 from sample_blocks.block import Block, require_columns
 from sample_blocks.continuity import sampling_rate
@@ -66,7 +65,7 @@ class EstimateStream:
         ValueError: an unknown algorithm, or settings of another one.
     """
 
-    def __init__(self, algorithm: str = DEFAULT, settings: Settings | None = None) -> None:
+    def __init__(self, algorithm: str = DEFAULT, settings: EstimatorSettings | None = None) -> None:
         self.algorithm = algorithm
         self.settings = make_estimator(algorithm, 1000.0, True, settings).settings
         self.estimator: Estimator | None = None
@@ -140,9 +139,9 @@ class EstimateStream:
         return samples[used:]
 
 
-def compile_estimators() -> None:
-    """Compile, or load from the cache on disk, everything that an estimator needs, for samples with and without velocity."""
-    for algorithm, measured_velocity in product(ALGORITHMS, (True, False)):
+def compile_estimator(algorithm: str) -> None:
+    """Compile, or load from the cache on disk, everything that an algorithm needs, for samples with and without velocity."""
+    for measured_velocity in (True, False):
         stream = EstimateStream(algorithm)
         samples = np.zeros((2 * RATE_WINDOW, 4 if measured_velocity else 3))
         samples[:, 0] = np.arange(len(samples)) / 1000.0

@@ -22,10 +22,10 @@ import numpy as np
 from numba import njit
 from scipy import signal
 
-NOISE_MODELS = ((0.3, 2), (1.0, 2), (3.0, 2), (0.6, 4), (1.1, 4), (1.9, 4), (3.3, 4), (5.8, 4))
+NOISE_MODELS = ((0.3, 2), (0.7, 2), (1.5, 2), (3.0, 2), (0.6, 4), (1.1, 4), (1.9, 4), (3.3, 4))
 """Corner [Hz] and order p of each. Lower corners gain nothing: a perturbation response lasts 0.5-0.7 s. Higher ones leave too
 little of the reflex, which has its power below 4 Hz. Order 2 is torque with white acceleration; order 4 a sharp end."""
-FIRST_MODEL = 6
+FIRST_MODEL = 7
 """Until data have chosen: too high a corner costs precision, too low a one takes voluntary torque for changes of the ankle."""
 SECTIONS = 2
 """Second-order sections of every filter."""
@@ -40,6 +40,11 @@ def whitening_filters(rate: float) -> np.ndarray:
         sections[:, :3] /= sections[:, :1]
         filters[model, : len(sections)] = sections
     return filters
+
+
+def passband_gain(sections: np.ndarray) -> float:
+    """Gain of a high-pass at half the sampling rate."""
+    return float(np.prod([(b0 - b1 + b2) / (1.0 - a1 + a2) for b0, b1, b2, _, a1, a2 in sections]))
 
 
 @njit

@@ -20,7 +20,6 @@ from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
 
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
-QUICK = Settings(settling_time=3.0)
 
 
 def blocks_of(samples, size=32, columns=COLUMNS):
@@ -44,8 +43,8 @@ def samples(minute):
     return np.delete(samples, slice(7 * 2048, 7 * 2048 + 50), axis=0)
 
 
-def feed(blocks, algorithm="CE", chosen=QUICK):
-    stream = EstimateStream(algorithm, chosen)
+def feed(blocks, algorithm="CE", chosen=None):
+    stream = EstimateStream(algorithm, chosen or ALGORITHMS[algorithm].settings_type(settling_time=3.0))
     results = [stream.feed(block) for block in blocks]
     rows = np.concatenate([result.rows for result in results])
     return rows, [response for result in results for response in result.responses]
@@ -75,7 +74,7 @@ def test_rows_come_at_fixed_sample_counts(samples):
 
 
 def test_reset_forgets_everything(samples):
-    estimator = make_estimator("CE", 2048.0, True, QUICK)
+    estimator = make_estimator("CE", 2048.0, True, Settings(settling_time=3.0))
     first = estimator.process(samples)
     estimator.reset()
     assert estimator.reason
@@ -86,7 +85,7 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     rows, responses = feed(blocks_of(samples))
     bag = write_bag(tmp_path / "session", blocks_of(samples))
     told = []
-    result = estimate_bag(bag, tmp_path / "estimates", settings=QUICK, progress=told.append)
+    result = estimate_bag(bag, tmp_path / "estimates", settings=Settings(settling_time=3.0), progress=told.append)
     np.testing.assert_array_equal(result.rows, rows)
     assert told
     assert told == sorted(told)
@@ -97,14 +96,14 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     assert written_responses[-1].columns == REFLEX_COLUMNS
     np.testing.assert_array_equal(written_responses[-1].data, responses[-1][1])
     with pytest.raises(BagError, match="is there already"):
-        estimate_bag(bag, tmp_path / "estimates", settings=QUICK)
-    estimate_bag(bag, tmp_path / "estimates", settings=QUICK, overwrite=True)
+        estimate_bag(bag, tmp_path / "estimates", settings=Settings(settling_time=3.0))
+    estimate_bag(bag, tmp_path / "estimates", settings=Settings(settling_time=3.0), overwrite=True)
 
 
 def test_arrays_give_what_the_bag_gives(samples, tmp_path):
     bag = write_bag(tmp_path / "session", blocks_of(samples))
-    from_bag = estimate_bag(bag, settings=QUICK)
-    from_arrays = estimate_signal(*samples.T, settings=QUICK)
+    from_bag = estimate_bag(bag, settings=Settings(settling_time=3.0))
+    from_arrays = estimate_signal(*samples.T, settings=Settings(settling_time=3.0))
     np.testing.assert_array_equal(from_bag.rows, from_arrays.rows)
     np.testing.assert_array_equal(from_bag.torques, from_arrays.torques)
 
@@ -112,7 +111,7 @@ def test_arrays_give_what_the_bag_gives(samples, tmp_path):
 def test_degrees_and_millinewton_metres_are_converted(samples, tmp_path):
     converted = samples * [1.0, 180 / np.pi, 180 / np.pi, 1e3]
     columns = ("t[s]", "position[deg]", "velocity[deg/s]", "torque[mN.m]")
-    result = estimate_bag(write_bag(tmp_path / "session", blocks_of(converted, columns=columns)), settings=QUICK)
+    result = estimate_bag(write_bag(tmp_path / "session", blocks_of(converted, columns=columns)), settings=Settings(settling_time=3.0))
     expected, _ = feed(blocks_of(samples))
     np.testing.assert_allclose(result.rows, expected, rtol=1e-6)
 
@@ -120,7 +119,7 @@ def test_degrees_and_millinewton_metres_are_converted(samples, tmp_path):
 def test_a_refused_block_is_reported_and_the_rest_used(samples, tmp_path):
     blocks = blocks_of(samples)
     blocks[300] = Block(("t[s]", "position[rad]", "velocity[rad/s]", "torque[V]"), blocks[300].data)
-    result = estimate_bag(write_bag(tmp_path / "session", blocks), settings=QUICK)
+    result = estimate_bag(write_bag(tmp_path / "session", blocks), settings=Settings(settling_time=3.0))
     assert any("torque comes in 'V', expected N.m" in note for note in result.notes)
     assert result.rows[-1, 7] == 1.0
 
@@ -155,6 +154,6 @@ def test_cut_off_bag_is_estimated_up_to_the_cut_and_told(samples, tmp_path):
     bag = write_bag(tmp_path / "session", blocks_of(samples))
     file: Path = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: file.stat().st_size - 40])
-    result = estimate_bag(bag, settings=QUICK)
+    result = estimate_bag(bag, settings=Settings(settling_time=3.0))
     assert result.notes
     assert len(result.rows) > 0

@@ -1,0 +1,69 @@
+"""The memory: sums of products of the whitened signals, block by block, in a ring; one ring for each noise model."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from impedance_estimator.joint_regression import unpack_sums
+from impedance_estimator.joint_state import Plan, State
+
+
+@njit
+def accumulate(sums: np.ndarray, u: np.ndarray) -> None:
+    k = 0
+    for i in range(u.shape[0]):
+        a = u[i]
+        for j in range(i, u.shape[0]):
+            sums[k] += a * u[j]
+            k += 1
+
+
+@njit
+def sum_memory(s: State, model: int) -> None:
+    """The total of one model anew from its blocks."""
+    c = s.counters[0]
+    total, ring = s.totals[model], s.ring[model]
+    total[:] = 0.0
+    for back in range(c.length):
+        block = ring[(c.newest - back) % ring.shape[0]]
+        for k in range(total.shape[0]):
+            total[k] += block[k]
+
+
+@njit
+def store_block(p: Plan, s: State) -> None:
+    c = s.counters[0]
+    capacity = s.ring.shape[1]
+    c.newest = (c.newest + 1) % capacity
+    full = c.length == p.memory_blocks
+    for model in range(s.ring.shape[0]):
+        if full:
+            oldest = s.ring[model, (c.newest - p.memory_blocks) % capacity]
+            for k in range(oldest.shape[0]):
+                s.totals[model, k] -= oldest[k]
+        for k in range(s.sums.shape[1]):
+            s.totals[model, k] += s.sums[model, k]
+            s.ring[model, c.newest, k] = s.sums[model, k]
+    if not full:
+        c.length += 1
+    s.sums[:] = 0.0
+    c.filled = 0
+    c.blocks += 1
+    # Adding and subtracting gathers rounding errors; one model after the other is summed anew.
+    again = c.blocks % (8 * s.ring.shape[0])
+    if again < s.ring.shape[0]:
+        sum_memory(s, again)
+
+
+@njit
+def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray) -> None:
+    """Sums of products of the newest blocks under a noise model."""
+    c = s.counters[0]
+    ring = s.ring[model]
+    s.packed[:] = 0.0
+    for back in range(blocks):
+        block = ring[(c.newest - back) % ring.shape[0]]
+        for k in range(block.shape[0]):
+            s.packed[k] += block[k]
+    unpack_sums(s.packed, s.tangent, normal, s.projection)

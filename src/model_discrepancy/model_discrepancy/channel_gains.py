@@ -1,0 +1,87 @@
+"""Gain and lag of one channel against another that measures the same movement: named as findings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model_discrepancy.motion import low_pass
+from model_discrepancy.recording import Recording
+
+# Encoders and amplifiers are calibrated to better than this; three standard errors are asked for as well.
+LEAST_GAIN_ERROR = 0.03
+LEAST_LAG_S = 0.001
+
+
+@dataclass(frozen=True)
+class ChannelFinding:
+    """A channel that disagrees with another one.
+
+    Attributes:
+        name: ``velocity_gain``, ``velocity_lag`` or ``position_gain``.
+        value, error: gain [1] or lag [s] with its standard error.
+        sentence: in plain words with the number.
+    """
+
+    name: str
+    value: float
+    error: float
+    sentence: str
+
+
+def channel_findings(recording: Recording) -> list[ChannelFinding]:
+    """Findings from velocity against position, and position against the reference, where they were recorded."""
+    found = []
+    if recording.velocity is not None:
+        gain, gain_error, lag, lag_error = _gain_and_lag(recording.position, recording.velocity, recording.rate, derivative=True)
+        if abs(gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
+            found.append(
+                ChannelFinding("velocity_gain", gain, gain_error, f"The velocity channel reads {gain:.3f} times the true velocity.")
+            )
+        if abs(lag) > max(LEAST_LAG_S, 3 * lag_error):
+            word = "late" if lag > 0 else "early"
+            found.append(ChannelFinding("velocity_lag", lag, lag_error, f"The velocity channel is {1000 * abs(lag):.1f} ms {word}."))
+    if recording.reference is not None and np.std(recording.reference) > 0:
+        gain, gain_error = _static_gain(recording)
+        if abs(gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
+            found.append(
+                ChannelFinding(
+                    "position_gain", gain, gain_error, f"Held positions read {gain:.3f} times the commanded ones: a gain error of position."
+                )
+            )
+    return found
+
+
+def _gain_and_lag(x: np.ndarray, y: np.ndarray, rate: float, derivative: bool) -> tuple[float, float, float, float]:
+    """Gain and lag of y against x (or its derivative) from the cross-spectrum in 1-25 Hz, with standard errors over ten parts."""
+    parts = np.array_split(np.arange(len(x)), 10)
+    gains, lags = [], []
+    for part in parts:
+        window = np.hanning(len(part))
+        f = np.fft.rfftfreq(len(part), 1.0 / rate)
+        inside = (f > 1.0) & (f < 25.0)
+        fx = np.fft.rfft((x[part] - x[part].mean()) * window)[inside] * (2j * np.pi * f[inside] if derivative else 1.0)
+        fy = np.fft.rfft((y[part] - y[part].mean()) * window)[inside]
+        cross = fy * np.conj(fx)
+        # The lag is the slope of the phase, each frequency weighted by its power.
+        weight = np.abs(cross) * f[inside]
+        lag = -float(np.sum(weight * np.angle(cross)) / np.sum(weight * 2 * np.pi * f[inside]))
+        gains.append(float(np.real(np.sum(cross * np.exp(2j * np.pi * f[inside] * lag))) / np.sum(np.abs(fx) ** 2)))
+        lags.append(lag)
+    root = np.sqrt(len(parts))
+    return float(np.mean(gains)), float(np.std(gains) / root), float(np.mean(lags)), float(np.std(lags) / root)
+
+
+def _static_gain(recording: Recording) -> tuple[float, float]:
+    """Position per reference below 2 Hz, where any actuator follows, with a standard error over ten parts."""
+    reference = recording.reference
+    assert reference is not None
+    gains = []
+    for part in np.array_split(np.arange(len(reference)), 10):
+        f = np.fft.rfftfreq(len(part), 1.0 / recording.rate)
+        window = np.hanning(len(part))
+        r, x = (np.fft.rfft((s[part] - s[part].mean()) * window) * low_pass(f, 2.0, 8) for s in (reference, recording.position))
+        if np.sum(np.abs(r) ** 2) > 0:
+            gains.append(float(np.abs(np.sum(x * np.conj(r))) / np.sum(np.abs(r) ** 2)))
+    return float(np.mean(gains)), float(np.std(gains) / np.sqrt(len(gains)))

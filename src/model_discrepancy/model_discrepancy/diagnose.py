@@ -1,0 +1,176 @@
+"""The whole diagnosis of one recording: checks, base fit, search, map, ceiling, verdict, report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ankle_physics.model import PAPER_TERMS, Model
+from model_discrepancy.ceiling import ceiling_vaf
+from model_discrepancy.channel_gains import ChannelFinding, channel_findings
+from model_discrepancy.columns import Columns
+from model_discrepancy.effect_size import size_of
+from model_discrepancy.evaluation import HeldOut, held_out
+from model_discrepancy.fit import Fit, Fitter
+from model_discrepancy.generic_bank import GenericBank, Remainder
+from model_discrepancy.halves import interleaved
+from model_discrepancy.locate import ResidualMap, residual_map
+from model_discrepancy.motion import motion_of
+from model_discrepancy.recording import Recording
+from model_discrepancy.recording_checks import faults
+from model_discrepancy.report import write_report
+from model_discrepancy.rows import Rows
+from model_discrepancy.search import Found, Progress, fit_base, place_of, search
+from model_discrepancy.verdict import (
+    Verdict,
+    alternatives,
+    bias,
+    channel_entry,
+    effect_entry,
+    kind,
+    separating_measurements,
+    to_model,
+)
+
+
+@dataclass
+class Diagnosis:
+    """Everything that a diagnosis found; `verdict` alone where the recording is bad."""
+
+    recording: Recording
+    verdict: Verdict
+    fitter: Fitter | None = None
+    found: Found | None = None
+    base_map: ResidualMap | None = None
+    final_map: ResidualMap | None = None
+    base_held_out: HeldOut | None = None
+    final_held_out: HeldOut | None = None
+    before: Remainder | None = None
+    after: Remainder | None = None
+    ceiling: tuple[float, float] = (float("nan"), float("nan"))
+
+
+def diagnose(
+    source: Recording | str | Path,
+    out: str | Path | None = None,
+    model: str | Path | Model | None = None,
+    library: Sequence[str] | None = None,
+    progress: Progress = lambda _: None,
+) -> Diagnosis:
+    """Diagnose a recording or a bag.
+
+    Args:
+        source: a recording, or a bag's path.
+        out: folder for ``verdict.json``, ``model.yaml`` and ``report.html``; None writes nothing.
+        model: a model (or its file) that replaces the paper's as the baseline.
+        library: terms that may be named; None for all.
+        progress: called with one line for each step.
+
+    Raises:
+        BagError, DiagnosisError: no such recording.
+        ModelError: the model cannot be read.
+    """
+    progress("reading")
+    recording = source if isinstance(source, Recording) else Recording.from_bag(source)
+    baseline = Model.load(model) if isinstance(model, str | Path) else model
+    progress("checking the channels")
+    reasons = faults(recording)
+    if reasons:
+        diagnosis = Diagnosis(recording, Verdict("bad_recording", reasons=reasons))
+    else:
+        diagnosis = _diagnose(recording, baseline, library, progress)
+    diagnosis.verdict.reasons += list(recording.notes)
+    if out is not None:
+        progress("writing the report")
+        folder = Path(out)
+        folder.mkdir(parents=True, exist_ok=True)
+        diagnosis.verdict.save(folder / "verdict.json")
+        if diagnosis.found is not None:
+            to_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(folder / "model.yaml")
+        write_report(diagnosis, folder / "report.html")
+    return diagnosis
+
+
+def _diagnose(recording: Recording, baseline: Model | None, library: Sequence[str] | None, progress: Progress) -> Diagnosis:
+    channels = channel_findings(recording)
+    # A velocity channel that disagrees with position would spoil the motion that both are merged into.
+    trusted = replace(recording, velocity=None) if any(c.name.startswith("velocity") for c in channels) else recording
+    motion = motion_of(trusted)
+    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    terms = PAPER_TERMS if baseline is None else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
+    base = fit_base(fitter, terms, progress)
+    bank = GenericBank(fitter.columns)
+    parts = interleaved(fitter.rows)
+    before = bank.remainder(fitter, base.residual, base.plain, parts)
+    base_map = residual_map(fitter.columns, base)
+    found = search(fitter, base, library, progress)
+    progress("scoring on unseen data")
+    after = bank.remainder(fitter, found.final.residual, found.final.plain, parts)
+    final_map = residual_map(fitter.columns, found.final)
+    base_scored = held_out(motion, base)
+    final_scored = held_out(motion, found.final) if found.effects else base_scored
+    ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
+    verdict = _conclude(fitter, found, after, channels, base_map, base_scored, final_scored, ceiling, baseline)
+    return Diagnosis(recording, verdict, fitter, found, base_map, final_map, base_scored, final_scored, before, after, ceiling)
+
+
+def _conclude(
+    fitter: Fitter,
+    found: Found,
+    after: Remainder,
+    channels: list[ChannelFinding],
+    base_map: ResidualMap,
+    base: HeldOut,
+    final: HeldOut,
+    ceiling: tuple[float, float],
+    baseline: Model | None,
+) -> Verdict:
+    word, closed = kind(found, after, channels)
+    effects = [
+        effect_entry(effect, found.final, size_of(fitter, found.final, effect.trial.name, base_map.onsets), closed)
+        for effect in found.effects
+    ]
+    effects += [channel_entry(c) for c in channels]
+    reasons = separating_measurements(effects)
+    reasons += [f"{name} ended at the bound of its range" for name in found.final.at_bounds]
+    reasons += [f"base model: {name} ran into its bound, a sign that it hides something else" for name in found.base.at_bounds]
+    reasons.append(f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened residual on unseen data")
+    if word == "unexplained":
+        strongest = max(after.by_input, key=lambda key: after.by_input[key])
+        reasons.append(
+            f"no term of the library explains it; regressors of {strongest} predict most of it ({100 * after.by_input[strongest]:.0f} %)"
+        )
+    if baseline is not None:
+        reasons.append(_given_model(fitter, baseline))
+    fit = {
+        "baseline_vaf_holdout": round(base.vaf, 2),
+        "augmented_vaf_holdout": round(final.vaf, 2),
+        "ceiling_vaf": round(0.5 * sum(ceiling), 2),
+        "ceiling_vaf_interval": [round(c, 2) for c in ceiling],
+        "baseline_vaf_both_ways": [round(v, 2) for v in base.both],
+        "augmented_vaf_both_ways": [round(v, 2) for v in final.both],
+        "whitened_error_cut": round(1.0 - found.final.score / found.base_score, 4),
+        "gap_closed": None if np.isnan(closed) else round(closed, 3),
+        "remaining_predictable_share": round(max(after.share, 0.0), 4),
+    }
+    place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)
+    localisation = base_map.summary(place) if word != "no_mismatch" else {}
+    return Verdict(word, effects, localisation, fit, alternatives(found), reasons, bias(found.base, found.final))
+
+
+def _likely_place(after: Remainder) -> str:
+    """Where an unexplained mismatch probably sits, from the inputs that predict it."""
+    strongest = max(after.by_input, key=lambda key: after.by_input[key])
+    return "reflex dynamics" if "rectified" in strongest else "torque sensor" if strongest == "acceleration" else "intrinsic"
+
+
+def _given_model(fitter: Fitter, baseline: Model) -> str:
+    """How the given model does without any refit."""
+    values: dict[str, dict[str, float]] = {e.term.name: dict(e.values) for e in baseline.entries if e.term.name != "voluntary_torque"}
+    given: Fit = fitter.evaluate(values)
+    used = fitter.rows.used
+    share = 1.0 - float(np.var(given.plain[used]) / np.var(fitter.plain_target[used]))
+    return f"the given model as it stands explains {100 * share:.1f} % of the torque's variance; refitted it is the baseline"

@@ -1,0 +1,5 @@
+"""Errors of the diagnosis. Each message names the value, its unit and the allowed range."""
+
+
+class DiagnosisError(ValueError):
+    """A recording or a request that cannot be diagnosed at all (a bad recording is a verdict, not an error)."""

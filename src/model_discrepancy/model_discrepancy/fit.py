@@ -1,0 +1,309 @@
+"""Fit of a list of terms to a recording by variable projection (Golub & Pereyra 2003, Inverse Problems 19, R1).
+
+For given nonlinear parameters the linear ones follow from bounded least squares, so that only the
+nonlinear ones are searched; physical signs and ranges hold inside the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.term import Parameter, term_library
+from model_discrepancy.columns import Column, Columns
+
+Start = Mapping[str, Mapping[str, float]]
+Spectra = Mapping[Column, np.ndarray]
+# Step of numerical derivatives and width of "at the bound", in units of the scaled range 0...1.
+_STEP = 1e-4
+_AT_BOUND = 2e-3
+# Ranges that span more than this ratio are searched on a logarithmic scale.
+_LOG_RATIO = 8.0
+
+
+@dataclass
+class Fit:
+    """A fitted model.
+
+    Attributes:
+        values: every parameter by term and symbol.
+        errors: standard errors of the fitted ones, likewise.
+        residual: whitened residual, shape (rows.count,), of all rows whatever was fitted.
+        plain: plain residual [N.m], shape (rows.count,).
+        score: sum of squares of the whitened residual over the fitted rows.
+        size: number of fitted parameters.
+        at_bounds: "term.symbol" of parameters that ended at a bound.
+    """
+
+    values: dict[str, dict[str, float]]
+    residual: np.ndarray
+    plain: np.ndarray
+    score: float
+    size: int
+    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    at_bounds: tuple[str, ...] = ()
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the model's terms."""
+        return tuple(self.values)
+
+
+def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
+    """The nonlinear fitted parameters of these terms, with the term's name."""
+    return [(name, p) for name in names for p in term_library()[name].parameters if p.fitted and not p.linear]
+
+
+def to_unit(parameter: Parameter, value: float) -> float:
+    """A parameter on the scale 0...1 of its range."""
+    if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
+        return float(np.log(value / parameter.lower) / np.log(parameter.upper / parameter.lower))
+    return (value - parameter.lower) / (parameter.upper - parameter.lower)
+
+
+def from_unit(parameter: Parameter, unit: float) -> float:
+    """Inverse of `to_unit`; values outside 0...1 are brought to the bounds."""
+    unit = min(max(unit, 0.0), 1.0)
+    if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
+        return float(parameter.lower * (parameter.upper / parameter.lower) ** unit)
+    return parameter.lower + unit * (parameter.upper - parameter.lower)
+
+
+class Fitter:
+    """Fits models to one recording.
+
+    Args:
+        columns: of the recording.
+    """
+
+    def __init__(self, columns: Columns) -> None:
+        self.columns = columns
+        self.rows = columns.rows
+        self.plain_target = self.rows.plain(columns.target)
+        self._refresh()
+
+    def whiten_by(self, fit: Fit) -> None:
+        """Whiten by this fit's residual from now on."""
+        self.rows.whiten_by(fit.plain)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self.target = self.rows.whitened(self.columns.target)
+
+    def start_values(self, names: Sequence[str], start: Start | None = None) -> dict[str, dict[str, float]]:
+        """Typical values of these terms, conventions set, overridden by `start` where it has the term."""
+        values = {}
+        for name in names:
+            values[name] = {p.symbol: p.typical for p in term_library()[name].parameters} | self.columns.convention(name)
+            if start and name in start:
+                values[name] |= start[name]
+        return values
+
+    def fit(self, names: Sequence[str], start: Start | None = None, mask: np.ndarray | None = None, evaluations: int = 40) -> Fit:
+        """Fit these terms from one start.
+
+        Args:
+            names: terms.
+            start: values to begin with, by term.
+            mask: rows to fit, bool, shape (rows.count,); None for all that are usable.
+            evaluations: of the residual at most.
+        """
+        mask = self.rows.used if mask is None else mask & self.rows.used
+        values = self.start_values(names, start)
+        free = nonlinear(names)
+        if free:
+            for _ in range(self._passes(values)):
+                problem = _Projection(self, values, free, mask)
+                first = np.array([min(max(to_unit(p, values[name][p.symbol]), 2 * _STEP), 1 - 2 * _STEP) for name, p in free])
+                found = least_squares(
+                    problem.residual,
+                    first,
+                    jac=problem.jacobian,
+                    bounds=(0.0, 1.0),
+                    x_scale=1.0,
+                    max_nfev=evaluations,
+                    ftol=1e-5,
+                    xtol=1e-4,
+                )
+                values = self.solve(problem.values_at(found.x), mask).values
+        return self.solve(values, mask)
+
+    def _passes(self, values: Start) -> int:
+        """A fixation filters by the foot's own impedance, which is known only after a fit; then it takes several."""
+        return 3 if any(issubclass(term_library()[name], CompliantCoupling) for name in values) else 1
+
+    def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:
+        """The fit with these nonlinear parameters; only the linear ones are solved for."""
+        mask = self.rows.used if mask is None else mask & self.rows.used
+        spectra = self.columns.spectra(values)
+        order = list(spectra)
+        matrix = np.column_stack([self.rows.whitened(spectra[c]) for c in order])
+        amplitudes = bounded(matrix[mask], self.target[mask], [_linear(c) for c in order])
+        total = sum((a * spectra[c] for a, c in zip(amplitudes, order, strict=True)), np.zeros_like(self.columns.target))
+        residual = self.target - self.rows.whitened(total)
+        filled = {name: dict(given) for name, given in values.items()}
+        for amplitude, (name, symbol) in zip(amplitudes, order, strict=True):
+            filled[name][symbol] = float(amplitude)
+        free = nonlinear(list(values))
+        size = len(free) + len(order)
+        return Fit(
+            filled,
+            residual,
+            self.plain_target - self.rows.plain(total),
+            float(residual[mask] @ residual[mask]),
+            size,
+            at_bounds=_bounds(filled),
+        )
+
+    def evaluate(self, values: Start) -> Fit:
+        """The model with all of these values, linear ones too, without fitting anything."""
+        spectra = self.columns.spectra(values)
+        total = sum((values[name][symbol] * s for (name, symbol), s in spectra.items()), np.zeros_like(self.columns.target))
+        residual = self.target - self.rows.whitened(total)
+        used = self.rows.used
+        return Fit(
+            {n: dict(v) for n, v in values.items()},
+            residual,
+            self.plain_target - self.rows.plain(total),
+            float(residual[used] @ residual[used]),
+            0,
+        )
+
+    def derivatives(self, fit: Fit) -> tuple[np.ndarray, list[Column]]:
+        """Whitened columns and derivatives by the nonlinear parameters per unit of the scaled range, shape (count, size)."""
+        spectra = self.columns.spectra(fit.values)
+        blocks = [self.rows.whitened(s) for s in spectra.values()]
+        labels: list[Column] = list(spectra)
+        for name, parameter in nonlinear(fit.terms):
+            blocks.append(self.slope(fit.values, name, parameter))
+            labels.append((name, parameter.symbol))
+        return np.column_stack(blocks), labels
+
+    def slope(self, values: Start, name: str, parameter: Parameter, here: Spectra | None = None) -> np.ndarray:
+        """Whitened derivative of the model torque by a nonlinear parameter per unit of its scaled range, shape (count,).
+
+        Central difference; one-sided, at half the time, where the columns at `values` are passed as `here`.
+        """
+        unit = to_unit(parameter, values[name][parameter.symbol])
+        low, high = max(unit - _STEP, 0.0), min(unit + _STEP, 1.0)
+        if here is not None:
+            low, high = (unit, high) if high > unit else (low, unit)
+        total = np.zeros_like(self.columns.target)
+        for sign, place in ((1.0, high), (-1.0, low)):
+            spectra = here if here is not None and place == unit else self.columns.spectra(_moved(values, name, parameter, place))
+            for (n, symbol), spectrum in spectra.items():
+                total = total + sign * values[n][symbol] * spectrum
+        return self.rows.whitened(total) / (high - low)
+
+    def with_errors(self, fit: Fit) -> Fit:
+        """The same fit with standard errors from the whitened rows, parameters at bounds held."""
+        matrix, labels = self.derivatives(fit)
+        used = self.rows.used
+        held = set(fit.at_bounds)
+        free = [k for k, (name, symbol) in enumerate(labels) if f"{name}.{symbol}" not in held]
+        part = matrix[used][:, free]
+        scale = np.linalg.norm(part, axis=0)
+        scale[scale == 0] = 1.0
+        information = (part / scale).T @ (part / scale)
+        variance = fit.score / max(int(used.sum()) - len(free), 1)
+        covariance = np.diag(np.linalg.pinv(information, rcond=1e-12, hermitian=True)) * variance / scale**2
+        errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
+        for k, spread in zip(free, np.sqrt(np.maximum(covariance, 0.0)), strict=True):
+            name, symbol = labels[k]
+            parameter = term_library()[name].parameter(symbol)
+            errors[name][symbol] = float(spread * (1.0 if parameter.linear else _stretch(parameter, fit.values[name][symbol])))
+        fit.errors = errors
+        return fit
+
+
+class _Projection:
+    """Residual and Jacobian after the linear parameters are eliminated (Kaufman's approximation)."""
+
+    def __init__(self, fitter: Fitter, values: dict[str, dict[str, float]], free: list[tuple[str, Parameter]], mask: np.ndarray) -> None:
+        self._fitter, self._values, self._free, self._mask = fitter, values, free, mask
+        self._at: np.ndarray | None = None
+
+    def values_at(self, units: np.ndarray) -> dict[str, dict[str, float]]:
+        values = {name: dict(given) for name, given in self._values.items()}
+        for (name, parameter), unit in zip(self._free, units, strict=True):
+            values[name][parameter.symbol] = from_unit(parameter, float(unit))
+        return values
+
+    def residual(self, units: np.ndarray) -> np.ndarray:
+        self._fit = self._fitter.solve(self.values_at(units), self._mask)
+        self._at = units.copy()
+        return self._fit.residual[self._mask]
+
+    def jacobian(self, units: np.ndarray) -> np.ndarray:
+        if self._at is None or not np.array_equal(units, self._at):
+            self.residual(units)
+        values = self._fit.values
+        spectra = self._fitter.columns.spectra(values)
+        slopes = np.column_stack([self._fitter.slope(values, name, p, spectra) for name, p in self._free])[self._mask]
+        # Columns at a bound do not follow, so they are not projected out.
+        inside = [s for (n, symbol), s in spectra.items() if f"{n}.{symbol}" not in self._fit.at_bounds]
+        if inside:
+            basis = orthonormal(np.column_stack([self._fitter.rows.whitened(s) for s in inside])[self._mask])
+            slopes = slopes - basis @ (basis.T @ slopes)
+        return -slopes
+
+
+def _moved(values: Start, name: str, parameter: Parameter, unit: float) -> dict[str, dict[str, float]]:
+    """The values with one parameter at another place of its scaled range."""
+    moved = {n: dict(v) for n, v in values.items()}
+    moved[name][parameter.symbol] = from_unit(parameter, unit)
+    return moved
+
+
+def orthonormal(matrix: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the columns' span, shape (n, rank)."""
+    scale = np.linalg.norm(matrix, axis=0)
+    kept = matrix[:, scale > 0] / scale[scale > 0]
+    eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
+    large = eigenvalues > 1e-10 * eigenvalues[-1]
+    return kept @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
+
+
+def bounded(matrix: np.ndarray, target: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
+    """Least-squares amplitudes within the parameters' ranges, shape (p,)."""
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0] = 1.0
+    scaled = matrix / scale
+    gram = scaled.T @ scaled
+    gram[np.diag_indices_from(gram)] += 1e-10
+    factor = np.linalg.cholesky(gram).T
+    right = np.linalg.solve(factor.T, scaled.T @ target)
+    lower, upper = np.array([p.lower for p in parameters]) * scale, np.array([p.upper for p in parameters]) * scale
+    free = np.linalg.solve(factor, right)
+    if np.all((free >= lower) & (free <= upper)):
+        return free / scale
+    return lsq_linear(factor, right, (lower, upper), method="bvls").x / scale
+
+
+def _linear(column: Column) -> Parameter:
+    return term_library()[column[0]].parameter(column[1])
+
+
+def _stretch(parameter: Parameter, value: float) -> float:
+    """Derivative of a parameter by its scaled value."""
+    unit = to_unit(parameter, value)
+    low, high = max(unit - _STEP, 0.0), min(unit + _STEP, 1.0)
+    return (from_unit(parameter, high) - from_unit(parameter, low)) / (high - low)
+
+
+def _bounds(values: Start) -> tuple[str, ...]:
+    """Names of fitted parameters at a bound of their range."""
+    found = []
+    for name, given in values.items():
+        for p in term_library()[name].parameters:
+            if not p.fitted:
+                continue
+            unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
+            width = 1e-9 if p.linear else _AT_BOUND
+            if unit <= width or unit >= 1.0 - width:
+                found.append(f"{name}.{p.symbol}")
+    return tuple(found)

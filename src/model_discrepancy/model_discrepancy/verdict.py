@@ -1,0 +1,162 @@
+"""From what was found to the verdict: no mismatch, explained, unexplained or a bad recording."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.term import term_library
+from model_discrepancy.channel_gains import ChannelFinding
+from model_discrepancy.effect_size import Size, sentence_of
+from model_discrepancy.fit import Fit
+from model_discrepancy.generic_bank import Remainder
+from model_discrepancy.search import RIVAL_EXCESS, Effect, Found
+
+# What the generic bank predicts of pure noise stays below this (largest of 30 simulated recordings without mismatch: 0.7 %).
+SIGNIFICANT_REMAINDER = 0.03
+# A named effect must close most of the gap between the base model and what is predictable at all.
+GAP_CLOSED = 0.6
+# Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes it.
+_ODDS_SCALE = RIVAL_EXCESS / 3.0
+
+# Terms that one recording can hardly tell apart, and what would.
+SEPARATED_BY = (
+    ({"maxwell_relaxation", "fractional_damping", "short_range_stiffness"}, "steps of several sizes held for two seconds and more"),
+    ({"reflex_threshold", "reflex_exponent", "reflex_saturation"}, "steps of one size with several rise times"),
+    ({"reflex_depression", "reflex_drift", "reflex_saturation"}, "pairs of stretches at intervals from 0.2 to 3 s"),
+    ({"antagonist_reflex", "asymmetric_damping"}, "EMG of the shin muscle, or holding at several torque levels"),
+    ({"dahl_hysteresis", "coulomb_friction", "short_range_stiffness", "backlash"}, "slow triangular movements of several sizes"),
+    ({"channel_skew", "torque_sensor_lag", "torque_sensor_mode", "fixation_compliance"}, "fast pulses with the foot out of the plate"),
+    ({"tendon", "activation_dynamics", "long_latency_reflex", "position_reflex"}, "EMG of the calf beside torque"),
+)
+
+
+@dataclass
+class Verdict:
+    """What `diagnose` concludes; `content` is the file of DESIGN's format."""
+
+    verdict: str
+    effects: list[dict[str, Any]] = field(default_factory=list)
+    localisation: dict[str, Any] = field(default_factory=dict)
+    fit: dict[str, Any] = field(default_factory=dict)
+    alternatives: list[dict[str, Any]] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def content(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "verdict": self.verdict,
+            "effects": self.effects,
+            "localisation": self.localisation,
+            "fit": self.fit,
+            "alternatives": self.alternatives,
+            "reasons": self.reasons,
+            "parameters": self.parameters,
+        }
+
+    def save(self, path: Path) -> None:
+        """Write ``verdict.json``."""
+        path.write_text(json.dumps(self.content(), indent=1, allow_nan=False, default=float) + "\n")
+
+
+def kind(found: Found, remainder: Remainder, channels: list[ChannelFinding]) -> tuple[str, float]:
+    """Verdict, and the share of the predictable mismatch that the effects close (NaN without a mismatch)."""
+    left = max(remainder.share, 0.0)
+    predictable = left > SIGNIFICANT_REMAINDER and remainder.worst > 0.5 * SIGNIFICANT_REMAINDER
+    if not found.effects:
+        if predictable:
+            return "unexplained", 0.0
+        return ("explained", 1.0) if channels else ("no_mismatch", float("nan"))
+    cut = 1.0 - found.final.score / found.base_score
+    closed = cut / (cut + (1.0 - cut) * left)
+    return ("explained" if closed >= GAP_CLOSED or not predictable else "unexplained"), closed
+
+
+def effect_entry(effect: Effect, final: Fit, size: Size, closed: float) -> dict[str, Any]:
+    """One effect of ``verdict.json``."""
+    name = effect.trial.name
+    term = term_library()[name]
+    odds = [1.0] + [float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / _ODDS_SCALE)) for t in effect.rivals]
+    certainty = 0.5 if effect.tentative else 0.99 * min(1.0, 0.5 + 0.5 * closed)
+    errors = final.errors.get(name, {})
+    return {
+        "name": name,
+        "location": term.place.value,
+        "parameters": {p.key: [final.values[name][p.symbol], errors.get(p.symbol)] for p in term.parameters if p.fitted},
+        "probability": round(certainty / sum(odds), 3),
+        "tentative": effect.tentative,
+        "set": [name, *(t.name for t in effect.rivals)],
+        "gain_held_out": [round(g, 4) for g in effect.trial.held_out],
+        "sentence": sentence_of(name, size),
+    }
+
+
+def channel_entry(finding: ChannelFinding) -> dict[str, Any]:
+    """A channel that disagrees with another, as an effect."""
+    unit = "s" if finding.name.endswith("lag") else "1"
+    symbol = "lag" if unit == "s" else "gain"
+    return {
+        "name": finding.name,
+        "location": "position sensor",
+        "parameters": {f"{symbol}[{unit}]": [finding.value, finding.error]},
+        "probability": 0.95,
+        "tentative": False,
+        "set": [finding.name],
+        "sentence": finding.sentence,
+    }
+
+
+def alternatives(found: Found) -> list[dict[str, Any]]:
+    """Rivals that could not be excluded, and near misses; delta_score is the change of BIC against the chosen model."""
+    listed = []
+    n = len(found.final.residual)
+    for effect in found.effects:
+        for trial in effect.rivals:
+            delta = -n * float(np.log(trial.fit.score / found.final.score)) - (trial.fit.size - found.final.size) * float(np.log(n))
+            listed.append({"name": trial.name, "instead_of": effect.trial.name, "delta_score": round(delta, 1)})
+    listed += [{"name": t.name, "instead_of": None, "delta_score": round(-t.bic, 1)} for t in found.near if t.gain > 0]
+    return listed
+
+
+def separating_measurements(effects: list[dict[str, Any]]) -> list[str]:
+    """What to measure next to tell the members of each set apart."""
+    advice = []
+    for effect in effects:
+        names = set(effect["set"])
+        if len(names) < 2:
+            continue
+        ways = [way for group, way in SEPARATED_BY if len(group & names) >= 2]
+        way = " or ".join(ways) if ways else "a second recording with other step sizes, rise times and intervals"
+        advice.append(f"{', '.join(sorted(names))} fit about equally well; {way} would tell them apart")
+    return advice
+
+
+def bias(base: Fit, final: Fit) -> dict[str, dict[str, Any]]:
+    """Base parameters before and after the new physics is in the model."""
+    table = {}
+    for name in PAPER_TERMS:
+        if name not in base.values or name not in final.values:
+            continue
+        for p in term_library()[name].parameters:
+            if p.fitted:
+                before, after = base.values[name][p.symbol], final.values[name][p.symbol]
+                table[p.key] = {"base": before, "augmented": after, "standard_error": final.errors.get(name, {}).get(p.symbol)}
+    return table
+
+
+def to_model(fit: Fit, title: str) -> Model:
+    """The fitted model as a model file's content, with standard errors."""
+    values = {}
+    for name, given in fit.values.items():
+        term = term_library()[name]
+        values[name] = {s: min(max(v, term.parameter(s).lower), term.parameter(s).upper) for s, v in given.items()}
+    model = Model.of(values, title)
+    for entry in model.entries:
+        entry.standard_errors = dict(fit.errors.get(entry.term.name, {}))
+    return model

@@ -1,0 +1,70 @@
+"""Concealed effects are named, nothing is named where nothing is missing, and the files say so."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ankle_physics.model import Model
+from model_discrepancy.diagnose import diagnose
+from model_discrepancy.planted_trials import simulate_trial
+
+
+def test_no_mismatch_is_recognised(null_recording, tmp_path):
+    diagnosis = diagnose(null_recording, tmp_path)
+    content = json.loads((tmp_path / "verdict.json").read_text())
+    assert content["verdict"] == "no_mismatch"
+    assert content["effects"] == []
+    low, high = content["fit"]["ceiling_vaf_interval"]
+    assert low <= high <= 100.0
+    assert abs(content["fit"]["baseline_vaf_holdout"] - high) < 1.0
+    assert "no structure is left" in (tmp_path / "report.html").read_text()
+    assert diagnosis.before.share < 0.03
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "checked"),
+    [
+        pytest.param("maxwell_relaxation", {"k": 35.0, "T": 0.1}, {"k": 0.1, "T": 0.15}, marks=pytest.mark.slow),
+        ("channel_skew", {"skew": 0.003}, {"skew": 0.05}),
+    ],
+)
+def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked):
+    diagnosis = diagnose(simulate_trial({name: values}, seed=5, duration=40.0), tmp_path)
+    verdict = diagnosis.verdict
+    assert verdict.verdict == "explained"
+    assert [e["name"] for e in verdict.effects] == [name]
+    fitted = diagnosis.found.final.values[name]
+    for symbol, tolerance in checked.items():
+        assert fitted[symbol] == pytest.approx(values[symbol], rel=tolerance)
+    assert verdict.fit["augmented_vaf_holdout"] > verdict.fit["baseline_vaf_holdout"]
+    model = Model.load(tmp_path / "model.yaml")
+    assert model.has(name)
+    assert model.entry(name).standard_errors
+    report = (tmp_path / "report.html").read_text()
+    assert "http" not in report.replace("http-equiv", "")
+
+
+def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name():
+    recording = simulate_trial({"torque_sensor_mode": {"frequency": 25.0, "damping": 0.15}}, seed=6, duration=40.0)
+    verdict = diagnose(recording, library=["reflex_threshold", "position_dependent_stiffness", "thixotropy", "hardening_stiffness"]).verdict
+    assert verdict.verdict == "unexplained"
+
+
+def test_a_bad_recording_gets_no_physics_story(null_recording, tmp_path):
+    verdict = diagnose(replace(null_recording, torque=-null_recording.torque), tmp_path).verdict
+    assert verdict.verdict == "bad_recording"
+    assert verdict.effects == []
+    assert "wrong sign" in (tmp_path / "report.html").read_text()
+    assert not (tmp_path / "model.yaml").exists()
+
+
+@pytest.mark.slow
+def test_both_real_trials_gain_on_unseen_data(real_recording):
+    diagnosis = diagnose(real_recording)
+    fit = diagnosis.verdict.fit
+    assert diagnosis.verdict.verdict == "explained"
+    assert fit["augmented_vaf_holdout"] > fit["baseline_vaf_holdout"] + 1.0
+    assert fit["whitened_error_cut"] > 0.5
+    assert np.isfinite(fit["remaining_predictable_share"])

@@ -1,0 +1,101 @@
+"""The fit finds the parameters that made the data, with errors of the right size, whatever the sampling rate."""
+
+import numpy as np
+import pytest
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Place, term_library
+from model_discrepancy.columns import Columns
+from model_discrepancy.fit import Fitter, bounded, from_unit, to_unit
+from model_discrepancy.motion import motion_of
+from model_discrepancy.planted_trials import simulate_trial
+from model_discrepancy.rows import Rows, autoregression
+from model_discrepancy.search import fit_base
+
+JOINT = {
+    "inertia": {"I": 0.0137},
+    "viscosity": {"B": 0.8},
+    "stiffness": {"K": 90.0},
+    "reflex": {"G": 9.0, "delay": 0.04, "omega": 21.0, "z": 0.8},
+}
+
+
+def fitter_of(recording):
+    motion = motion_of(recording)
+    return Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+
+
+@pytest.mark.parametrize(("rate", "velocity"), [(2048.0, True), (1024.0, False)])
+def test_base_parameters_come_back(rate, velocity):
+    fitter = fitter_of(simulate_trial(JOINT, seed=3, duration=40.0, rate=rate, velocity=velocity))
+    fit = fitter.with_errors(fit_base(fitter))
+    for name, symbol, tolerance in (
+        ("inertia", "I", 0.01),
+        ("viscosity", "B", 0.02),
+        ("stiffness", "K", 0.02),
+        ("reflex", "G", 0.04),
+        ("reflex", "delay", 0.03),
+    ):
+        assert fit.values[name][symbol] == pytest.approx(JOINT[name][symbol], rel=tolerance)
+        assert 0 < fit.errors[name][symbol] < 2.5 * tolerance * JOINT[name][symbol]
+    assert fit.at_bounds == ()
+
+
+def test_standard_errors_agree_with_a_bootstrap_over_blocks():
+    fitter = fitter_of(simulate_trial({}, seed=4, duration=40.0))
+    fit = fitter.with_errors(fit_base(fitter))
+    matrix, labels = fitter.derivatives(fit)
+    used = np.flatnonzero(fitter.rows.used)
+    blocks = np.array_split(used, 24)
+    random = np.random.default_rng(0)
+    drawn = []
+    for _ in range(200):
+        rows = np.concatenate([blocks[k] for k in random.integers(0, len(blocks), len(blocks))])
+        drawn.append(np.linalg.lstsq(matrix[rows], fit.residual[rows], rcond=None)[0])
+    spread = np.std(drawn, axis=0)
+    for symbol in ("I", "B", "K", "G"):
+        k = next(i for i, label in enumerate(labels) if label[1] == symbol)
+        assert 0.5 < spread[k] / fit.errors[labels[k][0]][symbol] < 2.0
+
+
+def test_bounded_least_squares_keeps_physical_signs():
+    random = np.random.default_rng(0)
+    matrix = random.standard_normal((500, 2))
+    target = matrix @ np.array([-0.4, 2.0])
+    parameters = [term_library()["viscosity"].parameter("B"), term_library()["stiffness"].parameter("K")]
+    amplitudes = bounded(matrix, target, parameters)
+    assert amplitudes[0] == pytest.approx(0.0, abs=1e-12)
+    assert amplitudes[1] == pytest.approx(2.0, abs=0.05)
+
+
+def test_scaled_parameters_return():
+    for term in term_library().values():
+        for parameter in term.parameters:
+            assert from_unit(parameter, to_unit(parameter, parameter.typical)) == pytest.approx(parameter.typical, abs=1e-9)
+
+
+def test_autoregression_whitens():
+    random = np.random.default_rng(0)
+    noise = random.standard_normal(20000)
+    coloured = np.zeros_like(noise)
+    for k in range(2, len(noise)):
+        coloured[k] = 1.5 * coloured[k - 1] - 0.7 * coloured[k - 2] + noise[k]
+    coefficients = autoregression(coloured, 10)
+    assert coefficients[:3] == pytest.approx([1.0, -1.5, 0.7], abs=0.04)
+
+
+@pytest.mark.parametrize("name", [n for n, t in term_library().items() if t.place is Place.TORQUE_SENSOR])
+def test_frequency_response_of_a_sensor_is_its_simulation(name):
+    rate = 4000.0
+    time = np.arange(int(4 * rate)) / rate
+    term = term_library()[name]()
+    values = {p.symbol: p.typical for p in term.parameters}
+    for frequency in (3.0, 17.0, 40.0):
+        wave = np.sin(2 * np.pi * frequency * time)
+        signals = Signals(rate, wave, wave, wave)
+        signals.torque = wave
+        term.transform(signals, values, term.start(rate))
+        (response,) = term.response(np.array([frequency]), values)
+        late = time > 2.0
+        expected = np.imag(response * np.exp(2j * np.pi * frequency * time))
+        assert np.abs(signals.torque - expected)[late].max() < 0.01 * np.abs(response)
