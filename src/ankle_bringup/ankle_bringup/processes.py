@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -118,19 +119,17 @@ class Processes:
             time.sleep(0.05)
 
     def stop(self, names: Sequence[str] | None = None) -> dict[str, int]:
-        """Stop the named nodes, or all, and give their exit codes."""
-        chosen = {name: process for name, process in self._running.items() if names is None or name in names}
-        for number, patience in STOP_STEPS:
-            alive = [process for process in chosen.values() if process.poll() is None]
-            for process in alive:
-                process.send_signal(number)
-            deadline = time.monotonic() + patience
-            for process in alive:
-                try:
-                    process.wait(timeout=max(deadline - time.monotonic(), 0.01))
-                except subprocess.TimeoutExpired:
-                    continue
-        codes = {name: process.wait(timeout=5.0) for name, process in chosen.items()}
-        for name in chosen:
-            del self._running[name]
+        """Stop the named nodes, or all, and give their exit codes.
+
+        Graphs list readers before those they read, so the last one is stopped first: the others still take what it sent.
+        """
+        codes = {}
+        for name in [name for name in reversed(self._running) if names is None or name in names]:
+            process = self._running.pop(name)
+            for number, patience in STOP_STEPS:
+                if process.poll() is None:
+                    process.send_signal(number)
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        process.wait(timeout=patience)
+            codes[name] = process.wait(timeout=5.0)
         return codes

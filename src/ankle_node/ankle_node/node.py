@@ -67,6 +67,7 @@ class AnkleNode(Node):
             self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
             parameter.check(self.get_parameter(parameter.name).value)
         self.add_on_set_parameters_callback(self._check_parameters)
+        self._taken = (0, 0.0)  # when the last block taken was sent [ns], and when it was taken [s]
         self._health: dict[str, tuple[bytes, str, float]] = {}
         self._counters: dict[str, str] = {}
         self._block_publishers: dict[str, Publisher] = {}
@@ -187,6 +188,7 @@ class AnkleNode(Node):
         reader = f"{self.get_fully_qualified_name()} {os.getpid()}-{id(publisher)}"
 
         def tell(info: MessageInfo) -> None:
+            self._taken = (info["source_timestamp"], time.monotonic())
             publisher.publish(String(data=f"{reader} {info['source_timestamp']}"))
 
         return tell
@@ -212,6 +214,16 @@ class AnkleNode(Node):
                 self.health(topic, WARN, f"waiting for {readers} readers, {connected} connected")
 
         timer = self.create_timer(READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def work_off(self, executor: SingleThreadedExecutor) -> None:
+        """Take the blocks that were sent before now and still wait in this node's queues."""
+        told, begin = time.time_ns(), time.monotonic()
+        while rclpy.ok() and time.monotonic() < begin + HAND_OVER_TIME:
+            executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
+            sent, taken = self._taken
+            if sent > told or time.monotonic() > max(taken, begin) + 2.0 * STOP_POLL_PERIOD:
+                return
+        self.get_logger().warning(f"stopped with blocks still waiting after {HAND_OVER_TIME:g} s")
 
     def hand_over(self) -> None:
         """Give the readers time to take the last blocks; says so where they did not."""
@@ -275,6 +287,7 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         executor.add_node(node)
         while rclpy.ok() and not told_to_stop.is_set():
             executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
+        node.work_off(executor)
         node.hand_over()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
