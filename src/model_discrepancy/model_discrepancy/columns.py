@@ -27,8 +27,8 @@ from model_discrepancy.rows import Rows
 
 Values = Mapping[str, Mapping[str, float]]
 Column = tuple[str, str]
-# Gradients need a handful of neighbours of the current point; a spectrum takes 0.2 MB.
-_REMEMBERED = 6
+# Gradients need a handful of neighbours of the current point; a spectrum takes 0.1 to 0.2 MB.
+_REMEMBERED = 8
 
 
 class Columns:
@@ -59,26 +59,45 @@ class Columns:
         terms = sorted((term_library()[name]() for name in values), key=lambda term: PATH.index(term.place))
         coupling = tuple(_key(t, values) for t in terms if t.place is Place.COUPLING and _transforms(t))
         shaping = tuple(_key(t, values) for t in terms if t.place is Place.REFLEX_INPUT and _transforms(t))
+        sensor = tuple(_key(t, values) for t in terms if t.place is Place.TORQUE_SENSOR)
         found: dict[Column, np.ndarray] = {}
-        filters = np.ones(len(self.rows.frequency), dtype=complex)
-        fixation = next((t for t in terms if isinstance(t, CompliantCoupling)), None)
-        passed = 1.0 if fixation is None else transmission(self.rows.frequency, fixation, values)
         for term in terms:
-            if term.place is Place.TORQUE_SENSOR:
-                response = term.response(self.rows.frequency, values[term.name])
-                if response is None:
-                    raise ValueError(f"{term.name} acts at the torque sensor and states no frequency response")
-                filters = filters * response
-                continue
-            if not any(p.linear for p in term.parameters):
+            if term.place is Place.TORQUE_SENSOR or not any(p.linear for p in term.parameters):
                 continue
             key = (_key(term, values), coupling, shaping if term.place is Place.REFLEX_DYNAMICS else ())
-            own = self._remember(term.name, key, lambda term=term: self._columns(term, terms, values, coupling, shaping))
+            own = self._remember(
+                term.name,
+                (key, sensor),
+                lambda term=term, key=key: self._sensed(
+                    term, terms, values, self._remember("at " + term.name, key, lambda: self._columns(term, terms, values, coupling, shaping))
+                ),
+            )
             for symbol, spectrum in own.items():
-                found[term.name, symbol] = spectrum if term.place is Place.COUPLING else passed * spectrum
-        if any(term.place is Place.TORQUE_SENSOR for term in terms):
-            found = {column: spectrum * filters for column, spectrum in found.items()}
+                found[term.name, symbol] = spectrum
         return found
+
+    def _sensed(self, term: Term, terms: Sequence[Term], values: Values, own: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+        """Columns of one term as the torque sensor reports them."""
+        key = (
+            "filter",
+            term.place is Place.COUPLING,
+            tuple(_key(t, values) for t in terms if t.place is Place.TORQUE_SENSOR or isinstance(t, CompliantCoupling)),
+        )
+        gain = self._remember("filter", key, lambda: self._filter(term, terms, values))
+        return own if gain is None else {symbol: gain * spectrum for symbol, spectrum in own.items()}
+
+    def _filter(self, term: Term, terms: Sequence[Term], values: Values) -> np.ndarray | None:
+        """What lies between a term's torque and the reading: straps, for what acts on the foot, and sensor; None for nothing."""
+        filters = []
+        for other in terms:
+            if isinstance(other, CompliantCoupling) and term.place is not Place.COUPLING:
+                filters.append(transmission(self.rows.frequency, other, values))
+            elif other.place is Place.TORQUE_SENSOR:
+                response = other.response(self.rows.frequency, values[other.name])
+                if response is None:
+                    raise ValueError(f"{other.name} acts at the torque sensor and states no frequency response")
+                filters.append(response)
+        return np.prod(filters, axis=0) if filters else None
 
     def _columns(self, term: Term, terms: Sequence[Term], values: Values, coupling: Any, shaping: Any) -> dict[str, np.ndarray]:
         signals = self._remember("path", (coupling, shaping), lambda: self._path(terms, values))
@@ -100,8 +119,9 @@ class Columns:
         """Foot motion behind a compliant fixation: the plate's, filtered."""
         m = self.motion
         length = next_fast_len(len(m.position) + int(m.rate), real=True)
+        plate = self._remember("plate", length, lambda: [rfft(s - s.mean(), length) for s in (m.position, m.velocity, m.acceleration)])
         gain = transmission(rfftfreq(length, 1.0 / m.rate), fixation, values)
-        moved = [irfft(rfft(s - s.mean(), length) * gain, length)[: len(s)] for s in (m.position, m.velocity, m.acceleration)]
+        moved = [irfft(spectrum * gain, length)[: len(m.position)] for spectrum in plate]
         signals.move_foot(moved[0] + self.mean_angle, moved[1], moved[2])
 
     def _remember(self, name: str, key: Any, make: Any) -> Any:

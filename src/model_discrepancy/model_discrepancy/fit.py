@@ -6,8 +6,10 @@ nonlinear ones are searched; physical signs and ranges hold inside the fit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
@@ -15,11 +17,14 @@ from scipy.optimize import least_squares, lsq_linear
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.columns import Column, Columns
+from model_discrepancy.rows import Rows
 
 Start = Mapping[str, Mapping[str, float]]
 Spectra = Mapping[Column, np.ndarray]
 # Step of numerical derivatives and width of "at the bound", in units of the scaled range 0...1.
 _STEP = 1e-4
+# Whitened columns kept: two models of twelve columns each; one takes 0.1 to 0.2 MB.
+_REMEMBERED = 24
 _AT_BOUND = 2e-3
 # Ranges that span more than this ratio are searched on a logarithmic scale.
 _LOG_RATIO = 8.0
@@ -33,7 +38,8 @@ class Fit:
         values: every parameter by term and symbol.
         errors: standard errors of the fitted ones, likewise.
         residual: whitened residual, shape (rows.count,), of all rows whatever was fitted.
-        plain: plain residual [N.m], shape (rows.count,).
+        left: spectrum of the residual torque, as `Rows.spectrum`.
+        rows: the operator that makes rows of it.
         score: sum of squares of the whitened residual over the fitted rows.
         size: number of fitted parameters.
         at_bounds: "term.symbol" of parameters that ended at a bound.
@@ -41,11 +47,17 @@ class Fit:
 
     values: dict[str, dict[str, float]]
     residual: np.ndarray
-    plain: np.ndarray
+    left: np.ndarray = field(repr=False)
+    rows: Rows = field(repr=False)
     score: float
     size: int
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
     at_bounds: tuple[str, ...] = ()
+
+    @cached_property
+    def plain(self) -> np.ndarray:
+        """Plain residual [N.m], shape (rows.count,)."""
+        return self.rows.plain(self.left)
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -93,6 +105,20 @@ class Fitter:
 
     def _refresh(self) -> None:
         self.target = self.rows.whitened(self.columns.target)
+        self._whitened: OrderedDict[int, tuple[np.ndarray, np.ndarray]] = OrderedDict()
+
+    def whitened(self, spectra: Iterable[np.ndarray]) -> np.ndarray:
+        """Whitened rows of these spectra, shape (count, size); remembered as long as `Columns` gives out the same spectra."""
+        rows = []
+        for spectrum in spectra:
+            known = self._whitened.pop(id(spectrum), None)
+            if known is None:
+                known = (spectrum, self.rows.whitened(spectrum))
+                if len(self._whitened) >= _REMEMBERED:
+                    self._whitened.popitem(last=False)
+            self._whitened[id(spectrum)] = known
+            rows.append(known[1])
+        return np.column_stack(rows)
 
     def start_values(self, names: Sequence[str], start: Start | None = None) -> dict[str, dict[str, float]]:
         """Typical values of these terms, conventions set, overridden by `start` where it has the term."""
@@ -103,7 +129,7 @@ class Fitter:
                 values[name] |= start[name]
         return values
 
-    def fit(self, names: Sequence[str], start: Start | None = None, mask: np.ndarray | None = None, evaluations: int = 40) -> Fit:
+    def fit(self, names: Sequence[str], start: Start | None = None, mask: np.ndarray | None = None, evaluations: int = 40, tolerance: float = 1e-4) -> Fit:
         """Fit these terms from one start.
 
         Args:
@@ -111,6 +137,7 @@ class Fitter:
             start: values to begin with, by term.
             mask: rows to fit, bool, shape (rows.count,); None for all that are usable.
             evaluations: of the residual at most.
+            tolerance: relative change of the sum of squares at which it ends; ten times as much in the scaled parameters.
         """
         mask = self.rows.used if mask is None else mask & self.rows.used
         values = self.start_values(names, start)
@@ -126,8 +153,8 @@ class Fitter:
                     bounds=(0.0, 1.0),
                     x_scale=1.0,
                     max_nfev=evaluations,
-                    ftol=1e-5,
-                    xtol=1e-4,
+                    ftol=tolerance,
+                    xtol=10.0 * tolerance,
                 )
                 values = self.solve(problem.values_at(found.x), mask).values
         return self.solve(values, mask)
@@ -141,63 +168,51 @@ class Fitter:
         mask = self.rows.used if mask is None else mask & self.rows.used
         spectra = self.columns.spectra(values)
         order = list(spectra)
-        matrix = np.column_stack([self.rows.whitened(spectra[c]) for c in order])
+        matrix = self.whitened(spectra.values())
         amplitudes = bounded(matrix[mask], self.target[mask], [_linear(c) for c in order])
-        total = sum((a * spectra[c] for a, c in zip(amplitudes, order, strict=True)), np.zeros_like(self.columns.target))
-        residual = self.target - self.rows.whitened(total)
+        residual = self.target - matrix @ amplitudes
+        left = self.columns.target - sum(a * spectra[c] for a, c in zip(amplitudes, order, strict=True))
         filled = {name: dict(given) for name, given in values.items()}
         for amplitude, (name, symbol) in zip(amplitudes, order, strict=True):
             filled[name][symbol] = float(amplitude)
         free = nonlinear(list(values))
         size = len(free) + len(order)
-        return Fit(
-            filled,
-            residual,
-            self.plain_target - self.rows.plain(total),
-            float(residual[mask] @ residual[mask]),
-            size,
-            at_bounds=_bounds(filled),
-        )
+        return Fit(filled, residual, left, self.rows, float(residual[mask] @ residual[mask]), size, at_bounds=_bounds(filled))
 
     def evaluate(self, values: Start) -> Fit:
         """The model with all of these values, linear ones too, without fitting anything."""
-        spectra = self.columns.spectra(values)
-        total = sum((values[name][symbol] * s for (name, symbol), s in spectra.items()), np.zeros_like(self.columns.target))
-        residual = self.target - self.rows.whitened(total)
-        used = self.rows.used
-        return Fit(
-            {n: dict(v) for n, v in values.items()},
-            residual,
-            self.plain_target - self.rows.plain(total),
-            float(residual[used] @ residual[used]),
-            0,
-        )
+        left = self.columns.target - sum(values[name][symbol] * s for (name, symbol), s in self.columns.spectra(values).items())
+        residual, used = self.rows.whitened(left), self.rows.used
+        return Fit({n: dict(v) for n, v in values.items()}, residual, left, self.rows, float(residual[used] @ residual[used]), 0)
 
     def derivatives(self, fit: Fit) -> tuple[np.ndarray, list[Column]]:
         """Whitened columns and derivatives by the nonlinear parameters per unit of the scaled range, shape (count, size)."""
         spectra = self.columns.spectra(fit.values)
-        blocks = [self.rows.whitened(s) for s in spectra.values()]
+        blocks = [self.whitened(spectra.values())]
         labels: list[Column] = list(spectra)
+        amplitudes = {(n, symbol): fit.values[n][symbol] for n, symbol in spectra}
         for name, parameter in nonlinear(fit.terms):
-            blocks.append(self.slope(fit.values, name, parameter))
+            blocks.append(self.slope(fit.values, name, parameter, amplitudes, spectra)[:, None])
             labels.append((name, parameter.symbol))
-        return np.column_stack(blocks), labels
+        return np.hstack(blocks), labels
 
-    def slope(self, values: Start, name: str, parameter: Parameter, here: Spectra | None = None) -> np.ndarray:
+    def slope(self, values: Start, name: str, parameter: Parameter, amplitudes: Mapping[Column, float], here: Spectra) -> np.ndarray:
         """Whitened derivative of the model torque by a nonlinear parameter per unit of its scaled range, shape (count,).
 
-        Central difference; one-sided, at half the time, where the columns at `values` are passed as `here`.
+        One-sided difference.
+
+        Args:
+            values: where to differentiate.
+            name, parameter: by what.
+            amplitudes: of the columns.
+            here: the columns at `values`.
         """
         unit = to_unit(parameter, values[name][parameter.symbol])
-        low, high = max(unit - _STEP, 0.0), min(unit + _STEP, 1.0)
-        if here is not None:
-            low, high = (unit, high) if high > unit else (low, unit)
-        total = np.zeros_like(self.columns.target)
-        for sign, place in ((1.0, high), (-1.0, low)):
-            spectra = here if here is not None and place == unit else self.columns.spectra(_moved(values, name, parameter, place))
-            for (n, symbol), spectrum in spectra.items():
-                total = total + sign * values[n][symbol] * spectrum
-        return self.rows.whitened(total) / (high - low)
+        step = _STEP if unit + _STEP <= 1.0 else -_STEP
+        moved = self.columns.spectra(_moved(values, name, parameter, unit + step))
+        # Columns that the parameter does not touch come back as the very same arrays.
+        change = sum(amplitudes[c] * (s - here[c]) for c, s in moved.items() if s is not here[c])
+        return np.zeros(self.rows.count) if isinstance(change, int) else self.rows.whitened(change) / step
 
     def with_errors(self, fit: Fit) -> Fit:
         """The same fit with standard errors from the whitened rows, parameters at bounds held."""
@@ -241,13 +256,14 @@ class _Projection:
     def jacobian(self, units: np.ndarray) -> np.ndarray:
         if self._at is None or not np.array_equal(units, self._at):
             self.residual(units)
-        values = self._fit.values
+        values = self.values_at(units)
         spectra = self._fitter.columns.spectra(values)
-        slopes = np.column_stack([self._fitter.slope(values, name, p, spectra) for name, p in self._free])[self._mask]
+        amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}
+        slopes = np.column_stack([self._fitter.slope(values, name, p, amplitudes, spectra) for name, p in self._free])[self._mask]
         # Columns at a bound do not follow, so they are not projected out.
         inside = [s for (n, symbol), s in spectra.items() if f"{n}.{symbol}" not in self._fit.at_bounds]
         if inside:
-            basis = orthonormal(np.column_stack([self._fitter.rows.whitened(s) for s in inside])[self._mask])
+            basis = orthonormal(self._fitter.whitened(inside)[self._mask])
             slopes = slopes - basis @ (basis.T @ slopes)
         return -slopes
 

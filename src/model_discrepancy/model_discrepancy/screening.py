@@ -82,7 +82,7 @@ def _additive(fitter: Fitter, fit: Fit, name: str, point: dict[str, float], basi
     columns, rows = fitter.columns, fitter.rows
     values = _with(columns, fit, name, point)
     spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
-    matrix = np.column_stack([rows.whitened(s) for s in spectra.values()])[rows.used]
+    matrix = fitter.whitened(spectra.values())[rows.used]
     norm = np.linalg.norm(matrix, axis=0)
     matrix = matrix - basis @ (basis.T @ matrix)
     distinct = float(np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)))
@@ -98,13 +98,11 @@ def _shaping(fitter: Fitter, fit: Fit, name: str, point: dict[str, float], slope
     columns, rows = fitter.columns, fitter.rows
     values = _with(columns, fit, name, point)
     spectra = columns.spectra(values)
-    matrix = np.column_stack([rows.whitened(s) for s in spectra.values()])[rows.used]
+    matrix = fitter.whitened(spectra.values())[rows.used]
     amplitudes = bounded(matrix, fitter.target[rows.used], [_linear(c) for c in spectra])
     left = fitter.target[rows.used] - matrix @ amplitudes
-    solved = {n: dict(v) for n, v in values.items()}
-    for (n, symbol), amplitude in zip(spectra, amplitudes, strict=True):
-        solved[n][symbol] = float(amplitude)
-    own = [fitter.slope(solved, name, p)[rows.used] for _, p in nonlinear([name])]
+    given = dict(zip(spectra, amplitudes, strict=True))
+    own = [fitter.slope(values, name, p, given, spectra)[rows.used] for _, p in nonlinear([name])]
     span = orthonormal(np.column_stack([matrix, slopes, *own]))
     refined = left - span @ (span.T @ left)
     # The linearised refit may leave the bounds; it counts only as far as the bounded one bears it out.

@@ -14,7 +14,7 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit import Fit, Fitter
+from model_discrepancy.fit import Fit, Fitter, Start
 from model_discrepancy.halves import interleaved
 from model_discrepancy.screening import candidates, screen
 
@@ -124,7 +124,7 @@ def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, prog
     found.final = current
     if found.effects:
         _rivals(fitter, found, library, progress)
-    found.final = fitter.with_errors(current)
+    found.final = fitter.with_errors(fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5))
     found.base_score = fitter.fit(base.terms, base.values, evaluations=20).score
     return found
 
@@ -135,18 +135,22 @@ def _step(fitter: Fitter, current: Fit, names: Sequence[str], progress: Progress
     trials = []
     for s in screened[:count]:
         progress(f"refitting with {s.name}")
-        trials.append(_try(fitter, current, s.name, s.start))
-    trials.sort(key=lambda t: -t.gain)
+        trials.append(_try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5))
+    best = max((t.gain for t in trials), default=0.0)
+    # The first steps of a refit tell which ones are worth the others.
+    close = [_try(fitter, current, t.name, t.fit.values) if t.gain > max(0.5 * TENTATIVE, 0.7 * best) else t for t in trials]
+    close.sort(key=lambda t: -t.gain)
     judged = []
-    for trial in trials:
-        worth = trial.gain > max(TENTATIVE, 0.8 * trials[0].gain) and trial.bic < -BIC_FALL
-        held_out = halves_gain(fitter, current, trial.fit) if worth else (0.0, 0.0)
+    before = halves_errors(fitter, current) if any(t.gain > TENTATIVE for t in close) else None
+    for trial in close:
+        worth = trial.gain > max(TENTATIVE, 0.8 * close[0].gain) and trial.bic < -BIC_FALL
+        held_out = halves_gain(before, halves_errors(fitter, trial.fit)) if worth and before else (0.0, 0.0)
         judged.append(Trial(trial.name, trial.fit, trial.gain, held_out, trial.bic))
     return judged
 
 
-def _try(fitter: Fitter, current: Fit, name: str, start: dict[str, float]) -> Trial:
-    fit = fitter.fit([*current.terms, name], {**current.values, name: start}, evaluations=15)
+def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int = 12) -> Trial:
+    fit = fitter.fit([*current.terms, name], start, evaluations=evaluations)
     gain = 1.0 - fit.score / current.score
     return Trial(name, fit, gain, (np.nan, np.nan), bic_change(fitter, current, fit))
 
@@ -157,16 +161,16 @@ def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
     return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))
 
 
-def halves_gain(fitter: Fitter, old: Fit, new: Fit, evaluations: int = 5) -> tuple[float, float]:
-    """Share of the whitened error on unseen rows that the new model takes off, in both directions."""
-    gains = []
+def halves_errors(fitter: Fitter, fit: Fit, evaluations: int = 5) -> tuple[float, float]:
+    """Whitened sum of squares on each half after a refit to the other one."""
     parts = interleaved(fitter.rows)
-    for train, test in (parts, parts[::-1]):
-        errors = [
-            float(np.sum(fitter.fit(fit.terms, fit.values, mask=train, evaluations=evaluations).residual[test] ** 2)) for fit in (old, new)
-        ]
-        gains.append(1.0 - errors[1] / errors[0])
-    return gains[0], gains[1]
+    refits = [fitter.fit(fit.terms, fit.values, mask=train, evaluations=evaluations) for train in parts]
+    return float(np.sum(refits[0].residual[parts[1]] ** 2)), float(np.sum(refits[1].residual[parts[0]] ** 2))
+
+
+def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[float, float]:
+    """Share of the whitened error on unseen rows that a new model takes off, in both directions."""
+    return 1.0 - new[0] / old[0], 1.0 - new[1] / old[1]
 
 
 def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Progress) -> Fit:
@@ -193,7 +197,7 @@ def _rivals(fitter: Fitter, found: Found, library: Sequence[str] | None, progres
         effect.trial = Trial(name, final, gain, effect.trial.held_out, bic_change(fitter, without, final))
         others = [c for c in candidates(without, library) if c != name]
         promising = [s for s in screen(fitter, without, others) if s.share > RIVAL_PROMISE * gain]
-        trials = [_try(fitter, without, s.name, s.start) for s in promising[:RIVALS_REFITTED]]
+        trials = [_try(fitter, without, s.name, {**without.values, s.name: s.start}, evaluations=8) for s in promising[:RIVALS_REFITTED]]
         effect.rivals = sorted((t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score), key=lambda t: -t.gain)
 
 
