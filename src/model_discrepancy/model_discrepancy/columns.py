@@ -69,7 +69,10 @@ class Columns:
                 term.name,
                 (key, sensor),
                 lambda term=term, key=key: self._sensed(
-                    term, terms, values, self._remember("at " + term.name, key, lambda: self._columns(term, terms, values, coupling, shaping))
+                    term,
+                    terms,
+                    values,
+                    self._remember("at " + term.name, key, lambda: self._columns(term, terms, values, coupling, shaping)),
                 ),
             )
             for symbol, spectrum in own.items():

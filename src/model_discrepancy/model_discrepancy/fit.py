@@ -129,7 +129,14 @@ class Fitter:
                 values[name] |= start[name]
         return values
 
-    def fit(self, names: Sequence[str], start: Start | None = None, mask: np.ndarray | None = None, evaluations: int = 40, tolerance: float = 1e-4) -> Fit:
+    def fit(
+        self,
+        names: Sequence[str],
+        start: Start | None = None,
+        mask: np.ndarray | None = None,
+        evaluations: int = 40,
+        tolerance: float = 1e-4,
+    ) -> Fit:
         """Fit these terms from one start.
 
         Args:

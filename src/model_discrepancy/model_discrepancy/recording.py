@@ -13,6 +13,7 @@ from sample_blocks.block import Block, require_columns
 from sample_blocks.continuity import sampling_rate
 from sample_blocks.errors import BlockError, UnitError
 from session_recorder.bag_reader import BagReader
+from session_recorder.errors import BagError
 
 SAMPLES_TOPIC = "/ankle/samples"
 REFERENCE_TOPIC = "/perturbation/reference"
@@ -57,6 +58,11 @@ class Recording:
         if not self.rate >= LOWEST_RATE:
             raise DiagnosisError(f"sampling rate {self.rate:g} Hz is outside {LOWEST_RATE:g} Hz and above")
 
+    @classmethod
+    def unreadable(cls, path: str | Path, reason: str) -> Recording:
+        """What stands for a bag whose samples cannot be used at all."""
+        return cls(LOWEST_RATE, np.zeros(0), np.zeros(0), name=Path(path).name, faults=(reason,))
+
     @property
     def duration(self) -> float:
         """Length [s]."""
@@ -72,11 +78,14 @@ class Recording:
         """The trial in a bag: ``/ankle/samples``, and reference and EMG where they were recorded.
 
         Raises:
-            BagError: no bag, or one without ``/ankle/samples``.
-            DiagnosisError: a channel is missing or in a unit that cannot be converted, or too few samples.
+            BagError: no bag.
+            DiagnosisError: topic or channel is missing or in a unit that cannot be converted, or too few samples.
         """
         bag = BagReader(path)
-        names, data = bag.signal(SAMPLES_TOPIC)
+        try:
+            names, data = bag.signal(SAMPLES_TOPIC)
+        except BagError as error:
+            raise DiagnosisError(str(error)) from None
         given = Block(names, data)
         try:
             converted, notes = given.in_si()
@@ -88,6 +97,8 @@ class Recording:
         clock = samples.time
         if len(clock) < 2:
             raise DiagnosisError(f"{path}: {SAMPLES_TOPIC} holds {len(clock)} sample(s)")
+        if not np.isfinite(clock).all():
+            raise DiagnosisError(f"{path}: {int(np.sum(~np.isfinite(clock)))} time(s) of {SAMPLES_TOPIC} are not finite")
         rate = sampling_rate(clock)
         columns = [samples.column("position[rad]"), samples.column("torque[N.m]")]
         if converted.has("velocity[rad/s]"):

@@ -29,8 +29,10 @@ _SHIFTS_S = np.arange(-0.15, 0.1501, 0.001)
 def faults(recording: Recording) -> list[str]:
     """One sentence for each reason why the recording cannot be diagnosed; empty for a usable one."""
     found = list(recording.faults)
+    if not len(recording.position):
+        return found
     if recording.duration < SHORTEST_S:
-        found.append(f"the recording lasts {recording.duration:.1f} s; at least {SHORTEST_S:g} s are needed")
+        return [*found, f"the recording lasts {recording.duration:.1f} s; at least {SHORTEST_S:g} s are needed"]
     channels = {"position": recording.position, "torque": recording.torque}
     if recording.velocity is not None:
         channels["velocity"] = recording.velocity

@@ -28,6 +28,10 @@ RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
 # Joint refits per step; the screening's order is right about the first few only.
 REFITTED = 4
+# Candidates that gain less than this share of the best one's are not refitted to the end.
+CLOSE = 0.8
+# Of those, so many are scored on unseen rows: the best, and one that may generalise better.
+JUDGED = 2
 MOST_TERMS = 6
 # Starts of the base fit: its delay and muscle speed have several minima.
 BASE_STARTS = tuple({"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0))
@@ -138,12 +142,12 @@ def _step(fitter: Fitter, current: Fit, names: Sequence[str], progress: Progress
         trials.append(_try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5))
     best = max((t.gain for t in trials), default=0.0)
     # The first steps of a refit tell which ones are worth the others.
-    close = [_try(fitter, current, t.name, t.fit.values) if t.gain > max(0.5 * TENTATIVE, 0.7 * best) else t for t in trials]
+    close = [_try(fitter, current, t.name, t.fit.values) if t.gain > max(0.5 * TENTATIVE, CLOSE * best) else t for t in trials]
     close.sort(key=lambda t: -t.gain)
     judged = []
     before = halves_errors(fitter, current) if any(t.gain > TENTATIVE for t in close) else None
-    for trial in close:
-        worth = trial.gain > max(TENTATIVE, 0.8 * close[0].gain) and trial.bic < -BIC_FALL
+    for place, trial in enumerate(close):
+        worth = place < JUDGED and trial.gain > max(TENTATIVE, CLOSE * close[0].gain) and trial.bic < -BIC_FALL
         held_out = halves_gain(before, halves_errors(fitter, trial.fit)) if worth and before else (0.0, 0.0)
         judged.append(Trial(trial.name, trial.fit, trial.gain, held_out, trial.bic))
     return judged
