@@ -16,4 +16,9 @@ setup(
     maintainer_email="ankle.lab@example.com",
     description="Locates, names and models the physics that a joint model leaves out.",
     license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "model_discrepancy = model_discrepancy.model_discrepancy_node:main",
+        ],
+    },
 )

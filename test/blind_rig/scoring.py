@@ -1,8 +1,7 @@
 """What a diagnosis got right, once the seal is open.
 
 Every rate comes with its counts. A verdict's named set is, for each effect that it states, the effect's
-name with its ``rivals``, and, where it states a single effect, the ``alternatives`` that it marks with
-``"excluded": false``. A set counts when it holds at most three names.
+name with its ``set``: the names that fit about equally well. A set counts when it holds at most three names.
 """
 
 from __future__ import annotations
@@ -73,12 +72,9 @@ def stated_effects(verdict: dict[str, Any]) -> list[dict[str, Any]]:
     return sorted(verdict.get("effects", []), key=lambda effect: -(_number(effect.get("probability")) or 0.0))
 
 
-def named_set(effect: dict[str, Any], verdict: dict[str, Any]) -> set[str]:
+def named_set(effect: dict[str, Any]) -> set[str]:
     """The effect's name and the rivals that the verdict could not exclude."""
-    names = {str(effect.get("name"))} | {str(r.get("name") if isinstance(r, dict) else r) for r in effect.get("rivals", [])}
-    if len(verdict.get("effects", [])) == 1:
-        names |= {str(a.get("name")) for a in verdict.get("alternatives", []) if a.get("excluded") is False}
-    return names
+    return {str(effect.get("name")), *map(str, effect.get("set", []))}
 
 
 def _accepts(hidden: str, name: str) -> bool:
@@ -97,9 +93,9 @@ def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, A
     foreign = [name for name in names if not any(_accepts(h, name) for h in hidden)]
     if len(found) == len(hidden) and not foreign:
         return "right"
-    sets = [s for s in (named_set(effect, verdict) for effect in effects) if len(s) <= LARGEST_SET]
+    sets = [s for s in (named_set(effect) for effect in effects) if len(s) <= LARGEST_SET]
     in_set = [h for h in hidden if h in found or any(_accepts(h, name) for s in sets for name in s)]
-    strange = [e for e in effects if not any(_accepts(h, n) for h in hidden for n in named_set(e, verdict))]
+    strange = [e for e in effects if not any(_accepts(h, n) for h in hidden for n in named_set(e))]
     if len(in_set) == len(hidden) and not strange:
         return "set"
     return "partial" if in_set else "wrong_name"

@@ -37,6 +37,15 @@ def _progress(what: str) -> Iterator:
         yield lambda share: bar.update(task, completed=share)
 
 
+@contextmanager
+def _steps() -> Iterator:
+    """A progress bar for work of several steps, and a function that takes a step's name and its done share from 0 to 1."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
+
+
 @app.command()
 def demo(
     out: Out = Path("demo_results"),
@@ -107,6 +116,170 @@ def diagnose(
     for reason in found.verdict.reasons:
         console.print(f"  {reason}")
     console.print(f"report: {(out / 'report.html').resolve()}")
+
+
+@app.command()
+def compare(
+    simulated: Annotated[Path, typer.Argument(help="A bag of the simulation.")],
+    recorded: Annotated[Path, typer.Argument(help="A recorded bag.")],
+    out: Out = Path("comparison"),
+) -> None:
+    """Find where a recorded bag differs from a simulated one: joint, actuator or sensors.
+
+    Writes report.html and compare.json.
+
+    Example: ankle compare simulated_session session --out comparison
+    """
+    from ankle_bringup.errors import RunError
+    from model_discrepancy.comparison_report import compare_bags
+
+    if out.exists() and any(out.iterdir()):
+        raise RunError(f"{out} is not empty; nothing is overwritten unasked")
+    with Console(stderr=True).status("comparing ...") as status:
+        result = compare_bags(simulated, recorded, out, progress=lambda step: status.update(f"comparing: {step}"))
+    console.print(f"verdict: [bold]{result.verdict}[/bold]")
+    console.print(result.headline, markup=False)
+    console.print(f"report: {(out / 'report.html').resolve()}")
+
+
+@app.command("design-experiment")
+def design_experiment(
+    verdict: Annotated[Path, typer.Argument(help="verdict.json of a diagnosis, or its folder.")],
+    out: Out = Path("design"),
+) -> None:
+    """Propose the perturbation that tells the rivals of a verdict apart.
+
+    Writes design.yaml, a parameter file of the perturbation generator, and design.png.
+
+    Example: ankle design-experiment session_diagnosis --out design
+    """
+    from ankle_bringup.errors import RunError
+    from model_discrepancy.experiment_design import LISTED
+    from model_discrepancy.experiment_design import design_experiment as design
+
+    if out.exists() and any(out.iterdir()):
+        raise RunError(f"{out} is not empty; nothing is overwritten unasked")
+    with Console(stderr=True).status("designing ...") as status:
+        found = design(verdict, progress=lambda step: status.update(f"designing: {step}"))
+    found.save(out)
+    table = Table("perturbation", "hardest pair", "excess error [%]", "minutes")
+    for proposal in found.proposals[:LISTED]:
+        pair = " / ".join(name.replace("_", " ") for name in proposal.pair)
+        table.add_row(proposal.candidate.title, pair, f"{100 * proposal.excess:.1f}", f"{proposal.minutes:.2g}")
+    if found.proposals:
+        console.print(table)
+    for sentence in [found.sentence, *found.other]:
+        console.print(sentence, markup=False)
+    if found.proposals:
+        console.print(f"written to {out.resolve()}")
+
+
+@app.command()
+def blind(
+    cases: Annotated[int, typer.Option(help="Recordings to conceal and to diagnose.")] = 100,
+    seed: Annotated[int, typer.Option(help="Draws subjects, effects and noise.")] = 1,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the study; an interrupted one goes on.")] = Path("blind_study"),
+    workers: Annotated[int, typer.Option(help="Processes on this machine.")] = os.cpu_count() or 1,
+    scheduler: Annotated[Optional[str], typer.Option(help="Address of a running Dask scheduler instead.")] = None,  # noqa: UP045
+) -> None:
+    """Diagnose recordings of an independent rig whose truth is sealed; then open the seal and score.
+
+    Example: ankle blind --cases 100 --seed 7 --out blind_study
+    """
+    from ankle_bringup.errors import RunError
+
+    tests = Path(__file__).resolve().parents[3] / "test"
+    if not (tests / "blind_rig").is_dir():
+        raise RunError(f"the blind rig is not in {tests}: it comes with the source tree, not with an installed package")
+    sys.path.insert(0, str(tests))
+    from blind_rig.study import blind as run_study
+
+    command = [sys.executable, "-m", "ankle_bringup.command_line", "diagnose", "{bag}", "--out", "{out}"]
+    run_study(cases, seed, out, command, workers, scheduler=scheduler, console=console)
+    console.print((out / "result.md").read_text(), markup=False, highlight=False)
+
+
+@app.command()
+def table2(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the study; an interrupted one goes on.")] = Path("table2_study"),
+    seed: Annotated[int, typer.Option(help="Draws K, G, perturbations and noise.")] = 1,
+    quick: Annotated[bool, typer.Option("--quick", help="8 runs instead of 100, 5 seeds instead of 20.")] = False,
+    workers: Annotated[int, typer.Option(help="Processes on this machine.")] = os.cpu_count() or 1,
+    scheduler: Annotated[Optional[str], typer.Option(help="Address of a running Dask scheduler instead.")] = None,  # noqa: UP045
+) -> None:
+    """Make table II of van 't Veld et al. 2018 again: six combinations of signal-model and algorithm, the paper's numbers beside ours.
+
+    Writes table2.md, table2.csv, figure6.png and figure7.png.
+
+    Example: ankle table2 --quick --out table2_study
+    """
+    from simulation_study.table2_report import reproduce_table2
+
+    console.print(reproduce_table2(out, seed, quick, workers, scheduler, console), markup=False, highlight=False, soft_wrap=True)
+    console.print(f"written to {out.resolve()}")
+
+
+@app.command()
+def emg(
+    bag: Annotated[Path, typer.Argument(help="A bag with /emg/samples and /perturbation/reference or /ankle/samples.")],
+    out: Out = Path("emg_responses"),
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is at --out.")] = False,
+) -> None:
+    """Background and reflex activity of every onset in a bag, with the numbers that the node gives.
+
+    Writes a bag with /emg/responses and /emg/ensemble.
+
+    Example: ankle emg session --out session_responses
+    """
+    from emg_driver.offline import respond_bag, summary
+
+    with _progress(f"reading {bag}") as share:
+        found = respond_bag(bag, out, overwrite=overwrite, progress=share)
+    for note in found.notes[:10]:
+        console.print(f"note: {note}")
+    table = Table("muscle", "onsets", "background [uV]", "reflex [uV.s]")
+    for row in summary(found):
+        table.add_row(*row)
+    console.print(table)
+    console.print(f"{len(found.rows)} onsets; written to {out.resolve()}")
+
+
+@app.command()
+def validate(
+    bags: Annotated[list[str], typer.Argument(help="Recorded sessions, each as BAG or as SUBJECT=BAG.")],
+    out: Out = Path("validation"),
+    recompute: Annotated[bool, typer.Option("--recompute", help="Estimates and EMG responses from the samples, not as recorded.")] = False,
+) -> None:
+    """Correlate K and G with EMG over the hold periods of recorded sessions: the paper's Table III and figures 4, 5, 8.
+
+    Writes report.html, the pictures, table3.csv and holds.csv.
+
+    Example: ankle validate anna=monday_1 anna=monday_2 ben=tuesday_1 --out validation
+    """
+    from session_analysis.console import report_validation
+
+    with _steps() as step:
+        report_validation(bags, out, recompute, step, console)
+
+
+@app.command("virtual-study")
+def virtual_study(
+    out: Out = Path("virtual_study"),
+    steady: Annotated[bool, typer.Option("--cannot-modulate", help="Subjects whose stiffness and reflexes stay the same.")] = False,
+    seed: Annotated[int, typer.Option(help="Of states, noise and perturbation.")] = 1,
+) -> None:
+    """Three virtual subjects through the paper's experiment, recorded as bags, then validated like real ones (about 15 minutes).
+
+    Writes subject_1 to subject_3 (bags of 45 minutes, together 1.2 GB) and validation/; bags that are there are used again.
+
+    Example: ankle virtual-study --out virtual_study
+    """
+    from session_analysis.console import report_validation
+    from session_analysis.virtual_study import paper_study, record_study
+
+    with _steps() as step:
+        bags = record_study(paper_study(not steady, seed), out, step)
+        report_validation([str(bag) for bag in bags], out / "validation", False, step, console)
 
 
 @app.command()

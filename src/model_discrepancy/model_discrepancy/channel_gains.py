@@ -2,55 +2,88 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from model_discrepancy.encoder_play import encoder_gap, motion_without_play
 from model_discrepancy.motion import low_pass
 from model_discrepancy.recording import Recording
 
 # Encoders and amplifiers are calibrated to better than this; three standard errors are asked for as well.
 LEAST_GAIN_ERROR = 0.03
 LEAST_LAG_S = 0.001
+SENSOR, PLAY = "position sensor", "backlash"
 
 
 @dataclass(frozen=True)
-class ChannelFinding:
-    """A channel that disagrees with another one.
+class Finding:
+    """Something that is seen in the signals themselves, without a fit.
 
     Attributes:
-        name: ``velocity_gain``, ``velocity_lag`` or ``position_gain``.
-        value, error: gain [1] or lag [s] with its standard error.
+        name: ``velocity_gain``, ``velocity_lag``, ``position_gain``, ``backlash`` (of the encoder) or ``tremor``.
+        location: place in the signal path.
+        parameters: value and standard error by name with unit.
         sentence: in plain words with the number.
     """
 
     name: str
-    value: float
-    error: float
+    location: str
+    parameters: dict[str, tuple[float, float]]
     sentence: str
 
 
-def channel_findings(recording: Recording) -> list[ChannelFinding]:
+def channel_findings(recording: Recording) -> list[Finding]:
     """Findings from velocity against position, and position against the reference, where they were recorded."""
+    gap = encoder_gap(recording)
+    if gap is not None:
+        # Play also shrinks and delays what position reads; one error, not three.
+        sentence = f"Position stands still for {1000 * gap[0]:.2f} mrad at each reversal: play between shaft and encoder."
+        return [Finding(PLAY, SENSOR, {"gap[rad]": gap}, sentence)]
     found = []
-    if recording.velocity is not None:
-        gain, gain_error, lag, lag_error = _gain_and_lag(recording.position, recording.velocity, recording.rate, derivative=True)
-        if abs(gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
-            found.append(
-                ChannelFinding("velocity_gain", gain, gain_error, f"The velocity channel reads {gain:.3f} times the true velocity.")
-            )
-        if abs(lag) > max(LEAST_LAG_S, 3 * lag_error):
-            word = "late" if lag > 0 else "early"
-            found.append(ChannelFinding("velocity_lag", lag, lag_error, f"The velocity channel is {1000 * abs(lag):.1f} ms {word}."))
-    if recording.reference is not None and np.std(recording.reference) > 0:
-        gain, gain_error = _static_gain(recording)
-        if abs(gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
-            found.append(
-                ChannelFinding(
-                    "position_gain", gain, gain_error, f"Held positions read {gain:.3f} times the commanded ones: a gain error of position."
-                )
-            )
+    position = _position_gain(recording)
+    if position is not None:
+        found.append(position)
+    if recording.velocity is None:
+        return found
+    gain, gain_error, lag, lag_error = _gain_and_lag(recording.position, recording.velocity, recording.rate, derivative=True)
+    # Where position reads too much against the reference, velocity reads too little against position: one error, not two.
+    true_gain = gain if position is None else gain * position.parameters["gain[1]"][0]
+    if abs(true_gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
+        found.append(_gain("velocity_gain", true_gain, gain_error, f"The velocity channel reads {true_gain:.3f} times the true velocity."))
+    if abs(lag) > max(LEAST_LAG_S, 3 * lag_error):
+        word = "late" if lag > 0 else "early"
+        sentence = f"The velocity channel is {1000 * abs(lag):.1f} ms {word}."
+        found.append(Finding("velocity_lag", SENSOR, {"lag[s]": (lag, lag_error)}, sentence))
     return found
+
+
+def trusted(recording: Recording, findings: list[Finding]) -> Recording:
+    """The recording with its position in true radians, and without a velocity that disagrees: both are merged into one motion."""
+    for finding in findings:
+        if finding.name == PLAY:
+            recording = replace(recording, position=motion_without_play(recording))
+        elif finding.name == "position_gain":
+            middle = recording.position.mean()
+            recording = replace(recording, position=middle + (recording.position - middle) / finding.parameters["gain[1]"][0])
+        else:
+            recording = replace(recording, velocity=None)
+    return recording
+
+
+def _position_gain(recording: Recording) -> Finding | None:
+    """Whether held positions differ from the commanded ones."""
+    if recording.reference is None or np.std(recording.reference) == 0:
+        return None
+    gain, error = _static_gain(recording)
+    if abs(gain - 1.0) <= max(LEAST_GAIN_ERROR, 3 * error):
+        return None
+    sentence = f"Held positions read {gain:.3f} times the commanded ones: a gain error of position."
+    return _gain("position_gain", gain, error, sentence)
+
+
+def _gain(name: str, gain: float, error: float, sentence: str) -> Finding:
+    return Finding(name, SENSOR, {"gain[1]": (gain, error)}, sentence)
 
 
 def _gain_and_lag(x: np.ndarray, y: np.ndarray, rate: float, derivative: bool) -> tuple[float, float, float, float]:

@@ -5,31 +5,37 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
 from model_discrepancy.ceiling import ceiling_vaf
-from model_discrepancy.channel_gains import ChannelFinding, channel_findings
+from model_discrepancy.channel_gains import Finding, channel_findings, trusted
 from model_discrepancy.columns import Columns
 from model_discrepancy.effect_size import size_of
+from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.evaluation import HeldOut, held_out
 from model_discrepancy.fit import Fit, Fitter
 from model_discrepancy.generic_bank import GenericBank, Remainder
 from model_discrepancy.halves import interleaved
 from model_discrepancy.locate import ResidualMap, residual_map
-from model_discrepancy.motion import motion_of
+from model_discrepancy.missing_block import MissingBlock, missing_block
+from model_discrepancy.motion import ACTIVATION_HZ, motion_of
 from model_discrepancy.recording import Recording
 from model_discrepancy.recording_checks import faults
 from model_discrepancy.report import write_report
-from model_discrepancy.rows import Rows
-from model_discrepancy.search import Found, Progress, fit_base, place_of, search
+from model_discrepancy.rows import WHITENING_ORDER, Rows, autoregression
+from model_discrepancy.search import ALIGNMENT, REFINEMENT, Found, Progress, fit_base, is_alignment, place_of, search
+from model_discrepancy.unpredictable import Unpredictable, unpredictable
 from model_discrepancy.verdict import (
+    SIGNIFICANT_REMAINDER,
+    Scores,
     Verdict,
     alternatives,
     bias,
-    channel_entry,
     effect_entry,
+    finding_entry,
     kind,
     separating_measurements,
     to_model,
@@ -51,6 +57,7 @@ class Diagnosis:
     before: Remainder | None = None
     after: Remainder | None = None
     ceiling: tuple[float, float] = (float("nan"), float("nan"))
+    block: MissingBlock | None = None
 
 
 def diagnose(
@@ -70,11 +77,14 @@ def diagnose(
         progress: called with one line for each step.
 
     Raises:
-        BagError, DiagnosisError: no such recording.
+        BagError: no such bag.
         ModelError: the model cannot be read.
     """
     progress("reading")
-    recording = source if isinstance(source, Recording) else Recording.from_bag(source)
+    try:
+        recording = source if isinstance(source, Recording) else Recording.from_bag(source)
+    except DiagnosisError as error:
+        recording = Recording.unreadable(str(source), str(error))
     baseline = Model.load(model) if isinstance(model, str | Path) else model
     progress("checking the channels")
     reasons = faults(recording)
@@ -96,12 +106,13 @@ def diagnose(
 
 def _diagnose(recording: Recording, baseline: Model | None, library: Sequence[str] | None, progress: Progress) -> Diagnosis:
     channels = channel_findings(recording)
-    # A velocity channel that disagrees with position would spoil the motion that both are merged into.
-    trusted = replace(recording, velocity=None) if any(c.name.startswith("velocity") for c in channels) else recording
-    motion = motion_of(trusted)
+    motion = motion_of(trusted(recording, channels))
     fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
     terms = PAPER_TERMS if baseline is None else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     base = fit_base(fitter, terms, progress)
+    # Only now voluntary torque can be told from the torque that the movement makes.
+    motion = replace(motion, activation=float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ))
+    fitter = Fitter(Columns(motion, fitter.rows))
     bank = GenericBank(fitter.columns)
     parts = interleaved(fitter.rows)
     before = bank.remainder(fitter, base.residual, base.plain, parts)
@@ -113,32 +124,72 @@ def _diagnose(recording: Recording, baseline: Model | None, library: Sequence[st
     base_scored = held_out(motion, base)
     final_scored = held_out(motion, found.final) if found.effects else base_scored
     ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
-    verdict = _conclude(fitter, found, after, channels, base_map, base_scored, final_scored, ceiling, baseline)
-    return Diagnosis(recording, verdict, fitter, found, base_map, final_map, base_scored, final_scored, before, after, ceiling)
+    strange = unpredictable(fitter, found.final, base_map.onsets)
+    findings = [*channels, *([strange.tremor] if strange.tremor is not None else [])]
+    verdict = _conclude(fitter, found, after, findings, strange, base_map, base_scored, final_scored, ceiling, baseline)
+    verdict.recording = _conditions(recording, fitter, found.final)
+    block = None
+    if verdict.verdict == "unexplained":
+        progress("describing what is missing")
+        block = missing_block(fitter, found.final, base_map.onsets)
+        _describe_missing(verdict, block)
+    return Diagnosis(recording, verdict, fitter, found, base_map, final_map, base_scored, final_scored, before, after, ceiling, block)
+
+
+def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, Any]:
+    """What a second recording must be compared with: length, size of the movements, background torque, and the residual's spectrum."""
+    position = fitter.columns.motion.position
+    low, high = np.percentile(position, [1.0, 99.0])
+    return {
+        "rate[Hz]": recording.rate,
+        "duration[s]": recording.duration,
+        "movement[rad]": float(high - low),
+        "background_torque[N.m]": float(np.mean(recording.torque)),
+        "whitening_rate[Hz]": fitter.rows.rate,
+        "whitening[1/N.m]": autoregression(final.plain[fitter.rows.used], WHITENING_ORDER).tolist(),
+    }
+
+
+def _describe_missing(verdict: Verdict, block: MissingBlock | None) -> None:
+    """Put the missing block into the verdict; without effects its place is the place of the mismatch."""
+    if block is None:
+        verdict.reasons.append("the recording is too short to describe the missing block (six stretches of 5 s are needed)")
+        return
+    verdict.localisation["missing_block"] = block.content()
+    verdict.reasons.append(block.sentence)
+    if not verdict.effects:
+        verdict.localisation["path"] = block.place
 
 
 def _conclude(
     fitter: Fitter,
     found: Found,
     after: Remainder,
-    channels: list[ChannelFinding],
+    findings: list[Finding],
+    strange: Unpredictable,
     base_map: ResidualMap,
     base: HeldOut,
     final: HeldOut,
     ceiling: tuple[float, float],
     baseline: Model | None,
 ) -> Verdict:
-    word, closed = kind(found, after, channels)
+    word, closed = kind(found, after, findings, strange, Scores(base.vaf, final.vaf, ceiling[1]))
     effects = [
         effect_entry(effect, found.final, size_of(fitter, found.final, effect.trial.name, base_map.onsets), closed)
         for effect in found.effects
     ]
-    effects += [channel_entry(c) for c in channels]
+    effects += [finding_entry(finding) for finding in findings]
     reasons = separating_measurements(effects)
     reasons += [f"{name} ended at the bound of its range" for name in found.final.at_bounds]
     reasons += [f"base model: {name} ran into its bound, a sign that it hides something else" for name in found.base.at_bounds]
     reasons.append(f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened residual on unseen data")
-    if word == "unexplained":
+    reasons += strange.sentences
+    if found.refinements:
+        names = ", ".join(effect.trial.name for effect in found.refinements)
+        reasons.append(f"the model holds {names} too: less than {100 * REFINEMENT:g} % of the mismatch each, corrections to the rest")
+    if is_alignment(fitter, found.final):
+        reasons.append(f"torque and position are apart by {1000 * found.final.values[ALIGNMENT]['skew']:.2f} ms, less than half a sample")
+    if word == "unexplained" and after.share > SIGNIFICANT_REMAINDER:
         strongest = max(after.by_input, key=lambda key: after.by_input[key])
         reasons.append(
             f"no term of the library explains it; regressors of {strongest} predict most of it ({100 * after.by_input[strongest]:.0f} %)"

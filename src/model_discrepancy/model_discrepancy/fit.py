@@ -23,6 +23,8 @@ Start = Mapping[str, Mapping[str, float]]
 Spectra = Mapping[Column, np.ndarray]
 # Step of numerical derivatives and width of "at the bound", in units of the scaled range 0...1.
 _STEP = 1e-4
+# A refit to half of the rows stays within this share of a nonlinear parameter's range.
+_LINEAR = 0.1
 # Whitened columns kept: two models of twelve columns each; one takes 0.1 to 0.2 MB.
 _REMEMBERED = 24
 _AT_BOUND = 2e-3
@@ -176,7 +178,7 @@ class Fitter:
         spectra = self.columns.spectra(values)
         order = list(spectra)
         matrix = self.whitened(spectra.values())
-        amplitudes = bounded(matrix[mask], self.target[mask], [_linear(c) for c in order])
+        amplitudes = bounded(matrix[mask], self.target[mask], *ranges(order))
         residual = self.target - matrix @ amplitudes
         left = self.columns.target - sum(a * spectra[c] for a, c in zip(amplitudes, order, strict=True))
         filled = {name: dict(given) for name, given in values.items()}
@@ -192,19 +194,35 @@ class Fitter:
         residual, used = self.rows.whitened(left), self.rows.used
         return Fit({n: dict(v) for n, v in values.items()}, residual, left, self.rows, float(residual[used] @ residual[used]), 0)
 
-    def derivatives(self, fit: Fit) -> tuple[np.ndarray, list[Column]]:
-        """Whitened columns and derivatives by the nonlinear parameters per unit of the scaled range, shape (count, size)."""
+    def derivatives(self, fit: Fit, plain: bool = False) -> tuple[np.ndarray, list[Column]]:
+        """Columns and derivatives by the nonlinear parameters per unit of the scaled range, shape (count, size), whitened or plain."""
         spectra = self.columns.spectra(fit.values)
-        blocks = [self.whitened(spectra.values())]
+        blocks = [np.column_stack([self.rows.plain(s) for s in spectra.values()]) if plain else self.whitened(spectra.values())]
         labels: list[Column] = list(spectra)
         amplitudes = {(n, symbol): fit.values[n][symbol] for n, symbol in spectra}
         for name, parameter in nonlinear(fit.terms):
-            blocks.append(self.slope(fit.values, name, parameter, amplitudes, spectra)[:, None])
+            blocks.append(self.slope(fit.values, name, parameter, amplitudes, spectra, plain)[:, None])
             labels.append((name, parameter.symbol))
         return np.hstack(blocks), labels
 
-    def slope(self, values: Start, name: str, parameter: Parameter, amplitudes: Mapping[Column, float], here: Spectra) -> np.ndarray:
-        """Whitened derivative of the model torque by a nonlinear parameter per unit of its scaled range, shape (count,).
+    def room(self, fit: Fit, labels: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
+        """How far each parameter may go down and up; nonlinear ones on their scaled range, where the fit is linear enough."""
+        down, up = ranges(labels)
+        for k, (name, symbol) in enumerate(labels):
+            parameter, value = term_library()[name].parameter(symbol), fit.values[name][symbol]
+            if parameter.linear:
+                # The fit solves for amplitudes to rounding only.
+                down[k], up[k] = min(down[k] - value, 0.0), max(up[k] - value, 0.0)
+            else:
+                unit = to_unit(parameter, value)
+                down[k], up[k] = max(-unit, -_LINEAR), min(1.0 - unit, _LINEAR)
+        # A range of no width is no range to the solver.
+        return np.minimum(down, -1e-9), np.maximum(up, 1e-9)
+
+    def slope(
+        self, values: Start, name: str, parameter: Parameter, amplitudes: Mapping[Column, float], here: Spectra, plain: bool = False
+    ) -> np.ndarray:
+        """Derivative of the model torque, whitened or plain, by a nonlinear parameter per unit of its scaled range, shape (count,).
 
         One-sided difference.
 
@@ -213,13 +231,15 @@ class Fitter:
             name, parameter: by what.
             amplitudes: of the columns.
             here: the columns at `values`.
+            plain: not whitened.
         """
         unit = to_unit(parameter, values[name][parameter.symbol])
         step = _STEP if unit + _STEP <= 1.0 else -_STEP
         moved = self.columns.spectra(_moved(values, name, parameter, unit + step))
         # Columns that the parameter does not touch come back as the very same arrays.
         change = sum(amplitudes[c] * (s - here[c]) for c, s in moved.items() if s is not here[c])
-        return np.zeros(self.rows.count) if isinstance(change, int) else self.rows.whitened(change) / step
+        rows = self.rows.plain if plain else self.rows.whitened
+        return np.zeros(self.rows.count) if isinstance(change, int) else rows(change) / step
 
     def with_errors(self, fit: Fit) -> Fit:
         """The same fit with standard errors from the whitened rows, parameters at bounds held."""
@@ -291,8 +311,8 @@ def orthonormal(matrix: np.ndarray) -> np.ndarray:
     return kept @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
 
 
-def bounded(matrix: np.ndarray, target: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
-    """Least-squares amplitudes within the parameters' ranges, shape (p,)."""
+def bounded(matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Least-squares amplitudes within ranges, each of shape (p,)."""
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0] = 1.0
     scaled = matrix / scale
@@ -300,15 +320,17 @@ def bounded(matrix: np.ndarray, target: np.ndarray, parameters: Sequence[Paramet
     gram[np.diag_indices_from(gram)] += 1e-10
     factor = np.linalg.cholesky(gram).T
     right = np.linalg.solve(factor.T, scaled.T @ target)
-    lower, upper = np.array([p.lower for p in parameters]) * scale, np.array([p.upper for p in parameters]) * scale
+    lower, upper = lower * scale, upper * scale
     free = np.linalg.solve(factor, right)
     if np.all((free >= lower) & (free <= upper)):
         return free / scale
     return lsq_linear(factor, right, (lower, upper), method="bvls").x / scale
 
 
-def _linear(column: Column) -> Parameter:
-    return term_library()[column[0]].parameter(column[1])
+def ranges(columns: Iterable[Column]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends of the linear parameters of these columns."""
+    parameters = [term_library()[name].parameter(symbol) for name, symbol in columns]
+    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
 
 
 def _stretch(parameter: Parameter, value: float) -> float:

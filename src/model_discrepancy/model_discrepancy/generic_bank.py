@@ -41,14 +41,19 @@ class GenericBank:
 
     Args:
         columns: of the recording.
+        like: a bank of another recording whose weights are to be used here; None scales by this recording.
+
+    Attributes:
+        scale: mean angle [rad] and size of position, velocity, acceleration [rad, rad/s, rad/s^2] that count as one.
     """
 
-    def __init__(self, columns: Columns) -> None:
+    def __init__(self, columns: Columns, like: GenericBank | None = None) -> None:
         m = columns.motion
-        x = m.position - columns.mean_angle
-        v, a = m.velocity, m.acceleration
+        own = (columns.mean_angle, float(m.position.std()), float(m.velocity.std()), float(m.acceleration.std()))
+        self.scale: tuple[float, ...] = like.scale if like is not None else own
         # Scaled to unit size so that one ridge fits all.
-        x, v, a = x / x.std(), v / v.std(), a / a.std()
+        middle, *sizes = self.scale
+        x, v, a = (signal / size for signal, size in zip((m.position - middle, m.velocity, m.acceleration), sizes, strict=True))
         inputs = {
             "position": [x],
             "velocity": [v],
@@ -63,7 +68,7 @@ class GenericBank:
         self._rows = columns.rows
         self._spectra: list[np.ndarray] = []
         self._owners: list[str] = []
-        windows = _lag_windows(self._rows.frequency)
+        windows = lag_windows(self._rows.frequency)
         for name, signals in inputs.items():
             for signal in signals:
                 spectrum = self._rows.spectrum(signal)
@@ -90,6 +95,17 @@ class GenericBank:
         plain_share = float(np.mean([cross_score(unfiltered, plain, train, test) for train, test in (parts, parts[::-1])]))
         return Remainder(float(np.mean(shares)), float(min(shares)), by_input, plain_share)
 
+    def learn(self, plain: np.ndarray) -> np.ndarray:
+        """Weights with which the bank predicts this plain residual [N.m], shape (rows.count,); the ridge as in `cross_score`."""
+        matrix = np.column_stack([self._rows.plain(s) for s in self._spectra])
+        index = np.flatnonzero(self._rows.used)
+        scale = _size(matrix[index])
+        return _weights(matrix[index] / scale, plain[index], _tuned(matrix, plain, index)) / scale
+
+    def prediction(self, weights: np.ndarray) -> np.ndarray:
+        """Spectrum of the torque that these weights predict here, as `Rows.spectrum`."""
+        return np.tensordot(weights, np.stack(self._spectra), axes=1)
+
 
 def cross_score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray) -> float:
     """Share of the target's power on `test` rows predicted by ridge regression on `train` rows; may be negative.
@@ -97,24 +113,38 @@ def cross_score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test:
     The ridge is chosen on the last third of the training rows, never on the test rows.
     """
     index = np.flatnonzero(train)
+    return _score(matrix, target, index, np.flatnonzero(test), _tuned(matrix, target, index))
+
+
+def _tuned(matrix: np.ndarray, target: np.ndarray, index: np.ndarray) -> float:
+    """The ridge that does best on the last third of these rows when fitted to the first two."""
     cut = 2 * len(index) // 3
-    tuned = [_score(matrix, target, index[:cut], index[cut:], ridge) for ridge in _RIDGES]
-    return _score(matrix, target, index, np.flatnonzero(test), _RIDGES[int(np.argmax(tuned))])
+    scores = [_score(matrix, target, index[:cut], index[cut:], ridge) for ridge in _RIDGES]
+    return _RIDGES[int(np.argmax(scores))]
 
 
 def _score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray, ridge: float) -> float:
-    known = matrix[train]
-    scale = np.sqrt(np.mean(known**2, axis=0))
-    scale[scale == 0] = 1.0
-    known = known / scale
-    gram = known.T @ known / len(train)
-    weights = np.linalg.solve(gram + ridge * np.eye(len(gram)), known.T @ target[train] / len(train))
+    scale = _size(matrix[train])
+    weights = _weights(matrix[train] / scale, target[train], ridge)
     error = target[test] - (matrix[test] / scale) @ weights
     power = float(np.sum(target[test] ** 2))
     return 1.0 - float(np.sum(error**2)) / power if power > 0 else 0.0
 
 
-def _lag_windows(frequency: np.ndarray) -> list[np.ndarray]:
+def _size(matrix: np.ndarray) -> np.ndarray:
+    """Root mean square of each column; 1 for empty ones."""
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    scale[scale == 0] = 1.0
+    return scale
+
+
+def _weights(known: np.ndarray, target: np.ndarray, ridge: float) -> np.ndarray:
+    """Ridge regression on columns of unit size."""
+    gram = known.T @ known / len(known)
+    return np.linalg.solve(gram + ridge * np.eye(len(gram)), known.T @ target / len(known))
+
+
+def lag_windows(frequency: np.ndarray) -> list[np.ndarray]:
     """Frequency responses of triangular windows between neighbouring lags."""
     windows = []
     lags = np.array(LAGS_S)

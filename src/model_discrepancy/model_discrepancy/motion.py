@@ -34,7 +34,9 @@ class Motion:
         rate: [Hz].
         position, velocity, acceleration: of the footplate [rad, rad/s, rad/s^2], each of shape (n,).
         torque: [N.m], shape (n,).
-        activation: background torque that muscles hold [N.m], shape (n,): slow torque, positive for calf activity.
+        activation: background torque that muscles hold [N.m], shape (n,): slow torque, positive for calf activity; `diagnose` takes
+            out of it what the base model makes of the movement.
+        sample_time: between two samples of the recording [s]: channels are aligned no better than to half of it; 0 for a simulation.
     """
 
     rate: float
@@ -43,6 +45,7 @@ class Motion:
     acceleration: np.ndarray
     torque: np.ndarray
     activation: np.ndarray
+    sample_time: float = 0.0
 
     @property
     def time(self) -> np.ndarray:
@@ -103,6 +106,7 @@ def motion_of(recording: Recording) -> Motion:
         acceleration=position.read(keep * s**2),
         torque=torque.read(keep),
         activation=torque.read(low_pass(frequency, ACTIVATION_HZ, 4)),
+        sample_time=1.0 / recording.rate,
     )
 
 

@@ -2,14 +2,17 @@
 
 ``python -m model_discrepancy.planted_trials --out FOLDER`` diagnoses trials without any mismatch and
 one for each term of the library, appends every result to ``results.jsonl`` (an interrupted run goes
-on where it stopped) and prints the table. The simulation is that of `ankle_physics`: it shows what
-the search can tell apart, not what another simulator would make of the same physics.
+on where it stopped) and prints the table. With ``--leave-out`` the planted term is taken out of the
+library first: what is then said must be `unexplained` or the name of a relative at the same place.
+The simulation is that of `ankle_physics`: it shows what the search can tell apart, not what another
+simulator would make of the same physics.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,7 @@ from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
+from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.recording import Recording
 from model_discrepancy.screening import NOT_SEARCHED
 
@@ -97,8 +101,8 @@ def _reference(random: np.random.Generator, duration: float, protocol: str) -> n
     return reference
 
 
-def cases(nulls: int, seed: int) -> list[dict[str, Any]]:
-    """Trials without mismatch, then one for each term, over rates and protocols."""
+def cases(nulls: int, seed: int, leave_out: bool = False) -> list[dict[str, Any]]:
+    """Trials without mismatch, then one for each term, over rates and protocols; `leave_out` takes the term out of the library."""
     names: list[str | None] = [None] * nulls
     names += [name for name in term_library() if name not in NOT_SEARCHED]
     return [
@@ -109,6 +113,7 @@ def cases(nulls: int, seed: int) -> list[dict[str, Any]]:
             "protocol": ("random", "equal")[number % 2],
             "velocity": number % 3 != 0,
             "duration": 60.0,
+            "leave_out": leave_out and name is not None,
         }
         for number, name in enumerate(names)
     ]
@@ -116,13 +121,16 @@ def cases(nulls: int, seed: int) -> list[dict[str, Any]]:
 
 def run_case(case: dict[str, Any]) -> dict[str, Any]:
     """Diagnose one case; the case with what was found."""
-    from model_discrepancy.diagnose import diagnose
-
-    options = {key: value for key, value in case.items() if key != "planted"}
+    options = {key: value for key, value in case.items() if key not in ("planted", "leave_out")}
     planted = {case["planted"]: STRENGTHS.get(case["planted"], {})} if case["planted"] else {}
-    verdict = diagnose(simulate_trial(planted, **options)).verdict
+    library = [name for name in term_library() if name != case["planted"]] if case["leave_out"] else None
+    return {**case, **outcome(diagnose(simulate_trial(planted, **options), library=library))}
+
+
+def outcome(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What a study keeps of a diagnosis."""
+    verdict = diagnosis.verdict
     return {
-        **case,
         "verdict": verdict.verdict,
         "effects": [[e["probability"], *e["set"]] for e in verdict.effects],
         "fit": verdict.fit,
@@ -136,21 +144,26 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for results.jsonl")
     parser.add_argument("--nulls", type=int, default=20, help="trials without mismatch")
     parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--leave-out", action="store_true", help="take each planted term out of the library")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / "results.jsonl"
+    print(summary(run_all(cases(options.nulls, options.seed, options.leave_out), run_case, options.out)))
+
+
+def run_all(todo: list[dict[str, Any]], run: Callable[[dict[str, Any]], dict[str, Any]], out: Path) -> list[dict[str, Any]]:
+    """Results of all cases; those in ``results.jsonl`` of the folder `out` already are not run again. Cases differ by ``seed``."""
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "results.jsonl"
     known = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
-    todo = cases(options.nulls, options.seed)
     done = {entry["seed"] for entry in known}
     for number, case in enumerate(todo):
         if case["seed"] in done:
             continue
-        result = run_case(case)
+        result = run(case)
         with file.open("a") as stream:
             stream.write(json.dumps(result, default=float) + "\n")
         known.append(result)
         print(f"{number + 1}/{len(todo)} {_line(result)}", flush=True)
-    print(summary(known))
+    return known
 
 
 def _line(result: dict[str, Any]) -> str:
@@ -159,18 +172,32 @@ def _line(result: dict[str, Any]) -> str:
 
 
 def summary(results: list[dict[str, Any]]) -> str:
-    """False alarms, names and sets."""
+    """False alarms, names and sets; for terms that were left out of the library, what was said instead."""
     nulls = [r for r in results if r["planted"] is None]
-    rest = [r for r in results if r["planted"] is not None]
-    alarms = sum(r["verdict"] != "no_mismatch" for r in nulls)
-    exact = sum(any(e[1] == r["planted"] for e in r["effects"]) for r in rest)
-    within = sum(any(r["planted"] in e[1:4] for e in r["effects"]) for r in rest)
-    alone = sum(len(r["effects"]) == 1 and r["planted"] in r["effects"][0][1:4] for r in rest)
-    missed = sum(r["verdict"] == "no_mismatch" for r in rest)
-    return (
-        f"false alarms {alarms} of {len(nulls)}; of {len(rest)} planted: named {exact}, in a set of at most three {within}, "
-        f"and nothing else beside {alone}; overlooked {missed}"
-    )
+    rest = [r for r in results if r["planted"] is not None and not r["leave_out"]]
+    without = [r for r in results if r["leave_out"]]
+    said = []
+    if nulls:
+        said.append(f"false alarms {sum(r['verdict'] != 'no_mismatch' for r in nulls)} of {len(nulls)}")
+    if rest:
+        exact = sum(any(e[1] == r["planted"] for e in r["effects"]) for r in rest)
+        within = sum(any(r["planted"] in e[1:4] for e in r["effects"]) for r in rest)
+        alone = sum(len(r["effects"]) == 1 and r["planted"] in r["effects"][0][1:4] for r in rest)
+        missed = sum(r["verdict"] == "no_mismatch" for r in rest)
+        said.append(f"of {len(rest)} planted: named {exact}, in a set of three {within}, nothing else beside {alone}; overlooked {missed}")
+    if without:
+        honest = [r for r in without if r["verdict"] in ("unexplained", "no_mismatch")]
+        relative = [r for r in without if r["verdict"] == "explained" and _place(r["planted"]) in {_place(e[1]) for e in r["effects"]}]
+        wrong = [r["planted"] for r in without if r not in honest and r not in relative]
+        said.append(
+            f"of {len(without)} left out of the library: unexplained or nothing {len(honest)}, a relative of the place {len(relative)}, "
+            f"a name from elsewhere {len(wrong)} ({', '.join(wrong)})"
+        )
+    return "; ".join(said)
+
+
+def _place(name: str) -> str:
+    return term_library()[name].place.value if name in term_library() else name
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ A channel that lags by a few milliseconds or has a wrong gain is a finding, not 
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.signal import butter, sosfiltfilt
 
 from model_discrepancy.recording import Recording
@@ -118,11 +119,15 @@ def _relation_faults(recording: Recording) -> list[str]:
         return [f"movement explains {100 * max(vafs[best], 0.0):.0f} % of the torque (3-40 Hz); at least {100 * LEAST_VAF:g} % expected"]
     if not near[best] and vafs[best] > vafs[inside] + 0.05:
         return [f"the clocks of torque and position are {1000 * _SHIFTS_S[best]:.0f} ms apart; at most {1000 * LARGEST_SKEW_S:g} ms"]
+    moved = np.roll(t, -round(_SHIFTS_S[inside] * rate))[inner]
+    scaled = columns[inner] / np.linalg.norm(columns[inner], axis=0)
+    # A passive joint has no negative inertia, viscosity or stiffness: which sign of torque can one explain?
+    misfits = [nnls(scaled, sign * moved)[1] for sign in (1.0, -1.0)]
+    if misfits[1] ** 2 < misfits[0] ** 2 - 0.05 * float(moved @ moved):
+        return ["torque or position has the wrong sign: torque falls as the foot is moved upwards; positive is dorsiflexion for both"]
     inertia = models[inside][0]
-    # Reflexes may hide the stiffness' sign in this band, nothing hides the inertia's.
-    if inertia < 0:
-        return ["torque or position has the wrong sign: torque falls as the foot accelerates upwards; positive is dorsiflexion for both"]
-    if not INERTIA_RANGE[0] <= inertia <= INERTIA_RANGE[1]:
+    # Compliance between sensor and foot may hide the inertia in this band, down to a negative one.
+    if inertia > 0 and not INERTIA_RANGE[0] <= inertia <= INERTIA_RANGE[1]:
         limits = f"{INERTIA_RANGE[0]:g} to {INERTIA_RANGE[1]:g}"
         return [f"wrong unit or gain of torque or position: inertia {inertia:.3g} kg.m^2 is outside {limits} kg.m^2"]
     return []

@@ -60,6 +60,12 @@ class Rows:
         """Spectrum of a column (n,) up to half the row rate."""
         return rfft(column - column.mean(), self._length)[: len(self.frequency)]
 
+    def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
+        """What lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
+        whole = np.zeros(self._length // 2 + 1, dtype=complex)
+        whole[: len(spectrum)] = spectrum * low_pass(self.frequency, cutoff, 4)
+        return irfft(whole, self._length)[: self._samples]
+
     def plain(self, spectrum: np.ndarray) -> np.ndarray:
         """Band-passed rows, shape (count,)."""
         return irfft(spectrum * self.band, self._short)[: self.count] * self._scale
@@ -70,7 +76,10 @@ class Rows:
 
     def whiten_by(self, residual: np.ndarray) -> None:
         """Take the whitening filter from plain residual rows, shape (count,): the inverse of their autoregressive model."""
-        coefficients = autoregression(residual[self.used], WHITENING_ORDER)
+        self.whiten_with(autoregression(residual[self.used], WHITENING_ORDER))
+
+    def whiten_with(self, coefficients: np.ndarray) -> None:
+        """Take the whitening filter from prediction-error coefficients, as `autoregression` returns them."""
         angle = 2.0 * np.pi * self.frequency / self.rate
         self._whitening = self.band * (np.exp(-1j * np.outer(angle, np.arange(len(coefficients)))) @ coefficients)
 

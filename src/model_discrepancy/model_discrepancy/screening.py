@@ -7,7 +7,7 @@ is projected out first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from ankle_physics.term import Place, term_library
 from model_discrepancy.columns import Columns
-from model_discrepancy.fit import Fit, Fitter, _linear, bounded, from_unit, nonlinear, orthonormal
+from model_discrepancy.fit import Fit, Fitter, bounded, from_unit, nonlinear, orthonormal, ranges
 
 # Not searched: their torque follows no movement (voluntary torque), or a recording cannot tell them
 # from inertia or stiffness, which the projection would only show after much work.
@@ -23,6 +23,10 @@ NOT_SEARCHED = frozenset({"inertia", "viscosity", "stiffness", "reflex", "volunt
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}
 # A column that keeps less than this share of its norm is what the model already has.
 _DISTINCT = 0.02
+# Points at which a candidate that shapes a signal is refined.
+_REFINED = 3
+
+Point = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -33,17 +37,23 @@ class Screened:
         name: the term.
         start: where a refit begins: values of the term.
         share: of the sum of squares of the whitened residual that it takes off, 0...1.
-        distinct: share of the norm of its torque that the present model cannot imitate.
+        tried: share at every point of the grid that was tried.
     """
 
     name: str
     start: dict[str, float]
     share: float
-    distinct: float
+    tried: tuple[tuple[float, Point], ...]
 
 
-def screen(fitter: Fitter, fit: Fit, names: Sequence[str]) -> list[Screened]:
-    """Candidates, the most promising first."""
+def screen(fitter: Fitter, fit: Fit, points: Mapping[str, Sequence[Point]]) -> list[Screened]:
+    """Candidates, the most promising first.
+
+    Args:
+        fitter: whitened by the present model.
+        fit: the present model.
+        points: values of the nonlinear parameters to try, by candidate.
+    """
     used = fitter.rows.used
     derivatives, labels = fitter.derivatives(fit)
     basis = orthonormal(derivatives[used])
@@ -51,13 +61,14 @@ def screen(fitter: Fitter, fit: Fit, names: Sequence[str]) -> list[Screened]:
     residual = residual - basis @ (basis.T @ residual)
     slopes = derivatives[:, [k for k, (n, s) in enumerate(labels) if not term_library()[n].parameter(s).linear]][used]
     found = []
-    for name in names:
-        additive = any(p.linear for p in term_library()[name].parameters)
-        points = [
-            _additive(fitter, fit, name, point, basis, residual) if additive else _shaping(fitter, fit, name, point, slopes)
-            for point in grid(name)
-        ]
-        found.append(max(points, key=lambda s: s.share))
+    for name, tried in points.items():
+        if any(p.linear for p in term_library()[name].parameters):
+            results = [_additive(fitter, fit, name, point, basis, residual) for point in tried]
+        else:
+            results = _shaping(fitter, fit, name, tried, slopes)
+        best = max(range(len(tried)), key=lambda k: results[k][0])
+        shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
+        found.append(Screened(name, results[best][1], results[best][0], shares))
     return sorted(found, key=lambda s: -s.share)
 
 
@@ -68,7 +79,7 @@ def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
     return [n for n in names if n not in fit.terms and n not in NOT_SEARCHED and not (rigid and term_library()[n].place is Place.COUPLING)]
 
 
-def grid(name: str) -> list[dict[str, float]]:
+def grid(name: str) -> list[Point]:
     """Points of the candidate's nonlinear parameters, evenly spread over their (scaled) ranges."""
     free = nonlinear([name])
     count = _GRID[min(len(free), 3)]
@@ -78,38 +89,49 @@ def grid(name: str) -> list[dict[str, float]]:
     ]
 
 
-def _additive(fitter: Fitter, fit: Fit, name: str, point: dict[str, float], basis: np.ndarray, residual: np.ndarray) -> Screened:
+def _additive(fitter: Fitter, fit: Fit, name: str, point: Point, basis: np.ndarray, residual: np.ndarray) -> tuple[float, dict[str, float]]:
+    """Share and start of a candidate that adds torque."""
     columns, rows = fitter.columns, fitter.rows
     values = _with(columns, fit, name, point)
     spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
     matrix = fitter.whitened(spectra.values())[rows.used]
     norm = np.linalg.norm(matrix, axis=0)
     matrix = matrix - basis @ (basis.T @ matrix)
-    distinct = float(np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)))
-    if distinct < _DISTINCT:
-        return Screened(name, values[name], 0.0, distinct)
-    amplitudes = bounded(matrix, residual, [_linear(c) for c in spectra])
+    if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _DISTINCT:
+        return 0.0, values[name]
+    amplitudes = bounded(matrix, residual, *ranges(spectra))
     left = residual - matrix @ amplitudes
     start = values[name] | {symbol: float(a) for (_, symbol), a in zip(spectra, amplitudes, strict=True)}
-    return Screened(name, start, 1.0 - float(left @ left) / fit.score, distinct)
+    return 1.0 - float(left @ left) / fit.score, start
 
 
-def _shaping(fitter: Fitter, fit: Fit, name: str, point: dict[str, float], slopes: np.ndarray) -> Screened:
-    columns, rows = fitter.columns, fitter.rows
-    values = _with(columns, fit, name, point)
-    spectra = columns.spectra(values)
-    matrix = fitter.whitened(spectra.values())[rows.used]
-    amplitudes = bounded(matrix, fitter.target[rows.used], [_linear(c) for c in spectra])
-    left = fitter.target[rows.used] - matrix @ amplitudes
-    given = dict(zip(spectra, amplitudes, strict=True))
-    own = [fitter.slope(values, name, p, given, spectra)[rows.used] for _, p in nonlinear([name])]
-    span = orthonormal(np.column_stack([matrix, slopes, *own]))
-    refined = left - span @ (span.T @ left)
-    # The linearised refit may leave the bounds; it counts only as far as the bounded one bears it out.
-    score = min(float(left @ left), max(float(refined @ refined), 0.5 * float(left @ left)))
-    return Screened(name, values[name], 1.0 - score / fit.score, 1.0)
+def _shaping(fitter: Fitter, fit: Fit, name: str, points: Sequence[Point], slopes: np.ndarray) -> list[tuple[float, dict[str, float]]]:
+    """Share and start of a candidate that changes a signal on its way, at each point."""
+    columns, used = fitter.columns, fitter.rows.used
+    results = []
+    for point in points:
+        values = _with(columns, fit, name, point)
+        spectra = columns.spectra(values)
+        matrix = fitter.whitened(spectra.values())[used]
+        amplitudes = bounded(matrix, fitter.target[used], *ranges(spectra))
+        left = fitter.target[used] - matrix @ amplitudes
+        results.append((float(left @ left), values, amplitudes))
+    shares = [1.0 - error / fit.score for error, _, _ in results]
+    # The present model's nonlinear parameters follow where it matters: at the best points.
+    for k in sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED]:
+        error, values, amplitudes = results[k]
+        spectra = columns.spectra(values)
+        matrix = fitter.whitened(spectra.values())[used]
+        left = fitter.target[used] - matrix @ amplitudes
+        given = dict(zip(spectra, amplitudes, strict=True))
+        own = [fitter.slope(values, name, p, given, spectra)[used] for _, p in nonlinear([name])]
+        span = orthonormal(np.column_stack([matrix, slopes, *own]))
+        refined = left - span @ (span.T @ left)
+        # The linearised refit may leave the bounds; it counts only as far as the bounded one bears it out.
+        shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
+    return [(share, values[name]) for share, (_, values, _) in zip(shares, results, strict=True)]
 
 
-def _with(columns: Columns, fit: Fit, name: str, point: dict[str, float]) -> dict[str, dict[str, float]]:
+def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:
     own = {p.symbol: p.typical for p in term_library()[name].parameters} | columns.convention(name) | point
     return {**fit.values, name: own}

@@ -14,9 +14,9 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit import Fit, Fitter, Start
+from model_discrepancy.fit import Fit, Fitter, Start, bounded
 from model_discrepancy.halves import interleaved
-from model_discrepancy.screening import candidates, screen
+from model_discrepancy.screening import Point, Screened, candidates, grid, screen
 
 ACCEPTED = 0.03
 TENTATIVE = 0.015
@@ -26,12 +26,22 @@ RIVAL_EXCESS = 0.03
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
 RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
+# Share of the mismatch. A term that takes off less corrects the equation of a larger one, as far as anyone can tell.
+REFINEMENT = 0.02
+# Of the whitened residual that a candidate promises, to be refitted at all.
+LEAST_PROMISE = 0.003
+# Grids are halved from step to step down to so many points.
+LEAST_POINTS = 3
+# The term whose smallest values say no more than how well two channels are aligned.
+ALIGNMENT = "channel_skew"
 # Joint refits per step; the screening's order is right about the first few only.
 REFITTED = 4
 # Candidates that gain less than this share of the best one's are not refitted to the end.
-CLOSE = 0.8
+CLOSE = 0.6
 # Of those, so many are scored on unseen rows: the best, and one that may generalise better.
-JUDGED = 2
+JUDGED = 3
+# Whitened gains within this ratio are too near to choose by: which of two comes first depends on what is still missing.
+EQUAL = 0.5
 MOST_TERMS = 6
 # Starts of the base fit: its delay and muscle speed have several minima.
 BASE_STARTS = tuple({"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0))
@@ -68,13 +78,23 @@ class Trial:
         return min(self.held_out) >= TENTATIVE and self.bic < -BIC_FALL
 
 
-@dataclass
+@dataclass(eq=False)
 class Effect:
-    """A term that was found, and those that would do instead."""
+    """A term that was found.
+
+    Attributes:
+        trial: with the final model.
+        error: whitened error after it was added, as the base model's residual is whitened.
+        tentative: whether it passed the weaker criteria only.
+        rivals: those that would do instead.
+        without: the final model without it.
+    """
 
     trial: Trial
-    rivals: list[Trial]
+    error: float
     tentative: bool = False
+    rivals: list[Trial] = field(default_factory=list)
+    without: Fit = field(init=False, repr=False)
 
 
 @dataclass
@@ -85,6 +105,7 @@ class Found:
         base: fit of the base model.
         final: fit of the base model and all accepted terms, with standard errors.
         effects: in the order in which they were found.
+        refinements: terms that stay in the model but take off too little of the mismatch to be an effect: no equation is exact.
         near: best candidates that were not accepted.
         base_score: whitened sum of squares of the base model under the last whitening.
     """
@@ -92,6 +113,7 @@ class Found:
     base: Fit
     final: Fit
     effects: list[Effect] = field(default_factory=list)
+    refinements: list[Effect] = field(default_factory=list)
     near: list[Trial] = field(default_factory=list)
     base_score: float = 0.0
 
@@ -105,41 +127,110 @@ def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS, progress: Progr
         starts = [best.values, *({"reflex": dict(start)} for start in BASE_STARTS[:2])]
         best = min((fitter.fit(terms, start, evaluations=25) for start in starts), key=lambda fit: fit.score)
     fitter.whiten_by(best)
-    return fitter.fit(terms, best.values)
+    return align(fitter, fitter.fit(terms, best.values))
+
+
+def align(fitter: Fitter, fit: Fit) -> Fit:
+    """The fit with its channels aligned, where they are apart by less than half a sample: too little to be a finding, enough to be seen."""
+    if ALIGNMENT in fit.terms:
+        return fit
+    aligned = fitter.fit([*fit.terms, ALIGNMENT], {**fit.values, ALIGNMENT: {"skew": 0.0}}, evaluations=10)
+    return aligned if is_alignment(fitter, aligned) and bic_change(fitter, fit, aligned) < -BIC_FALL else fit
+
+
+def is_alignment(fitter: Fitter, fit: Fit) -> bool:
+    """Whether the channels are apart by less than half a sample."""
+    return ALIGNMENT in fit.terms and abs(fit.values[ALIGNMENT]["skew"]) <= 0.5 * fitter.columns.motion.sample_time
+
+
+class _Grids:
+    """Which points of the candidates' nonlinear parameters are worth trying, from what was tried before."""
+
+    def __init__(self, library: Sequence[str] | None) -> None:
+        self._library = library
+        self._kept: dict[str, list[Point]] = {}
+        self._best: dict[str, list[Point]] = {}
+
+    def points(self, fit: Fit) -> dict[str, list[Point]]:
+        """For a further term: the whole grid at first, its better half later."""
+        return {name: self._kept.get(name) or grid(name) for name in candidates(fit, self._library)}
+
+    def best(self, fit: Fit) -> dict[str, list[Point]]:
+        """For a rival: the points that were once the best."""
+        return {name: self._best.get(name) or grid(name) for name in candidates(fit, self._library)}
+
+    def learn(self, screened: Sequence[Screened]) -> None:
+        """Keep the better half of what was tried."""
+        for s in screened:
+            ranked = [point for _, point in sorted(s.tried, key=lambda entry: -entry[0])]
+            self._kept[s.name] = ranked[: max((len(ranked) + 1) // 2, min(LEAST_POINTS, len(ranked)))]
+            known = self._best.setdefault(s.name, [])
+            known += [point for point in ranked[:2] if point not in known]
 
 
 def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, progress: Progress = lambda _: None) -> Found:
     """Add terms to the base model while they are worth it."""
     found = Found(base, base)
+    grids = _Grids(library)
+    yardstick = fitter.rows.gain() ** 2
     current = base
     while len(found.effects) < MOST_TERMS:
         progress(f"looking for term {len(found.effects) + 1}: screening")
-        trials = _step(fitter, current, candidates(current, library), progress)
+        trials = _step(fitter, current, grids, progress)
         good = [t for t in trials if t.accepted] or [t for t in trials if t.tentative]
         if not good:
             found.near = trials[:3]
             break
-        best = max(good, key=lambda t: min(t.held_out))
-        found.effects.append(Effect(best, [], tentative=not best.accepted))
+        best = _chosen(fitter, good)
+        found.effects.append(Effect(best, _error(best.fit, yardstick), tentative=not best.accepted))
         current = best.fit
         fitter.whiten_by(current)
-        current = fitter.fit(current.terms, current.values, evaluations=15)
+        current = align(fitter, fitter.fit(current.terms, current.values, evaluations=15))
         current = _drop_superfluous(fitter, found, current, progress)
+    current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
+    _settle_alignment(fitter, found, current, yardstick)
     found.final = current
     if found.effects:
-        _rivals(fitter, found, library, progress)
-    found.final = fitter.with_errors(fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5))
+        _weigh(fitter, found, _error(base, yardstick))
+        _rivals(fitter, found, grids, progress)
+    found.final = fitter.with_errors(current)
     found.base_score = fitter.fit(base.terms, base.values, evaluations=20).score
     return found
 
 
-def _step(fitter: Fitter, current: Fit, names: Sequence[str], progress: Progress, count: int = REFITTED) -> list[Trial]:
+def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
+    """The best on unseen rows; among those that do about as well, the one that predicts the plain torque best."""
+    largest = max(min(t.held_out) for t in good)
+    equal = [t for t in good if min(t.held_out) >= EQUAL * largest]
+    return equal[0] if len(equal) == 1 else min(equal, key=lambda t: sum(halves_errors(fitter, t.fit, plain=True)))
+
+
+def _error(fit: Fit, yardstick: np.ndarray) -> float:
+    """Power of the residual torque under a fixed whitening (its squared gain)."""
+    return float(np.sum(np.abs(fit.left) ** 2 * yardstick))
+
+
+def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.ndarray) -> None:
+    """What began as an alignment may end as a skew between the channels, and the other way round."""
+    if is_alignment(fitter, current):
+        found.effects = [effect for effect in found.effects if effect.trial.name != ALIGNMENT]
+    elif ALIGNMENT in current.terms and all(effect.trial.name != ALIGNMENT for effect in found.effects):
+        without = fitter.fit([t for t in current.terms if t != ALIGNMENT], current.values, evaluations=15)
+        gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
+        trial = Trial(ALIGNMENT, current, 1.0 - current.score / without.score, gains, bic_change(fitter, without, current))
+        if trial.tentative:
+            found.effects.append(Effect(trial, _error(current, yardstick), tentative=not trial.accepted))
+
+
+def _step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> list[Trial]:
     """The most promising candidates, refitted and scored on unseen rows, best first."""
-    screened = [s for s in screen(fitter, current, names) if s.share > 0.003]
+    screened = screen(fitter, current, grids.points(current))
+    grids.learn(screened)
     trials = []
-    for s in screened[:count]:
-        progress(f"refitting with {s.name}")
-        trials.append(_try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5))
+    for s in screened[:REFITTED]:
+        if s.share > LEAST_PROMISE:
+            progress(f"refitting with {s.name}")
+            trials.append(_try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5))
     best = max((t.gain for t in trials), default=0.0)
     # The first steps of a refit tell which ones are worth the others.
     close = [_try(fitter, current, t.name, t.fit.values) if t.gain > max(0.5 * TENTATIVE, CLOSE * best) else t for t in trials]
@@ -165,11 +256,17 @@ def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
     return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))
 
 
-def halves_errors(fitter: Fitter, fit: Fit, evaluations: int = 5) -> tuple[float, float]:
-    """Whitened sum of squares on each half after a refit to the other one."""
+def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float, float]:
+    """Sum of squares, whitened or plain, on each half of what the other half predicts: refitted there, linearised about the fit."""
     parts = interleaved(fitter.rows)
-    refits = [fitter.fit(fit.terms, fit.values, mask=train, evaluations=evaluations) for train in parts]
-    return float(np.sum(refits[0].residual[parts[1]] ** 2)), float(np.sum(refits[1].residual[parts[0]] ** 2))
+    derivatives, labels = fitter.derivatives(fit, plain)
+    residual = fit.plain if plain else fit.residual
+    lower, upper = fitter.room(fit, labels)
+    errors = []
+    for train, test in (parts, parts[::-1]):
+        change = bounded(derivatives[train], residual[train], lower, upper)
+        errors.append(float(np.sum((residual[test] - derivatives[test] @ change) ** 2)))
+    return errors[0], errors[1]
 
 
 def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[float, float]:
@@ -190,17 +287,30 @@ def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Prog
     return current
 
 
-def _rivals(fitter: Fitter, found: Found, library: Sequence[str] | None, progress: Progress) -> None:
-    """For every effect: what it is worth in the final model, and which other terms would do as well."""
+def _weigh(fitter: Fitter, found: Found, before: float) -> None:
+    """What each effect is worth; those that took off next to nothing of the mismatch are refinements."""
     final = found.final
+    whole = before - found.effects[-1].error
+    effects, found.effects = found.effects, []
+    for effect in effects:
+        small = before - effect.error < REFINEMENT * whole
+        before = min(before, effect.error)
+        (found.refinements if small else found.effects).append(effect)
     for effect in found.effects:
         name = effect.trial.name
+        effect.without = fitter.fit([t for t in final.terms if t != name], final.values, evaluations=15)
+        gain = 1.0 - final.score / effect.without.score
+        effect.trial = Trial(name, final, gain, effect.trial.held_out, bic_change(fitter, effect.without, final))
+
+
+def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> None:
+    """For every effect: which other terms would do as well."""
+    final = found.final
+    for effect in found.effects:
+        name, without = effect.trial.name, effect.without
         progress(f"looking for rivals of {name}")
-        without = fitter.fit([t for t in final.terms if t != name], final.values, evaluations=15)
-        gain = 1.0 - final.score / without.score
-        effect.trial = Trial(name, final, gain, effect.trial.held_out, bic_change(fitter, without, final))
-        others = [c for c in candidates(without, library) if c != name]
-        promising = [s for s in screen(fitter, without, others) if s.share > RIVAL_PROMISE * gain]
+        points = {other: tried for other, tried in grids.best(without).items() if other != name}
+        promising = [s for s in screen(fitter, without, points) if s.share > RIVAL_PROMISE * effect.trial.gain]
         trials = [_try(fitter, without, s.name, {**without.values, s.name: s.start}, evaluations=8) for s in promising[:RIVALS_REFITTED]]
         effect.rivals = sorted((t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score), key=lambda t: -t.gain)
 

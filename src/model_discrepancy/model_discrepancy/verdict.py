@@ -11,16 +11,19 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.term import term_library
-from model_discrepancy.channel_gains import ChannelFinding
+from model_discrepancy.channel_gains import Finding
 from model_discrepancy.effect_size import Size, sentence_of
 from model_discrepancy.fit import Fit
 from model_discrepancy.generic_bank import Remainder
 from model_discrepancy.search import RIVAL_EXCESS, Effect, Found
+from model_discrepancy.unpredictable import Unpredictable
 
 # What the generic bank predicts of pure noise stays below this (largest of 30 simulated recordings without mismatch: 0.7 %).
 SIGNIFICANT_REMAINDER = 0.03
-# A named effect must close most of the gap between the base model and what is predictable at all.
-GAP_CLOSED = 0.6
+# Named effects must close most of the gap between the base model and what is predictable at all: fifteen per cent may stay open.
+GAP_CLOSED = 0.85
+# Names that let the plain torque be predicted better by less than this share of what is missing explain nothing by themselves.
+USEFUL = 0.1
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes it.
 _ODDS_SCALE = RIVAL_EXCESS / 3.0
 
@@ -36,6 +39,15 @@ SEPARATED_BY = (
 )
 
 
+@dataclass(frozen=True)
+class Scores:
+    """VAF on unseen data [%]: base model, augmented model, and the upper end of what is explainable."""
+
+    base: float
+    augmented: float
+    ceiling: float
+
+
 @dataclass
 class Verdict:
     """What `diagnose` concludes; `content` is the file of DESIGN's format."""
@@ -47,6 +59,7 @@ class Verdict:
     alternatives: list[dict[str, Any]] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    recording: dict[str, Any] = field(default_factory=dict)
 
     def content(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -58,6 +71,7 @@ class Verdict:
             "alternatives": self.alternatives,
             "reasons": self.reasons,
             "parameters": self.parameters,
+            "recording": self.recording,
         }
 
     def save(self, path: Path) -> None:
@@ -65,17 +79,27 @@ class Verdict:
         path.write_text(json.dumps(self.content(), indent=1, allow_nan=False, default=float) + "\n")
 
 
-def kind(found: Found, remainder: Remainder, channels: list[ChannelFinding]) -> tuple[str, float]:
-    """Verdict, and the share of the predictable mismatch that the effects close (NaN without a mismatch)."""
+def kind(found: Found, remainder: Remainder, findings: list[Finding], strange: Unpredictable, scores: Scores) -> tuple[str, float]:
+    """Verdict, and the share of the predictable mismatch that the effects close (NaN without a mismatch).
+
+    Args:
+        found: what the search found.
+        remainder: what generic regressors predict of the residual that is left.
+        findings: what the signals themselves show.
+        strange: what no movement predicts.
+        scores: VAF on unseen data of base and augmented model, and the upper end of what is explainable [%].
+    """
     left = max(remainder.share, 0.0)
     predictable = left > SIGNIFICANT_REMAINDER and remainder.worst > 0.5 * SIGNIFICANT_REMAINDER
     if not found.effects:
-        if predictable:
+        if predictable or strange.sentences:
             return "unexplained", 0.0
-        return ("explained", 1.0) if channels else ("no_mismatch", float("nan"))
+        return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
     cut = 1.0 - found.final.score / found.base_score
     closed = cut / (cut + (1.0 - cut) * left)
-    return ("explained" if closed >= GAP_CLOSED or not predictable else "unexplained"), closed
+    useless = scores.augmented - scores.base < USEFUL * (scores.ceiling - scores.base)
+    unexplained = (predictable and closed < GAP_CLOSED) or (useless and (predictable or bool(strange.sentences)))
+    return ("unexplained" if unexplained else "explained"), closed
 
 
 def effect_entry(effect: Effect, final: Fit, size: Size, closed: float) -> dict[str, Any]:
@@ -97,14 +121,12 @@ def effect_entry(effect: Effect, final: Fit, size: Size, closed: float) -> dict[
     }
 
 
-def channel_entry(finding: ChannelFinding) -> dict[str, Any]:
-    """A channel that disagrees with another, as an effect."""
-    unit = "s" if finding.name.endswith("lag") else "1"
-    symbol = "lag" if unit == "s" else "gain"
+def finding_entry(finding: Finding) -> dict[str, Any]:
+    """What the signals themselves show, as an effect."""
     return {
         "name": finding.name,
-        "location": "position sensor",
-        "parameters": {f"{symbol}[{unit}]": [finding.value, finding.error]},
+        "location": finding.location,
+        "parameters": {key: list(value) for key, value in finding.parameters.items()},
         "probability": 0.95,
         "tentative": False,
         "set": [finding.name],
@@ -119,8 +141,10 @@ def alternatives(found: Found) -> list[dict[str, Any]]:
     for effect in found.effects:
         for trial in effect.rivals:
             delta = -n * float(np.log(trial.fit.score / found.final.score)) - (trial.fit.size - found.final.size) * float(np.log(n))
-            listed.append({"name": trial.name, "instead_of": effect.trial.name, "delta_score": round(delta, 1)})
-    listed += [{"name": t.name, "instead_of": None, "delta_score": round(-t.bic, 1)} for t in found.near if t.gain > 0]
+            listed.append({"name": trial.name, "instead_of": effect.trial.name, "delta_score": round(delta, 1), "model": trial.fit.values})
+    listed += [
+        {"name": t.name, "instead_of": None, "delta_score": round(-t.bic, 1), "model": t.fit.values} for t in found.near if t.gain > 0
+    ]
     return listed
 
 

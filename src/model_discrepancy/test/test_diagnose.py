@@ -46,10 +46,17 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     assert "http" not in report.replace("http-equiv", "")
 
 
-def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name():
+def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(tmp_path):
     recording = simulate_trial({"torque_sensor_mode": {"frequency": 25.0, "damping": 0.15}}, seed=6, duration=40.0)
-    verdict = diagnose(recording, library=["reflex_threshold", "position_dependent_stiffness", "thixotropy", "hardening_stiffness"]).verdict
+    library = ["reflex_threshold", "position_dependent_stiffness", "thixotropy", "hardening_stiffness"]
+    verdict = diagnose(recording, tmp_path, library=library).verdict
     assert verdict.verdict == "unexplained"
+    block = json.loads((tmp_path / "verdict.json").read_text())["localisation"]["missing_block"]
+    assert block["share_predicted"] > 0.3
+    assert len(block["dynamics"]["lag[s]"]) == len(block["dynamics"]["low[N.m/s]"])
+    report = (tmp_path / "report.html").read_text()
+    assert "The missing block" in report
+    assert "What to measure next" in report
 
 
 def test_a_bad_recording_gets_no_physics_story(null_recording, tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
 from model_discrepancy.columns import Columns
-from model_discrepancy.fit import Fitter, bounded, from_unit, to_unit
+from model_discrepancy.fit import Fitter, bounded, from_unit, ranges, to_unit
 from model_discrepancy.motion import motion_of
 from model_discrepancy.planted_trials import simulate_trial
 from model_discrepancy.rows import Rows, autoregression
@@ -62,8 +62,7 @@ def test_bounded_least_squares_keeps_physical_signs():
     random = np.random.default_rng(0)
     matrix = random.standard_normal((500, 2))
     target = matrix @ np.array([-0.4, 2.0])
-    parameters = [term_library()["viscosity"].parameter("B"), term_library()["stiffness"].parameter("K")]
-    amplitudes = bounded(matrix, target, parameters)
+    amplitudes = bounded(matrix, target, *ranges([("viscosity", "B"), ("stiffness", "K")]))
     assert amplitudes[0] == pytest.approx(0.0, abs=1e-12)
     assert amplitudes[1] == pytest.approx(2.0, abs=0.05)
 

@@ -44,20 +44,18 @@ def test_outcome(truth: dict[str, Any], verdict: dict[str, Any] | None, outcome:
     assert score_case(truth, verdict).outcome == outcome
 
 
-def test_a_set_counts_up_to_three_names_and_only_with_rivals_that_were_not_excluded() -> None:
+def test_a_set_counts_up_to_three_names() -> None:
     truth = _truth("known", "encoder_play")
 
-    def outcome(*rivals: str, excluded: bool = False) -> str:
-        alternatives = [{"name": name, "delta_score": -1.0, "excluded": excluded} for name in rivals]
-        return score_case(truth, _explained("coulomb_friction", alternatives=alternatives)).outcome
+    def outcome(*rivals: str) -> str:
+        verdict = _explained("coulomb_friction")
+        verdict["effects"][0]["set"] = ["coulomb_friction", *rivals]
+        return score_case(truth, verdict).outcome
 
+    assert outcome() == "wrong_name"
     assert outcome("backlash") == "set"
     assert outcome("dahl_hysteresis", "backlash") == "set"
     assert outcome("dahl_hysteresis", "tendon", "backlash") == "wrong_name"
-    assert outcome("backlash", excluded=True) == "wrong_name"
-    verdict = _explained("coulomb_friction")
-    verdict["effects"][0]["rivals"] = ["backlash"]
-    assert score_case(truth, verdict).outcome == "set"
 
 
 def test_effects_without_the_verdict_explained_state_nothing() -> None:

@@ -1,0 +1,84 @@
+"""Two bags: what differs between them is named, with its size; what does not is left alone."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ankle_physics.actuator import Servo
+from ankle_physics.model import Model
+from ankle_physics.virtual_rig import simulate
+from model_discrepancy.channel_quality import following_response, noise_levels
+from model_discrepancy.comparison import aligned, compare
+from model_discrepancy.comparison_report import write_comparison
+from model_discrepancy.motion import motion_of
+from model_discrepancy.recording import Recording
+from perturbation_generator.random_steps import RandomSteps
+from perturbation_generator.settings import Settings
+
+BASE = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}, "voluntary_torque": {"rms": 0.3}}
+
+
+def trial(changes=None, seed=1, steps=3, rate=2048.0, bandwidth=30.0, seconds=40.0):
+    reference = RandomSteps(Settings(rate=rate, amplitude=0.03, direction="both", seed=steps)).next(int(seconds * rate))
+    made = simulate(reference, rate, Model.of({**BASE, **(changes or {})}), servo=Servo(bandwidth), seed=seed)
+    return Recording(rate, made.position, made.torque, made.velocity, reference=reference[:, 0], name=f"trial {seed}"), made.noise
+
+
+def test_noise_and_bandwidth_are_those_of_the_simulation():
+    recording, noise = trial(bandwidth=20.0, seconds=25.0)
+    levels = noise_levels(recording)
+    for name, value in zip(("position[rad]", "velocity[rad/s]", "torque[N.m]"), noise, strict=True):
+        assert levels[name] == pytest.approx(value, rel=0.1)
+    following = following_response(recording)
+    # A damping of 0.7 puts the -3 dB point at 1.01 times the natural frequency.
+    assert following.bandwidth == pytest.approx(20.2, rel=0.08)
+    assert following.slow_gain == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_same_movement_is_recognised_in_spite_of_another_start_and_rate():
+    early, late = trial(seconds=30.0)[0], trial(seed=2, rate=1024.0, seconds=30.0)[0]
+    shifted = Recording(late.rate, late.position[1500:], late.torque[1500:], late.velocity[1500:])
+    pair = aligned(motion_of(early), motion_of(shifted))
+    assert pair is not None
+    assert np.corrcoef(pair[0].position, pair[1].position)[0, 1] > 0.999
+    assert aligned(motion_of(early), motion_of(trial(steps=4, seconds=30.0)[0])) is None
+
+
+def test_another_stiffness_is_the_difference(tmp_path):
+    result = compare(trial()[0], trial({"stiffness": {"K": 70.0}}, seed=2, steps=4)[0])
+    assert result.verdict == "differ"
+    assert result.place == "intrinsic"
+    told = [c for c in result.contributions if c.told]
+    assert told[0].name == "stiffness"
+    simulated, recorded, _ = told[0].parameters["K[N.m/rad]"]
+    assert recorded / simulated == pytest.approx(0.7, abs=0.05)
+    result.save(tmp_path / "compare.json")
+    content = json.loads((tmp_path / "compare.json").read_text())
+    assert "stiffness" in content["headline"]
+    write_comparison(result, tmp_path / "report.html")
+    assert "http" not in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_equal_joints_agree_and_another_actuator_is_told():
+    assert compare(trial()[0], trial(seed=2)[0]).verdict == "agree"
+    result = compare(trial()[0], trial(seed=2, bandwidth=20.0)[0])
+    assert result.place == "actuator and reference"
+    assert "actuator follows up to" in result.headline
+
+
+@pytest.mark.slow
+def test_physics_that_only_the_recorded_joint_has_is_named():
+    result = compare(trial()[0], trial({"maxwell_relaxation": {"k": 35.0, "T": 0.1}}, seed=2)[0])
+    assert "subtracted" in result.method
+    (only,) = [c for c in result.contributions if c.only and c.told]
+    assert (only.name, only.only) == ("maxwell_relaxation", "recorded")
+
+
+def test_a_bad_bag_is_not_compared():
+    good, _ = trial(seconds=25.0)
+    bad = Recording(good.rate, good.position, -good.torque, good.velocity)
+    result = compare(good, bad)
+    assert result.verdict == "bad_recording"
+    assert "wrong sign" in result.headline

@@ -1,0 +1,74 @@
+"""A design keeps within the generator's limits, tells models apart by what they predict, and settles a real ambiguity."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from ankle_physics.model import Model
+from ankle_physics.virtual_rig import simulate
+from model_discrepancy.candidate_movements import Candidate, candidates_for
+from model_discrepancy.diagnose import diagnose
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.experiment_design import RivalSet, design_experiment, rank
+from model_discrepancy.planted_trials import simulate_trial
+from model_discrepancy.recording import Recording
+from perturbation_generator.limits import Limits
+
+PAPER = {e.term.name: dict(e.values) for e in Model.of().entries}
+CONDITIONS = {"movement[rad]": 0.04, "background_torque[N.m]": 0.0, "whitening_rate[Hz]": 200.0, "whitening[1/N.m]": [20.0, -10.0]}
+
+
+def typical(name):
+    return dict(Model.of({name: {}}).entries[0].values)
+
+
+def test_candidates_keep_within_the_limits():
+    candidates = candidates_for(0.04, levels=True)
+    assert {c.parameters["signal"] for c in candidates} == {"pulse_step", "random_steps", "prbs", "multisine"}
+    assert any(c.levels for c in candidates)
+    for candidate in candidates[::5]:
+        reference = candidate.reference(20.0)
+        assert np.abs(reference[:, 0]).max() <= Limits.amplitude
+        assert np.abs(reference[:, 2]).max() <= Limits.acceleration
+    # Over 0.5 rad nothing is allowed.
+    assert candidates_for(1.0, levels=False) == []
+
+
+def test_equal_models_cannot_be_told_apart_and_different_ones_can(monkeypatch):
+    few = [Candidate("steps", {"signal": "random_steps", "amplitude": 0.03, "direction": "both"})]
+    monkeypatch.setattr("model_discrepancy.experiment_design.candidates_for", lambda *_: few)
+    relaxing = {**PAPER, "maxwell_relaxation": typical("maxwell_relaxation")}
+    late = {**PAPER, "long_latency_reflex": typical("long_latency_reflex")}
+    (same,) = rank([RivalSet({"a": relaxing, "b": relaxing}, 0.0)], CONDITIONS)
+    (other,) = rank([RivalSet({"a": relaxing, "b": late}, 0.0)], CONDITIONS)
+    assert same.excess < 1e-6
+    assert other.excess > 1e-3
+    assert other.refitted
+
+
+def test_what_is_no_verdict_is_refused(tmp_path):
+    with pytest.raises(DiagnosisError, match="not a verdict"):
+        design_experiment(tmp_path)
+    (tmp_path / "verdict.json").write_text(json.dumps({"verdict": "bad_recording"}))
+    with pytest.raises(DiagnosisError, match="record again"):
+        design_experiment(tmp_path)
+
+
+@pytest.mark.slow
+def test_the_proposed_perturbation_settles_a_set(tmp_path):
+    """Steps of one size and speed do not tell a reflex threshold from an exponent; the second recording does."""
+    planted = {"reflex_threshold": {}}
+    first = simulate_trial(planted, seed=11, duration=60.0, protocol="equal")
+    (effect,) = diagnose(first, tmp_path / "first").verdict.effects
+    assert "reflex_threshold" in effect["set"]
+    assert len(effect["set"]) > 1
+    design = design_experiment(tmp_path / "first")
+    design.save(tmp_path / "design")
+    parameters = yaml.safe_load((tmp_path / "design" / "design.yaml").read_text())["perturbation_generator"]["ros__parameters"]
+    reference = Candidate("proposed", parameters).reference(60.0)
+    model = Model.of({**PAPER, **planted, "voluntary_torque": {"rms": 0.3}})
+    second = simulate(reference, 2048.0, model, seed=12)
+    verdict = diagnose(Recording(2048.0, second.position, second.torque, second.velocity)).verdict
+    assert [e["set"] for e in verdict.effects] == [["reflex_threshold"]]

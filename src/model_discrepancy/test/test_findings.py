@@ -1,0 +1,91 @@
+"""What the signals show without a fit: gains and lags of channels, tremor, lines, and responses that vary."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ankle_physics.memory_elements import Play
+from model_discrepancy.channel_gains import channel_findings, trusted
+from model_discrepancy.columns import Columns
+from model_discrepancy.fit import Fitter
+from model_discrepancy.locate import find_onsets, residual_map
+from model_discrepancy.motion import motion_of
+from model_discrepancy.planted_trials import simulate_trial
+from model_discrepancy.rows import Rows
+from model_discrepancy.search import fit_base, is_alignment
+from model_discrepancy.unpredictable import LEAST_VARIATION, unpredictable
+
+
+@pytest.fixture(scope="module")
+def equal_steps():
+    return simulate_trial({}, seed=2, duration=40.0, protocol="equal")
+
+
+def found_in(recording):
+    motion = motion_of(recording)
+    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    base = fit_base(fitter)
+    return unpredictable(fitter, base, residual_map(fitter.columns, base).onsets)
+
+
+def test_nothing_is_found_in_a_clean_recording(equal_steps):
+    assert channel_findings(equal_steps) == []
+    found = found_in(equal_steps)
+    assert found.tremor is None
+    assert found.sentences == []
+
+
+def test_tremor_is_named_with_frequency_and_size(equal_steps):
+    t = equal_steps.time
+    drift = 0.4 * np.cumsum(np.random.default_rng(0).standard_normal(len(t))) / np.sqrt(equal_steps.rate)
+    tremor = 0.3 * np.sin(2 * np.pi * 9.0 * t + drift)
+    found = found_in(replace(equal_steps, torque=equal_steps.torque + tremor))
+    assert found.tremor.parameters["frequency[Hz]"][0] == pytest.approx(9.0, abs=0.5)
+    assert found.tremor.parameters["rms[N.m]"][0] == pytest.approx(0.3 / np.sqrt(2.0), rel=0.25)
+
+
+def test_a_line_is_no_tremor(equal_steps):
+    found = found_in(replace(equal_steps, torque=equal_steps.torque + 0.2 * np.sin(2 * np.pi * 50.0 * equal_steps.time)))
+    assert found.tremor is None
+    assert found.line_hz == pytest.approx(50.0, abs=0.5)
+
+
+def test_responses_that_vary_at_random_are_seen(equal_steps):
+    random = np.random.default_rng(1)
+    motion = motion_of(equal_steps)
+    times = find_onsets(Columns(motion, Rows(len(motion.position), motion.rate))).time
+    burst = np.zeros(len(equal_steps.torque))
+    for time in times[random.random(len(times)) < 0.3]:
+        start = int(time * equal_steps.rate)
+        burst[start : start + int(0.06 * equal_steps.rate)] += random.choice([-1.0, 1.0])
+    found = found_in(replace(equal_steps, torque=equal_steps.torque + burst))
+    assert found.variation > LEAST_VARIATION
+    assert found.window[0] < 0.12
+
+
+def test_a_wrong_gain_of_position_is_one_finding(equal_steps):
+    reference = equal_steps.position
+    recording = replace(equal_steps, position=1.1 * equal_steps.position, reference=reference)
+    assert [f.name for f in channel_findings(recording)] == ["position_gain"]
+    velocity = replace(equal_steps, velocity=1.1 * equal_steps.velocity, reference=reference)
+    assert [f.name for f in channel_findings(velocity)] == ["velocity_gain"]
+
+
+def test_channels_apart_by_less_than_half_a_sample_are_aligned_and_not_a_finding():
+    recording = simulate_trial({"channel_skew": {"skew": 0.00015}}, seed=4, duration=40.0)
+    motion = motion_of(recording)
+    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    base = fit_base(fitter)
+    assert is_alignment(fitter, base)
+    assert base.values["channel_skew"]["skew"] == pytest.approx(0.00015, abs=0.00003)
+
+
+def test_play_of_the_encoder_is_one_finding_and_is_taken_out(equal_steps):
+    read = Play().run(equal_steps.position, 0.003)
+    recording = replace(equal_steps, position=read)
+    (finding,) = channel_findings(recording)
+    assert finding.name == "backlash"
+    assert finding.parameters["gap[rad]"][0] == pytest.approx(0.003, rel=0.05)
+    error = trusted(recording, [finding]).position - equal_steps.position
+    assert np.std(error) < 0.5 * np.std(read - equal_steps.position)
