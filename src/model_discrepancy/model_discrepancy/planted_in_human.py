@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
-from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
 from model_discrepancy.columns import Columns
 from model_discrepancy.diagnose import diagnose
@@ -26,6 +25,7 @@ from model_discrepancy.human_trials import load_trial
 from model_discrepancy.motion import Motion, motion_of
 from model_discrepancy.planted_trials import STRENGTHS, outcome, run_all
 from model_discrepancy.recording import Recording
+from model_discrepancy.resimulation import simulated_torque
 from model_discrepancy.rows import Rows
 from model_discrepancy.screening import NOT_SEARCHED
 from model_discrepancy.search import fit_base
@@ -41,12 +41,9 @@ def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray
         DiagnosisError: the term changes no torque on this movement.
     """
 
-    def torque(extra: dict[str, dict[str, float]]) -> np.ndarray:
-        signals = Signals(motion.rate, motion.position.copy(), motion.velocity.copy(), motion.acceleration.copy(), motion.activation.copy())
-        values = {term: base.values[term] for term in PAPER_TERMS if term in base.values and term != "voluntary_torque"}
-        return Model.of({**values, **extra}).start(motion.rate).torque(signals)
-
-    added = torque({name: STRENGTHS.get(name, {})}) - torque({})
+    values = {term: base.values[term] for term in PAPER_TERMS if term in base.values and term != "voluntary_torque"}
+    with_term = Model.of({**values, name: STRENGTHS.get(name, {})})
+    added = simulated_torque(with_term, motion) - simulated_torque(Model.of(values), motion)
     added -= np.mean(added)
     if np.std(added) == 0.0:
         raise DiagnosisError(f"{name} changes no torque on this movement")
