@@ -18,8 +18,9 @@ from blind_rig.concealment import concealed
 
 RUN_FILE = "run.json"
 RESULT_FOLDER = "diagnosis"
-# Variables that tell nothing about the study; a search path into the tests would be a way to the adversary's code.
-_HIDDEN_VARIABLES = ("PYTHONPATH",)
+# A search path into the tests would be a way to the adversary's code. Dask makes its workers give memory back at once, which costs
+# more time in the kernel than the diagnosis takes.
+_HIDDEN_VARIABLES = ("PYTHONPATH", "MALLOC_TRIM_THRESHOLD_")
 
 
 def diagnose_case(command: list[str], bag: Path, folder: Path, hidden: list[Path], time_limit: float) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -96,6 +96,15 @@ class Parameter:
         return number
 
 
+class Turn(NamedTuple):
+    """What a term says on either side of a parameter's neutral value."""
+
+    symbol: str
+    neutral: float
+    below: str
+    above: str
+
+
 class Term(ABC):
     """One physical effect. Subclasses state the class attributes and override what they do.
 
@@ -104,12 +113,21 @@ class Term(ABC):
         place: where in the signal path it acts.
         sentence: one sentence in plain words that says what it is.
         parameters: all of them, linear and not.
+        turn: where the sentence depends on the direction of the effect; else None.
     """
 
     name: ClassVar[str]
     place: ClassVar[Place]
     sentence: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
+    turn: ClassVar[Turn | None] = None
+
+    @classmethod
+    def told(cls, values: Values) -> str:
+        """The sentence for these values."""
+        if cls.turn is None:
+            return cls.sentence
+        return cls.turn.below if float(values[cls.turn.symbol]) < cls.turn.neutral else cls.turn.above
 
     def start(self, rate: float, seed: int = 0) -> State:
         """Fresh state for a run at `rate` [Hz]; `seed` matters to terms that draw random numbers."""

@@ -27,6 +27,8 @@ from model_discrepancy.rows import Rows
 
 Values = Mapping[str, Mapping[str, float]]
 Column = tuple[str, str]
+# They act on the foot's motion, H times the plate's, so that their torque has passed the straps already.
+FOOT_IMPEDANCE = frozenset({"inertia", "viscosity", "stiffness"})
 # Gradients need a handful of neighbours of the current point; a spectrum takes 0.1 to 0.2 MB.
 _REMEMBERED = 8
 
@@ -83,7 +85,7 @@ class Columns:
         """Columns of one term as the torque sensor reports them."""
         key = (
             "filter",
-            term.place is Place.COUPLING,
+            term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE,
             tuple(_key(t, values) for t in terms if t.place is Place.TORQUE_SENSOR or isinstance(t, CompliantCoupling)),
         )
         gain = self._remember("filter", key, lambda: self._filter(term, terms, values))
@@ -93,7 +95,7 @@ class Columns:
         """What lies between a term's torque and the reading: straps, for what acts on the foot, and sensor; None for nothing."""
         filters = []
         for other in terms:
-            if isinstance(other, CompliantCoupling) and term.place is not Place.COUPLING:
+            if isinstance(other, CompliantCoupling) and term.place is not Place.COUPLING and term.name not in FOOT_IMPEDANCE:
                 filters.append(transmission(self.rows.frequency, other, values))
             elif other.place is Place.TORQUE_SENSOR:
                 response = other.response(self.rows.frequency, values[other.name])

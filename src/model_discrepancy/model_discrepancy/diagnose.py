@@ -25,6 +25,7 @@ from model_discrepancy.motion import ACTIVATION_HZ, motion_of
 from model_discrepancy.recording import Recording
 from model_discrepancy.recording_checks import faults
 from model_discrepancy.report import write_report
+from model_discrepancy.resimulation import AUGMENTED_FILE, BASE_FILE
 from model_discrepancy.rows import WHITENING_ORDER, Rows, autoregression
 from model_discrepancy.search import ALIGNMENT, REFINEMENT, Found, Progress, fit_base, is_alignment, place_of, search
 from model_discrepancy.unpredictable import Unpredictable, unpredictable
@@ -71,7 +72,7 @@ def diagnose(
 
     Args:
         source: a recording, or a bag's path.
-        out: folder for ``verdict.json``, ``model.yaml`` and ``report.html``; None writes nothing.
+        out: folder for ``verdict.json``, ``base.yaml``, ``model.yaml`` and ``report.html``; None writes nothing.
         model: a model (or its file) that replaces the paper's as the baseline.
         library: terms that may be named; None for all.
         progress: called with one line for each step.
@@ -99,7 +100,8 @@ def diagnose(
         folder.mkdir(parents=True, exist_ok=True)
         diagnosis.verdict.save(folder / "verdict.json")
         if diagnosis.found is not None:
-            to_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(folder / "model.yaml")
+            to_model(diagnosis.found.base, f"{recording.name}: base model, fitted by diagnosis").save(folder / BASE_FILE)
+            to_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(folder / AUGMENTED_FILE)
         write_report(diagnosis, folder / "report.html")
     return diagnosis
 
@@ -121,7 +123,7 @@ def _diagnose(recording: Recording, baseline: Model | None, library: Sequence[st
     progress("scoring on unseen data")
     after = bank.remainder(fitter, found.final.residual, found.final.plain, parts)
     final_map = residual_map(fitter.columns, found.final)
-    base_scored = held_out(motion, base)
+    base_scored = held_out(motion, found.base)
     final_scored = held_out(motion, found.final) if found.effects else base_scored
     ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
     strange = unpredictable(fitter, found.final, base_map.onsets)

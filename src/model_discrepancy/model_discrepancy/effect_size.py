@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankle_physics.term import term_library
+from ankle_physics.term import Values, term_library
 from model_discrepancy.fit import Fit, Fitter
 from model_discrepancy.locate import Onsets
 
@@ -34,8 +34,7 @@ class Size:
 
 def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
     """Size of one term of a fitted model: prediction with it minus prediction without it, all else equal."""
-    without = fitter.evaluate({n: v for n, v in final.values.items() if n != name})
-    torque = without.plain - fitter.evaluate(final.values).plain
+    torque = _added(fitter, final, name)
     rows = fitter.rows
     reach = np.arange(int(_AFTER_S * rows.rate))
     best = (0.0, 0.0, "dorsiflexion")
@@ -48,15 +47,24 @@ def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
         k = int(np.argmax(np.abs(mean)))
         if abs(mean[k]) > abs(best[0]):
             best = (float(mean[k]), float(reach[k] / rows.rate), word)
-    used = rows.used
-    rms = float(np.std(torque[used]))
-    return Size(rms, best[0], best[1], best[2], rms / float(np.std(fitter.plain_target[used])))
+    return Size(float(np.std(torque[rows.used])), best[0], best[1], best[2], torque_share(fitter, final, name))
 
 
-def sentence_of(name: str, size: Size) -> str:
-    """The term's sentence with its number."""
+def torque_share(fitter: Fitter, final: Fit, name: str) -> float:
+    """rms of the torque that one term of a fitted model adds, as a share of the recorded torque's."""
+    used = fitter.rows.used
+    return float(np.std(_added(fitter, final, name)[used]) / np.std(fitter.plain_target[used]))
+
+
+def _added(fitter: Fitter, final: Fit, name: str) -> np.ndarray:
+    without = fitter.evaluate({n: v for n, v in final.values.items() if n != name})
+    return without.plain - fitter.evaluate(final.values).plain
+
+
+def sentence_of(name: str, values: Values, size: Size) -> str:
+    """The term's sentence for these values, with its number."""
     word = "adds" if size.peak >= 0 else "takes away"
     return (
-        f"{term_library()[name].sentence} In this recording it {word} up to {abs(size.peak):.2f} N.m, "
+        f"{term_library()[name].told(values)} In this recording it {word} up to {abs(size.peak):.2f} N.m, "
         f"{1000 * size.time:.0f} ms after a {size.direction} movement ({100 * size.share:.0f} % of the torque's variation)."
     )

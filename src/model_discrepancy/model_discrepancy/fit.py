@@ -16,6 +16,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, term_library
+from model_discrepancy.block_bootstrap import bootstrap_errors
 from model_discrepancy.columns import Column, Columns
 from model_discrepancy.rows import Rows
 
@@ -242,7 +243,7 @@ class Fitter:
         return np.zeros(self.rows.count) if isinstance(change, int) else rows(change) / step
 
     def with_errors(self, fit: Fit) -> Fit:
-        """The same fit with standard errors from the whitened rows, parameters at bounds held."""
+        """The same fit with standard errors, parameters at bounds held: of whitened least squares or of stretches, whichever is larger."""
         matrix, labels = self.derivatives(fit)
         used = self.rows.used
         held = set(fit.at_bounds)
@@ -253,8 +254,9 @@ class Fitter:
         information = (part / scale).T @ (part / scale)
         variance = fit.score / max(int(used.sum()) - len(free), 1)
         covariance = np.diag(np.linalg.pinv(information, rcond=1e-12, hermitian=True)) * variance / scale**2
+        drawn = bootstrap_errors(matrix[:, free], fit.residual, used, self.rows.rate)
         errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
-        for k, spread in zip(free, np.sqrt(np.maximum(covariance, 0.0)), strict=True):
+        for k, spread in zip(free, np.fmax(np.sqrt(np.maximum(covariance, 0.0)), drawn), strict=True):
             name, symbol = labels[k]
             parameter = term_library()[name].parameter(symbol)
             errors[name][symbol] = float(spread * (1.0 if parameter.linear else _stretch(parameter, fit.values[name][symbol])))

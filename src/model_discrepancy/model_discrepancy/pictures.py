@@ -122,7 +122,8 @@ def ladder(found: Found) -> str:
     names = [effect.trial.name.replace("_", " ") for effect in found.effects]
     axes.barh(names, [100 * effect.trial.gain for effect in found.effects], color=_BLUE)
     axes.invert_yaxis()
-    axes.set_xlabel("whitened error that returns when the term is removed [% of what it was without it]")
+    axes.set_xlabel("share of the whitened error that comes back without the term [%]")
+    figure.tight_layout()
     return encoded(figure)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from model_discrepancy.recording import Recording
 
@@ -23,6 +23,11 @@ INERTIA_RANGE = (0.00125, 0.2)
 LARGEST_SKEW_S = 0.020
 # Torque of which movement explains less than this in 3-40 Hz is not the torque of this joint.
 LEAST_VAF = 0.2
+# While the foot moves as usual, torque that falls below this share of its usual size has lost its sensor.
+DEAD_SHARE = 0.05
+_WINDOW_S = 2.0
+# A first-order filter up to this slow is a lag of the torque channel, which is a finding, and not a clock that is off.
+_LAGS_S = (0.005, 0.01, 0.015, 0.02)
 _LONGEST_FLAT_S = 0.5
 _SHIFTS_S = np.arange(-0.15, 0.1501, 0.001)
 
@@ -78,6 +83,8 @@ def _movement_faults(recording: Recording) -> list[str]:
         found.append(f"position spans {reach:.3g} rad; an ankle moves by {LARGEST_RANGE:g} rad at most: probably degrees or a wrong scale")
     elif size < SMALLEST_MOVEMENT:
         found.append(f"no excitation: position moves by {1000 * size:.3g} mrad rms; at least {1000 * SMALLEST_MOVEMENT:g} mrad are needed")
+    if not found:
+        found += _lost_torque(recording)
     if recording.velocity is not None and not found:
         derived = np.gradient(recording.position) * recording.rate
         v, d = band(recording.velocity, recording.rate, 1.0, 30.0), band(derived, recording.rate, 1.0, 30.0)
@@ -92,6 +99,19 @@ def _movement_faults(recording: Recording) -> list[str]:
         elif not 0.5 < gain < 2.0:
             found.append(f"velocity is {gain:.3g} times the derivative of position: a wrong unit")
     return found
+
+
+def _lost_torque(recording: Recording) -> list[str]:
+    """Windows in which the foot moves and the torque does not follow any more."""
+    size = int(_WINDOW_S * recording.rate)
+    moved, felt = (
+        np.std(band(channel, recording.rate, 3.0, 40.0)[: len(channel) // size * size].reshape(-1, size), axis=1)
+        for channel in (recording.position, recording.torque)
+    )
+    lost = (moved > 0.5 * np.median(moved)) & (felt < DEAD_SHARE * np.percentile(felt, 90.0))
+    if lost.sum() < 2:
+        return []
+    return [f"torque is dead during {_WINDOW_S * lost.sum():.0f} s, first at {_WINDOW_S * np.argmax(lost):.0f} s, while the foot moves"]
 
 
 def _relation_faults(recording: Recording) -> list[str]:
@@ -117,7 +137,7 @@ def _relation_faults(recording: Recording) -> list[str]:
     best = int(np.argmax(np.where(positive | near, vafs, -1.0)))
     if vafs[best] < LEAST_VAF:
         return [f"movement explains {100 * max(vafs[best], 0.0):.0f} % of the torque (3-40 Hz); at least {100 * LEAST_VAF:g} % expected"]
-    if not near[best] and vafs[best] > vafs[inside] + 0.05:
+    if not near[best] and vafs[best] > max(vafs[inside], _lagging_vaf(columns, t, inner, rate)) + 0.05:
         return [f"the clocks of torque and position are {1000 * _SHIFTS_S[best]:.0f} ms apart; at most {1000 * LARGEST_SKEW_S:g} ms"]
     moved = np.roll(t, -round(_SHIFTS_S[inside] * rate))[inner]
     scaled = columns[inner] / np.linalg.norm(columns[inner], axis=0)
@@ -127,10 +147,35 @@ def _relation_faults(recording: Recording) -> list[str]:
         return ["torque or position has the wrong sign: torque falls as the foot is moved upwards; positive is dorsiflexion for both"]
     inertia = models[inside][0]
     # Compliance between sensor and foot may hide the inertia in this band, down to a negative one.
-    if inertia > 0 and not INERTIA_RANGE[0] <= inertia <= INERTIA_RANGE[1]:
+    if inertia > 0 and not any(
+        INERTIA_RANGE[0] <= I <= INERTIA_RANGE[1] for I in (inertia, _viscoelastic_inertia(columns, moved, inner, rate))
+    ):
         limits = f"{INERTIA_RANGE[0]:g} to {INERTIA_RANGE[1]:g}"
         return [f"wrong unit or gain of torque or position: inertia {inertia:.3g} kg.m^2 is outside {limits} kg.m^2"]
     return []
+
+
+def _lagging_vaf(columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float) -> float:
+    """Best VAF of inertia, viscosity and stiffness behind a first-order filter."""
+    vafs = []
+    for lag in _LAGS_S:
+        lagging = _relaxed(columns, lag, rate)[inner]
+        model, *_ = np.linalg.lstsq(lagging, torque[inner], rcond=None)
+        vafs.append(1.0 - np.var(torque[inner] - lagging @ model) / np.var(torque[inner]))
+    return float(max(vafs))
+
+
+def _viscoelastic_inertia(columns: np.ndarray, moved: np.ndarray, inner: slice, rate: float) -> float:
+    """Inertia [kg.m^2] where a tendon or tissue that relaxes would hide it from inertia, viscosity and stiffness alone."""
+    position = columns[:, 2:]
+    wide = np.hstack([columns, *(_relaxed(position, lag, rate) for lag in (_LAGS_S[0], _LAGS_S[-1]))])[inner]
+    return float(np.linalg.lstsq(wide, moved, rcond=None)[0][0])
+
+
+def _relaxed(signals: np.ndarray, time: float, rate: float) -> np.ndarray:
+    """Signals (n, columns) behind a first-order filter with this time constant [s]."""
+    share = np.exp(-1.0 / (rate * time))
+    return lfilter([1.0 - share], [1.0, -share], signals, axis=0)
 
 
 def band(signal: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:

@@ -68,11 +68,15 @@ class Rows:
 
     def plain(self, spectrum: np.ndarray) -> np.ndarray:
         """Band-passed rows, shape (count,)."""
-        return irfft(spectrum * self.band, self._short)[: self.count] * self._scale
+        return self.filtered(spectrum, self.band)
+
+    def filtered(self, spectrum: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        """Rows behind a filter of this gain at each of `frequency`, shape (count,)."""
+        return irfft(spectrum * gain, self._short)[: self.count] * self._scale
 
     def whitened(self, spectrum: np.ndarray) -> np.ndarray:
         """Band-passed and whitened rows, shape (count,)."""
-        return irfft(spectrum * self._whitening, self._short)[: self.count] * self._scale
+        return self.filtered(spectrum, self._whitening)
 
     def whiten_by(self, residual: np.ndarray) -> None:
         """Take the whitening filter from plain residual rows, shape (count,): the inverse of their autoregressive model."""

@@ -20,6 +20,9 @@ from model_discrepancy.fit import Fit, Fitter, bounded, from_unit, nonlinear, or
 # Not searched: their torque follows no movement (voluntary torque), or a recording cannot tell them
 # from inertia or stiffness, which the projection would only show after much work.
 NOT_SEARCHED = frozenset({"inertia", "viscosity", "stiffness", "reflex", "voluntary_torque", "gravity", "footplate_inertia", "tremor"})
+# What can be told from the base model only once another term is there: a plate that moves with the foot is one with it. Comes and goes
+# with that term and is no effect of its own.
+COMPANIONS: dict[str, tuple[str, ...]] = {"fixation_compliance": ("footplate_inertia",)}
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}
 # A column that keeps less than this share of its norm is what the model already has.
 _DISTINCT = 0.02
@@ -75,8 +78,18 @@ def screen(fitter: Fitter, fit: Fit, points: Mapping[str, Sequence[Point]]) -> l
 def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
     """Terms that may be added to the model."""
     names = library if library is not None else list(term_library())
-    rigid = any(term_library()[n].place is Place.COUPLING for n in fit.terms)
+    rigid = any(term_library()[n].place is Place.COUPLING for n in fit.terms if n not in NOT_SEARCHED)
     return [n for n in names if n not in fit.terms and n not in NOT_SEARCHED and not (rigid and term_library()[n].place is Place.COUPLING)]
+
+
+def with_term(terms: Sequence[str], name: str) -> list[str]:
+    """The terms with one more and its companions."""
+    return [*terms, *(n for n in (name, *COMPANIONS.get(name, ())) if n not in terms)]
+
+
+def without_term(terms: Sequence[str], name: str) -> list[str]:
+    """The terms without this one and its companions."""
+    return [n for n in terms if n != name and n not in COMPANIONS.get(name, ())]
 
 
 def grid(name: str) -> list[Point]:
@@ -133,5 +146,8 @@ def _shaping(fitter: Fitter, fit: Fit, name: str, points: Sequence[Point], slope
 
 
 def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:
-    own = {p.symbol: p.typical for p in term_library()[name].parameters} | columns.convention(name) | point
-    return {**fit.values, name: own}
+    values = dict(fit.values)
+    for added in with_term((), name):
+        values.setdefault(added, {p.symbol: p.typical for p in term_library()[added].parameters} | columns.convention(added))
+    values[name] = values[name] | point
+    return values

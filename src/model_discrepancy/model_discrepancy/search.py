@@ -14,9 +14,10 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
+from model_discrepancy.effect_size import torque_share
 from model_discrepancy.fit import Fit, Fitter, Start, bounded
 from model_discrepancy.halves import interleaved
-from model_discrepancy.screening import Point, Screened, candidates, grid, screen
+from model_discrepancy.screening import Point, Screened, candidates, grid, screen, with_term, without_term
 
 ACCEPTED = 0.03
 TENTATIVE = 0.015
@@ -28,6 +29,8 @@ RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
 # Share of the mismatch. A term that takes off less corrects the equation of a larger one, as far as anyone can tell.
 REFINEMENT = 0.02
+# Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less is below any instrument's own errors.
+MATERIAL = 1e-3
 # Of the whitened residual that a candidate promises, to be refitted at all.
 LEAST_PROMISE = 0.003
 # Grids are halved from step to step down to so many points.
@@ -172,7 +175,7 @@ def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, prog
     """Add terms to the base model while they are worth it."""
     found = Found(base, base)
     grids = _Grids(library)
-    yardstick = fitter.rows.gain() ** 2
+    yardstick = fitter.rows.gain()
     current = base
     while len(found.effects) < MOST_TERMS:
         progress(f"looking for term {len(found.effects) + 1}: screening")
@@ -182,19 +185,21 @@ def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, prog
             found.near = trials[:3]
             break
         best = _chosen(fitter, good)
-        found.effects.append(Effect(best, _error(best.fit, yardstick), tentative=not best.accepted))
-        current = best.fit
-        fitter.whiten_by(current)
-        current = align(fitter, fitter.fit(current.terms, current.values, evaluations=15))
+        fitter.whiten_by(best.fit)
+        current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
+        found.effects.append(Effect(best, _error(current, yardstick), tentative=not best.accepted))
         current = _drop_superfluous(fitter, found, current, progress)
     current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
     _settle_alignment(fitter, found, current, yardstick)
     found.final = current
+    if is_alignment(fitter, current):
+        # Otherwise what alignment alone gains would count as mismatch.
+        found.base = fitter.fit(with_term(base.terms, ALIGNMENT), {**base.values, ALIGNMENT: current.values[ALIGNMENT]}, evaluations=20)
     if found.effects:
-        _weigh(fitter, found, _error(base, yardstick))
+        _weigh(fitter, found, _error(found.base, yardstick))
         _rivals(fitter, found, grids, progress)
     found.final = fitter.with_errors(current)
-    found.base_score = fitter.fit(base.terms, base.values, evaluations=20).score
+    found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
 
 
@@ -206,8 +211,8 @@ def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
 
 
 def _error(fit: Fit, yardstick: np.ndarray) -> float:
-    """Power of the residual torque under a fixed whitening (its squared gain)."""
-    return float(np.sum(np.abs(fit.left) ** 2 * yardstick))
+    """Sum of squares of the residual torque under a fixed whitening (its gain), over the fitted rows."""
+    return float(np.sum(fit.rows.filtered(fit.left, yardstick)[fit.rows.used] ** 2))
 
 
 def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.ndarray) -> None:
@@ -245,7 +250,7 @@ def _step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> li
 
 
 def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int = 12) -> Trial:
-    fit = fitter.fit([*current.terms, name], start, evaluations=evaluations)
+    fit = fitter.fit(with_term(current.terms, name), start, evaluations=evaluations)
     gain = 1.0 - fit.score / current.score
     return Trial(name, fit, gain, (np.nan, np.nan), bic_change(fitter, current, fit))
 
@@ -278,8 +283,7 @@ def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Prog
     """Remove earlier terms that the later ones made superfluous."""
     for effect in list(found.effects[:-1]):
         name = effect.trial.name
-        left = [t for t in current.terms if t != name]
-        without = fitter.fit(left, current.values, evaluations=20)
+        without = fitter.fit(without_term(current.terms, name), current.values, evaluations=20)
         if 1.0 - current.score / without.score < TENTATIVE:
             progress(f"{name} is superfluous now")
             found.effects.remove(effect)
@@ -288,17 +292,17 @@ def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Prog
 
 
 def _weigh(fitter: Fitter, found: Found, before: float) -> None:
-    """What each effect is worth; those that took off next to nothing of the mismatch are refinements."""
+    """What each effect is worth; those that took off next to nothing of the mismatch, or move next to no torque, are refinements."""
     final = found.final
     whole = before - found.effects[-1].error
     effects, found.effects = found.effects, []
     for effect in effects:
-        small = before - effect.error < REFINEMENT * whole
+        small = before - effect.error < REFINEMENT * abs(whole) or torque_share(fitter, final, effect.trial.name) ** 2 < MATERIAL
         before = min(before, effect.error)
         (found.refinements if small else found.effects).append(effect)
     for effect in found.effects:
         name = effect.trial.name
-        effect.without = fitter.fit([t for t in final.terms if t != name], final.values, evaluations=15)
+        effect.without = fitter.fit(without_term(final.terms, name), final.values, evaluations=15)
         gain = 1.0 - final.score / effect.without.score
         effect.trial = Trial(name, final, gain, effect.trial.held_out, bic_change(fitter, effect.without, final))
 

@@ -26,8 +26,9 @@ _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
 # After a movement: intrinsic torque, short-latency reflex, its tail. Then the joint is at rest again.
 WINDOWS_S = ((0.0, 0.04), (0.04, 0.12), (0.12, 0.25))
 REST_S = 0.3
-# Whitened power after movements over that at rest. Recordings without mismatch: 0.94 to 1.12 once the channels are aligned.
-LEAST_VARIATION = 1.5
+# Whitened power after movements over that at rest. Recordings without mismatch: 0.94 to 1.12 once the channels are aligned, up to 1.9
+# where torque is so clean (37 dB) that the noise of position shows.
+LEAST_VARIATION = 2.2
 # Rows at rest that give the ratio to 10 %.
 _LEAST_ROWS = 200
 

@@ -15,7 +15,7 @@ from model_discrepancy.channel_gains import Finding
 from model_discrepancy.effect_size import Size, sentence_of
 from model_discrepancy.fit import Fit
 from model_discrepancy.generic_bank import Remainder
-from model_discrepancy.search import RIVAL_EXCESS, Effect, Found
+from model_discrepancy.search import MATERIAL, RIVAL_EXCESS, Effect, Found
 from model_discrepancy.unpredictable import Unpredictable
 
 # What the generic bank predicts of pure noise stays below this (largest of 30 simulated recordings without mismatch: 0.7 %).
@@ -24,6 +24,8 @@ SIGNIFICANT_REMAINDER = 0.03
 GAP_CLOSED = 0.85
 # Names that let the plain torque be predicted better by less than this share of what is missing explain nothing by themselves.
 USEFUL = 0.1
+# The best names of a set; further ones stand among the alternatives.
+LARGEST_SET = 3
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes it.
 _ODDS_SCALE = RIVAL_EXCESS / 3.0
 
@@ -90,7 +92,8 @@ def kind(found: Found, remainder: Remainder, findings: list[Finding], strange: U
         scores: VAF on unseen data of base and augmented model, and the upper end of what is explainable [%].
     """
     left = max(remainder.share, 0.0)
-    predictable = left > SIGNIFICANT_REMAINDER and remainder.worst > 0.5 * SIGNIFICANT_REMAINDER
+    material = scores.ceiling - scores.augmented > 100.0 * MATERIAL
+    predictable = material and left > SIGNIFICANT_REMAINDER and remainder.worst > 0.5 * SIGNIFICANT_REMAINDER
     if not found.effects:
         if predictable or strange.sentences:
             return "unexplained", 0.0
@@ -106,7 +109,8 @@ def effect_entry(effect: Effect, final: Fit, size: Size, closed: float) -> dict[
     """One effect of ``verdict.json``."""
     name = effect.trial.name
     term = term_library()[name]
-    odds = [1.0] + [float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / _ODDS_SCALE)) for t in effect.rivals]
+    rivals = effect.rivals[: LARGEST_SET - 1]
+    odds = [1.0] + [float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / _ODDS_SCALE)) for t in rivals]
     certainty = 0.5 if effect.tentative else 0.99 * min(1.0, 0.5 + 0.5 * closed)
     errors = final.errors.get(name, {})
     return {
@@ -115,9 +119,9 @@ def effect_entry(effect: Effect, final: Fit, size: Size, closed: float) -> dict[
         "parameters": {p.key: [final.values[name][p.symbol], errors.get(p.symbol)] for p in term.parameters if p.fitted},
         "probability": round(certainty / sum(odds), 3),
         "tentative": effect.tentative,
-        "set": [name, *(t.name for t in effect.rivals)],
+        "set": [name, *(t.name for t in rivals)],
         "gain_held_out": [round(g, 4) for g in effect.trial.held_out],
-        "sentence": sentence_of(name, size),
+        "sentence": sentence_of(name, final.values[name], size),
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class AsymmetricDamping(Term):
@@ -18,6 +18,12 @@ class AsymmetricDamping(Term):
     name = "asymmetric_damping"
     place = Place.INTRINSIC
     sentence = "Moving the foot up is damped differently from moving it down, at once and without a reflex."
+    turn = Turn(
+        "b",
+        0.0,
+        "Moving the foot up is damped less than moving it down, at once and without a reflex.",
+        "Moving the foot up is damped more than moving it down, at once and without a reflex.",
+    )
     parameters = (Parameter("b", "N.m.s/rad", -5.0, 5.0, 0.3, "a fraction to a multiple of B (Katz 1939)", linear=True),)
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

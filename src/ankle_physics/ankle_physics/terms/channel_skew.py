@@ -6,7 +6,7 @@ import numpy as np
 
 from ankle_physics.linear_dynamics import Delay
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ChannelSkew(Term):
@@ -15,6 +15,12 @@ class ChannelSkew(Term):
     name = "channel_skew"
     place = Place.TORQUE_SENSOR
     sentence = "The torque and position channels are not read at the same moment."
+    turn = Turn(
+        "skew",
+        0.0,
+        "The torque channel is read earlier than the position channel.",
+        "The torque channel is read later than the position channel.",
+    )
     parameters = (
         Parameter("skew", "s", -0.02, 0.02, 0.003, "one to a few sample blocks; 20 ms and more is a broken recording, not a finding"),
     )

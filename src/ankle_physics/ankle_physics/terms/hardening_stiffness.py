@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class HardeningStiffness(Term):
@@ -14,6 +14,12 @@ class HardeningStiffness(Term):
     name = "hardening_stiffness"
     place = Place.INTRINSIC
     sentence = "Large movements, in either direction, meet a different stiffness than small ones."
+    turn = Turn(
+        "k3",
+        0.0,
+        "Large movements, in either direction, meet less stiffness than small ones.",
+        "Large movements, in either direction, meet more stiffness than small ones.",
+    )
     parameters = (
         Parameter("k3", "N.m/rad^3", -1e5, 1e6, 2e4, "K doubles at the end of a step of 0.05 rad for k3 = 1.3e4 N.m/rad^3", linear=True),
         Parameter("xc", "rad", -1.0, 1.0, 0.0, "middle of the curve; range of the ankle joint", fitted=False),

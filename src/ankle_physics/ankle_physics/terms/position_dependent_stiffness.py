@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class PositionDependentStiffness(Term):
@@ -17,7 +17,13 @@ class PositionDependentStiffness(Term):
 
     name = "position_dependent_stiffness"
     place = Place.INTRINSIC
-    sentence = "The joint is stiffer in one direction of movement than in the other: stiffness changes with the angle."
+    sentence = "Stiffness changes with the angle of the foot."
+    turn = Turn(
+        "k1",
+        0.0,
+        "The joint is stiffer the further the foot is down.",
+        "The joint is stiffer the further the foot is up.",
+    )
     parameters = (
         Parameter(
             "k1",

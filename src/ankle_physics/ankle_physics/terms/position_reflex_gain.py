@@ -6,7 +6,7 @@ import numpy as np
 
 from ankle_physics.linear_dynamics import Delay, SecondOrder
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 # As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same kind.
 MUSCLE_DAMPING = 0.8
@@ -18,7 +18,13 @@ class PositionReflexGain(Term):
 
     name = "position_reflex_gain"
     place = Place.REFLEX_DYNAMICS
-    sentence = "The reflex is stronger when the foot is further up."
+    sentence = "The reflex depends on the angle of the foot."
+    turn = Turn(
+        "Gx",
+        0.0,
+        "The reflex is weaker when the foot is further up.",
+        "The reflex is stronger when the foot is further up.",
+    )
     parameters = (
         Parameter(
             "Gx",

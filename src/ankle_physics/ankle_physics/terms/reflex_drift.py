@@ -6,7 +6,7 @@ import numpy as np
 
 from ankle_physics.linear_dynamics import Delay, SecondOrder
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 # As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same kind.
 MUSCLE_DAMPING = 0.8
@@ -18,6 +18,12 @@ class ReflexDrift(Term):
     name = "reflex_drift"
     place = Place.REFLEX_DYNAMICS
     sentence = "The reflex changes steadily in the course of the recording."
+    turn = Turn(
+        "Gt",
+        0.0,
+        "The reflex weakens steadily in the course of the recording.",
+        "The reflex grows steadily in the course of the recording.",
+    )
     parameters = (
         Parameter("Gt", "N.m/rad", -5.0, 5.0, -0.05, "a half of G within a minute or two", linear=True),
         Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to 50 ms"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ReflexExponent(Term):
@@ -13,7 +13,13 @@ class ReflexExponent(Term):
 
     name = "reflex_exponent"
     place = Place.REFLEX_INPUT
-    sentence = "The reflex grows less than in proportion to the speed of the stretch."
+    sentence = "The reflex does not grow in proportion to the speed of the stretch."
+    turn = Turn(
+        "p",
+        1.0,
+        "The reflex grows less than in proportion to the speed of the stretch.",
+        "The reflex grows more than in proportion to the speed of the stretch: slow stretches evoke little.",
+    )
     parameters = (
         Parameter("p", "1", 0.2, 2.5, 0.6, "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment"),
     )

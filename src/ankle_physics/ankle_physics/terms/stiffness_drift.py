@@ -1,24 +1,31 @@
-"""Stiffness that drifts through the recording: ``torque = kt * (t - 30 s) * (x - xc)``."""
+"""Stiffness and damping that drift through the recording: ``torque = (t - 30 s) * (kt * (x - xc) + bt * v)``."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 # K is then the stiffness half a minute into the run, the middle of the shortest trial.
 _REFERENCE_TIME = 30.0
 
 
 class StiffnessDrift(Term):
-    """Fatigue, warming up or a change of posture: K changes at the constant rate kt."""
+    """Fatigue, warming up or a change of posture: K and B change at the constant rates kt and bt."""
 
     name = "stiffness_drift"
     place = Place.INTRINSIC
-    sentence = "Stiffness changes steadily in the course of the recording, as with fatigue."
+    sentence = "Stiffness changes steadily in the course of the recording."
+    turn = Turn(
+        "kt",
+        0.0,
+        "Stiffness falls steadily in the course of the recording, as with fatigue.",
+        "Stiffness rises steadily in the course of the recording.",
+    )
     parameters = (
         Parameter("kt", "N.m/rad/s", -5.0, 5.0, -0.3, "a third of K within a minute or two of contraction", linear=True),
+        Parameter("bt", "N.m/rad", -0.05, 0.05, 0.0, "a third of B within a minute or two: cross-bridges make both", linear=True),
         Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle about which the spring acts; range of the ankle joint", fitted=False),
     )
 
@@ -29,4 +36,5 @@ class StiffnessDrift(Term):
         n = len(signals.position)
         time = (state["count"] + np.arange(n)) / state["rate"]
         state["count"] += n
-        return {"kt": (time - _REFERENCE_TIME) * (signals.foot_position - values["xc"])}
+        since = time - _REFERENCE_TIME
+        return {"kt": since * (signals.foot_position - values["xc"]), "bt": since * signals.foot_velocity}

@@ -1,0 +1,52 @@
+"""A recording's movement through the simulation."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ankle_physics.model import Model
+from model_discrepancy.columns import Columns
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit import Fitter
+from model_discrepancy.motion import motion_of
+from model_discrepancy.planted_trials import simulate_trial
+from model_discrepancy.recording import Recording
+from model_discrepancy.resimulation import resimulate, resimulate_bag
+from model_discrepancy.rows import Rows
+from model_discrepancy.search import fit_base
+from model_discrepancy.verdict import to_model
+
+# What the movement makes in the trial below; its subject is drawn by the seed.
+MAXWELL = {"maxwell_relaxation": {"k": 60.0, "T": 0.08}}
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return simulate_trial(MAXWELL, seed=5, duration=30.0, rate=1024.0)
+
+
+def _fitted_models(trial: Recording) -> tuple[Model, Model]:
+    motion = motion_of(trial)
+    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    base = fit_base(fitter)
+    fitter.whiten_by(base)
+    return to_model(base, "base"), to_model(fitter.fit((*base.terms, "maxwell_relaxation"), base.values), "augmented")
+
+
+def test_the_model_with_the_planted_physics_makes_more_of_the_recorded_torque(recording: Recording, tmp_path: Path) -> None:
+    base, augmented = _fitted_models(recording)
+    result = resimulate(recording, base, augmented)
+    assert result.vaf["augmented"] > result.vaf["base"] + 1.0
+    # SNR of the torque is 24 dB; slow voluntary torque comes on top.
+    assert result.vaf["augmented"] > 90.0
+    result.save(tmp_path)
+    again = Recording.from_bag(tmp_path / "augmented_bag")
+    np.testing.assert_array_equal(again.torque, result.torque["augmented"])
+    np.testing.assert_array_equal(again.position, recording.position)
+    assert (tmp_path / "resimulation.png").stat().st_size > 10_000
+
+
+def test_a_folder_without_models_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DiagnosisError, match=r"holds no base\.yaml"):
+        resimulate_bag(tmp_path / "bag", tmp_path, tmp_path / "out")
