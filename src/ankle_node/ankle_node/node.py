@@ -45,15 +45,18 @@ WORKED_OFF_QOS = QoSProfile(
 )
 WORKED_OFF = "/_worked_off"  # behind a topic's name; the underscore hides it from `ros2 topic list`
 DIAGNOSTICS_PERIOD = 1.0  # s
+HEALTH_SHOWN = 10.0  # s; a warning stays so long, so that a person who looks up once sees it
+NEWS_PERIOD = 0.1  # s; something that comes and goes with every block is told no more often than that
 READERS_POLL_PERIOD = 0.05  # s; short against the start of a process, long against its cost
 STOP_POLL_PERIOD = 0.1  # s; longest time from a signal to the stop of a node that nothing else wakes
+QUIET_TIME = 1.0  # s without a block after which none is on its way; a crowded machine holds a process off for half a second
 HAND_OVER_TIME = 3.0  # s; Fast DDS asks after lost blocks at least that often
 MessageInfo = dict[str, Any]  # as rclpy hands it to a callback of two arguments
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class AnkleNode(Node):
-    """A node with declared parameters and health on ``/diagnostics`` once a second.
+    """A node with declared parameters and health on ``/diagnostics`` once a second, and at once when something goes wrong.
 
     Args:
         name: node name.
@@ -70,6 +73,7 @@ class AnkleNode(Node):
         self._taken = (0, 0.0)  # when the last block taken was sent [ns], and when it was taken [s]
         self._health: dict[str, tuple[bytes, str, float]] = {}
         self._counters: dict[str, str] = {}
+        self._health_told = 0.0  # s of the steady clock
         self._block_publishers: dict[str, Publisher] = {}
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_health)
@@ -221,7 +225,7 @@ class AnkleNode(Node):
         while rclpy.ok() and time.monotonic() < begin + HAND_OVER_TIME:
             executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
             sent, taken = self._taken
-            if sent > told or time.monotonic() > max(taken, begin) + 2.0 * STOP_POLL_PERIOD:
+            if sent > told or time.monotonic() > max(taken, begin) + QUIET_TIME:
                 return
         self.get_logger().warning(f"stopped with blocks still waiting after {HAND_OVER_TIME:g} s")
 
@@ -239,16 +243,21 @@ class AnkleNode(Node):
 
     def health(self, what: str, level: bytes, message: str) -> None:
         """State the health of one thing; a warning or error is shown for at least ten seconds."""
-        self._health[what] = (level, message, time.monotonic())
+        now = time.monotonic()
+        before = self._health.get(what)
+        self._health[what] = (level, message, now)
+        news = level != OK and (before is None or before[0] == OK or now - before[2] > HEALTH_SHOWN)
+        if news and now - self._health_told > NEWS_PERIOD:
+            self._publish_health()
 
     def count(self, what: str, value: object) -> None:
         """A figure that is shown with the node's health."""
         self._counters[what] = str(value)
 
     def _publish_health(self) -> None:
-        shown = 10.0  # s, so that a person who looks up once sees it
-        now = time.monotonic()
-        bad = [(level, f"{what}: {message}") for what, (level, message, when) in self._health.items() if level != OK and now - when < shown]
+        now = self._health_told = time.monotonic()
+        shown = [(what, level, message) for what, (level, message, when) in self._health.items() if now - when < HEALTH_SHOWN]
+        bad = [(level, f"{what}: {message}") for what, level, message in shown if level != OK]
         level = max((entry[0] for entry in bad), default=OK)
         text = "; ".join(message for _, message in sorted(bad, reverse=True)) or "running"
         status = DiagnosticStatus(level=level, name=self.get_name(), message=text, hardware_id="")

@@ -6,10 +6,13 @@
 | /ankle/samples | out | Float64MultiArray | as the reference | t[s],position[rad],velocity[rad/s],torque[N.m] |
 | /ankle/joint_states | out | JointState, name `ankle` | each block | last sample |
 | /ankle/truth | out | Float64MultiArray | each block, one row | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
+| /emg/samples | out, with a subject | Float64MultiArray | as the reference | t[s],SOL[V],TA[V],GL[V],GM[V] |
+| /session/event | out, with holds | String | | hold started, hold ended |
 | /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
 
 A term that the model lacks is NaN in /ankle/truth. The node advances by the samples of the reference, never by timers:
-it is as fast as its input. Parameters: `ankle_sim.parameters`.
+it is as fast as its input. A virtual subject (parameter `subject`) sets K, G and the voluntary torque by what its muscles do;
+they cannot be set by hand then. Parameters: `ankle_sim.parameters`.
 """
 
 from __future__ import annotations
@@ -18,10 +21,11 @@ import math
 import time
 
 import numpy as np
-from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
+from ankle_node import session_event
 from ankle_node.node import ERROR, WARN, AnkleNode, run
 from ankle_node.parameters import ParameterError, Value
 from ankle_physics.actuator import Servo
@@ -30,7 +34,20 @@ from ankle_physics.model import Model
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import LiveRig, Setup, Stretch
-from ankle_sim.parameters import MODEL, RIG_PARAMETERS, VOLUNTARY_TORQUE, model_parameters, with_voluntary_torque
+from ankle_sim.live_subject import OF_SUBJECT, LiveSubject, subject_model
+from ankle_sim.parameters import (
+    MODEL,
+    RIG_PARAMETERS,
+    STATE_PARAMETERS,
+    SUBJECT,
+    SUBJECT_PARAMETERS,
+    VOLUNTARY_TORQUE,
+    model_parameters,
+    with_voluntary_torque,
+)
+from ankle_sim.procedure import some_holds
+from ankle_sim.start_values import start_value
+from ankle_sim.virtual_subject import MUSCLES, State, draw_subject
 from sample_blocks.block import Block, require_columns
 from sample_blocks.continuity import Finding
 from sample_blocks.errors import BlockError
@@ -52,7 +69,7 @@ class AnkleSimNode(AnkleNode):
 
     def __init__(self, model: Model) -> None:
         self._of_model = model_parameters(model)
-        super().__init__(NAME, [*RIG_PARAMETERS, *(declared for declared, _, _ in self._of_model.values())])
+        super().__init__(NAME, [*RIG_PARAMETERS, *SUBJECT_PARAMETERS, *(declared for declared, _, _ in self._of_model.values())])
         for name, (_, term, symbol) in self._of_model.items():
             model.entry(term).values[symbol] = self.number(name)
         scenario = Scenario.load(self.text("scenario")) if self.text("scenario") else Scenario([])
@@ -64,7 +81,11 @@ class AnkleSimNode(AnkleNode):
             self.number("noise_amplitude"),
             int(self.number("seed")),
         )
-        self._rig = LiveRig(setup, self._report, bool(self.value("noise")))
+        self._subject: LiveSubject | None = None
+        if self.value(SUBJECT.name):
+            self._rig = self._make_subject(setup)
+        else:
+            self._rig = LiveRig(setup, self._report, bool(self.value("noise")))
         self._samples = self.block_publisher(SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"))
         self._truth = self.block_publisher(TRUTH, ("t[s]", "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]"))
         self._joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
@@ -78,8 +99,24 @@ class AnkleSimNode(AnkleNode):
             f"noise {noise[0]:.2g} rad, {noise[1]:.2g} rad/s, {noise[2]:.2g} N.m (standard deviations)"
         )
 
+    def _make_subject(self, setup: Setup) -> LiveRig:
+        person = draw_subject(int(self.number(SUBJECT.name)))
+        holds = some_holds(int(self.number("holds")), setup.seed, self.number("hold_duration"), self.number("reach_duration"))
+        self._subject = LiveSubject(setup, person, holds, self._report, bool(self.value("noise")))
+        self._subject.told(State(**{parameter.name: self.number(parameter.name) for parameter in STATE_PARAMETERS}))
+        self._emg = self.block_publisher("/emg/samples", ("t[s]", *(f"{muscle}[V]" for muscle in MUSCLES)))
+        self._events = self.create_publisher(String, session_event.TOPIC, 10)
+        return self._subject.rig
+
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Model parameters and noise hold from the next block on."""
+        """Model parameters, noise and the subject's state hold from the next block on."""
+        if self._subject is not None:
+            taken = [name for name in values if name in self._of_model and self._of_model[name][1:] in OF_SUBJECT]
+            if taken:
+                raise ParameterError(f"parameter '{taken[0]}' follows the virtual subject; set cocontraction, excitability or push")
+            wanted = {p.name: float(values.get(p.name, self.number(p.name))) for p in STATE_PARAMETERS}
+            if wanted != {name: self.number(name) for name in wanted}:
+                self._subject.told(State(**wanted))
         changes = [(*self._of_model[name][1:], float(value)) for name, value in values.items() if name in self._of_model]
         try:
             for change in changes:
@@ -96,7 +133,7 @@ class AnkleSimNode(AnkleNode):
     def _take(self, block: Block, findings: list[Finding]) -> None:
         started = time.process_time()
         try:
-            stretches = self._rig.take(*self._motion(block))
+            stretches = self._simulate(*self._motion(block))
         except (BlockError, ModelError) as error:
             self._refuse(str(error))
             return
@@ -109,6 +146,16 @@ class AnkleSimNode(AnkleNode):
         self.count("held samples", self._rig.held)
         if self._simulated and self._rig.rate:
             self.count("processor time of the simulation [%]", f"{100.0 * self._busy * self._rig.rate / self._simulated:.2f}")
+
+    def _simulate(self, stamps: np.ndarray, reference: np.ndarray) -> list[Stretch]:
+        if self._subject is None:
+            return self._rig.take(stamps, reference)
+        pieces, events = self._subject.take(stamps, reference)
+        for event in events:
+            self._events.publish(String(data=event.line()))
+        for piece in pieces:
+            self._emg(np.column_stack([piece.stretch.time, piece.emg]))
+        return [piece.stretch for piece in pieces]
 
     def _motion(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
         in_si, _ = block.in_si()
@@ -137,23 +184,12 @@ class AnkleSimNode(AnkleNode):
         self.health("simulation", ERROR, sentence)
 
 
-def _start_value(name: str, default: str) -> str:
-    """A text parameter's start value, read by a short-lived node of the same name.
-
-    The defaults of the node's other parameters come from the model file, so its name must be known before they are declared.
-    """
-    probe = Node(NAME, start_parameter_services=False, enable_rosout=False)
-    try:
-        value = probe.declare_parameter(name, default).value
-    finally:
-        probe.destroy_node()
-    return str(value)
-
-
 def make() -> AnkleSimNode:
     """The node with the model that its parameter `model` names."""
-    path = _start_value(MODEL.name, str(MODEL.default))
-    return AnkleSimNode(with_voluntary_torque(Model.load(path) if path else Model.of()))
+    path, subject = str(start_value(NAME, MODEL)), start_value(NAME, SUBJECT)
+    if path:
+        return AnkleSimNode(with_voluntary_torque(Model.load(path)))
+    return AnkleSimNode(subject_model(draw_subject(int(subject))) if subject else with_voluntary_torque(Model.of()))
 
 
 def main() -> int:

@@ -51,12 +51,14 @@ class Stretch:
     Attributes:
         time: [s], shape (n,).
         samples: position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
+        clean: the same without noise.
         truth: value of each linear parameter at the last sample, keyed ``stiffness.K[N.m/rad]``.
         parts: torque [N.m] of each term at the last sample, by term name.
     """
 
     time: np.ndarray
     samples: np.ndarray
+    clean: np.ndarray
     truth: dict[str, float]
     parts: dict[str, float]
 
@@ -207,7 +209,7 @@ class LiveRig:
         self._last_time, self._last_position = float(time[-1]), float(reference[-1, 0])
         samples = self._noise.add(result.clean) if self.noisy else result.clean
         truth = {key: float(values[-1]) for key, values in result.truth.items()}
-        return Stretch(time, samples, truth, {name: float(torque[-1]) for name, torque in result.parts.items()})
+        return Stretch(time, samples, result.clean, truth, {name: float(torque[-1]) for name, torque in result.parts.items()})
 
 
 def _matches(value: float, expected: float) -> bool:

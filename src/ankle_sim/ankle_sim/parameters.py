@@ -47,6 +47,26 @@ RIG_PARAMETERS = (
     Parameter("seed", 1, "1", "Seed of noise and voluntary torque.", 0, 2**31 - 1, fixed=True),
     Parameter("wait_for_readers", 0, "1", "Readers of /ankle/samples to wait for before the first block is taken.", 0, 100, fixed=True),
 )
+SUBJECT = Parameter(
+    "subject",
+    0,
+    "1",
+    "Number of a virtual subject, whose co-contraction and reflexes then set K and G and give EMG; 0: none.",
+    0,
+    9999,
+    fixed=True,
+)
+STATE_PARAMETERS = (
+    Parameter("cocontraction", 0.3, "1", "What the virtual subject does: calf against shin, share of 10 N.m.", 0.0, 1.0),
+    Parameter("excitability", 0.5, "1", "What the virtual subject does: excitability of the calf's reflex.", 0.0, 1.0),
+    Parameter("push", 0.0, "N.m", "What the virtual subject does: torque towards plantarflexion.", -20.0, 20.0),
+)
+HOLDS = Parameter(
+    "holds", 0, "1", "Holds that the virtual subject goes through, two of three at 0 N.m, the others at -5 N.m.", 0, 100, fixed=True
+)
+HOLD_DURATION = Parameter("hold_duration", 60.0, "s", "Length of a hold (paper, section III-B.2: 60 s).", 1.0, 600.0, fixed=True)
+REACH_DURATION = Parameter("reach_duration", 60.0, "s", "Time from one hold to the next.", 1.0, 600.0, fixed=True)
+SUBJECT_PARAMETERS = (SUBJECT, *STATE_PARAMETERS, HOLDS, HOLD_DURATION, REACH_DURATION)
 VOLUNTARY_TORQUE = "voluntary_torque"
 
 

@@ -30,6 +30,7 @@ _TO_SI: dict[str, tuple[str, float]] = {
     "N.cm": ("N.m", 1e-2),
     "kN.m": ("N.m", 1e3),
     "V": ("V", 1.0),
+    "V.s": ("V.s", 1.0),
     "mV": ("V", 1e-3),
     "uV": ("V", 1e-6),
     "N.m/rad": ("N.m/rad", 1.0),

@@ -1,4 +1,4 @@
-"""Recordings of other systems into bags: CSV, NPZ and MAT, in SI, with this project's signs.
+"""Recordings of other systems into bags: CSV, NPZ, MAT, EDF and BDF, in SI, with this project's signs.
 
 The user states for every column its name and unit, the sampling rate or a time column, and the sign
 of torque. What the data contradict is refused with the reason (`plausibility`), or, when forced,
@@ -18,6 +18,7 @@ from sample_blocks.continuity import RATE_TOLERANCE, Continuity, sampling_rate
 from sample_blocks.errors import UnitError
 from sample_blocks.units import split_column, to_si
 from session_recorder.bag_writer import BagWriter
+from session_recorder.edf_tables import edf_units
 from session_recorder.errors import ImportRefused
 from session_recorder.mcap_file import Progress
 from session_recorder.plausibility import Intrinsic, check_intrinsic, check_ranges, check_velocity, intrinsic
@@ -91,7 +92,7 @@ def import_recording(
     """Import one recording into a new bag.
 
     Args:
-        source: a ``.csv``, ``.txt``, ``.npz`` or ``.mat`` file.
+        source: a ``.csv``, ``.txt``, ``.npz``, ``.mat``, ``.edf`` or ``.bdf`` file.
         bag: the directory to create.
         columns: stated name with unit -> column of the source, as ``{"t[ms]": "time", "position[deg]": "angle"}``.
             Names: ``t``, those of `QUANTITIES`, and muscles in a unit of voltage as ``SOL[mV]``.
@@ -113,6 +114,7 @@ def import_recording(
     if progress:
         progress(0.3)
     signals = _convert(columns, stated, table, TORQUE_SIGNS[torque_sign or "rig"], rate)
+    signals.contradictions += _check_units(columns, edf_units(Path(source)))
     found = _check_signals(signals, torque_sign or "rig")
     if signals.contradictions and not force:
         raise ImportRefused(f"{source}: " + "; ".join(signals.contradictions))
@@ -196,6 +198,20 @@ def _convert(
     else:
         signals.time = np.arange(length) / signals.rate
     return signals
+
+
+def _check_units(columns: Mapping[str, str], declared: Mapping[str, str]) -> list[str]:
+    """Where a stated unit is another than the file declares; both are compared in SI, and what is no unit to us is not judged."""
+    found = []
+    for name, column in columns.items():
+        stated = split_column(name)[1]
+        try:
+            own = to_si(declared.get(column, ""))
+        except UnitError:
+            continue
+        if own != to_si(stated):
+            found.append(f"'{name}' is stated in {stated}, the file declares '{column}' in {declared[column]}")
+    return found
 
 
 def _check_time(signals: _Signals, stated_rate: float | None) -> None:

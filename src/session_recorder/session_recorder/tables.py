@@ -1,4 +1,4 @@
-"""Columns of numbers from CSV, NPZ and MAT files."""
+"""Columns of numbers from CSV, NPZ, MAT, EDF and BDF files."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat
 
+from session_recorder.edf_tables import EDF_SUFFIXES, read_edf
 from session_recorder.errors import ImportRefused
 
 # What programs write for a value that is not there.
@@ -24,7 +25,7 @@ def read_table(path: Path | str, wanted: Collection[str]) -> tuple[dict[str, np.
 
     CSV columns go by their header, or by number from ``1`` where the first line holds numbers. Arrays
     of NPZ and MAT go by their name, fields of a structure by ``name.field``, the columns of a
-    two-dimensional array by ``name:1``, ``name:2``, ...
+    two-dimensional array by ``name:1``, ``name:2``, ... Signals of EDF and BDF go by their label, the time since the start is ``t``.
 
     Args:
         wanted: column names.
@@ -42,6 +43,7 @@ def read_table(path: Path | str, wanted: Collection[str]) -> tuple[dict[str, np.
         ".txt": _read_csv,
         ".npz": _read_npz,
         ".mat": _read_mat,
+        **dict.fromkeys(EDF_SUFFIXES, read_edf),
     }
     read = readers.get(source.suffix.lower())
     if read is None:

@@ -1,7 +1,9 @@
 """Import: values in SI and in this project's signs, and refusal of what the data contradict."""
 
+import re
 from pathlib import Path
 
+import edfio
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -232,6 +234,46 @@ def test_negative_times_are_shifted_and_reported(write, tmp_path):
     assert BagReader(tmp_path / "bag").signal("/ankle/samples")[1][0, 0] == pytest.approx(0.5)
 
 
+@pytest.fixture
+def edf(tmp_path):
+    """Two seconds of EMG at 2048 Hz as an amplifier stores them, in microvolts; names and further signals as told."""
+
+    def write(*labels, unit="uV", rate=2048.0, further=(), suffix=".edf"):
+        emg = np.random.default_rng(3).uniform(-900.0, 900.0, (len(labels), round(2 * rate)))
+        make, make_file = (edfio.BdfSignal, edfio.Bdf) if suffix == ".bdf" else (edfio.EdfSignal, edfio.Edf)
+        signals = [make(row, rate, label=label, physical_dimension=unit) for row, label in zip(emg, labels, strict=True)]
+        make_file([*signals, *further]).write(tmp_path / f"emg{suffix}")
+        return tmp_path / f"emg{suffix}", 1e-6 * emg
+
+    return write
+
+
+@pytest.mark.parametrize(("suffix", "resolution"), [(".edf", 1800e-6 / 2**16), (".bdf", 1800e-6 / 2**24)])
+def test_emg_of_an_amplifier_comes_in_volts_with_the_time_of_the_file(edf, tmp_path, suffix, resolution):
+    source, emg = edf("soleus", "TA", suffix=suffix)
+    report = import_recording(source, tmp_path / "bag", {"t[s]": "t", "SOL[uV]": "soleus"})
+    assert (report.samples, report.ignored, report.warnings) == (4096, ("TA",), ())
+    assert report.rate == pytest.approx(2048.0)
+    columns, data = BagReader(tmp_path / "bag").signal("/emg/samples")
+    assert columns == ("t[s]", "SOL[V]")
+    np.testing.assert_allclose(data[:, 0], np.arange(4096) / 2048.0, atol=1e-9)
+    np.testing.assert_allclose(data[:, 1], emg[0], atol=1.01 * resolution)
+
+
+def test_what_an_edf_file_contradicts_is_refused(edf, tmp_path):
+    source, _ = edf("SOL", "TA", "TA", further=[edfio.EdfSignal(np.arange(200.0), 100.0, label="GL", physical_dimension="uV")])
+    for columns, words in (
+        ({"SOL[mV]": "SOL"}, "'SOL[mV]' is stated in mV, the file declares 'SOL' in uV"),
+        ({"SOL[uV]": "soleus"}, "has no signal 'soleus'; it holds t, SOL, TA, TA, GL"),
+        ({"TA[uV]": "TA"}, "has more than one signal 'TA'"),
+        ({"SOL[uV]": "SOL", "GL[uV]": "GL"}, "different sampling rates: SOL 2048 Hz, GL 100 Hz"),
+    ):
+        with pytest.raises(ImportRefused, match=re.escape(words)):
+            import_recording(source, tmp_path / "bag", {"t[s]": "t", **columns})
+    with pytest.raises(ImportRefused, match="stated sampling rate is 1000 Hz, the time column steps at 2048 Hz"):
+        import_recording(source, tmp_path / "bag", {"t[s]": "t", "SOL[uV]": "SOL"}, rate=1000.0)
+
+
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_csv_with_and_without_header(tmp_path, delimiter):
     truth = synthetic(seconds=5)
@@ -268,7 +310,7 @@ def test_mat_with_structures_and_matrices(tmp_path):
     assert np.array_equal(BagReader(tmp_path / "bag").signal("/ankle/samples")[1], np.column_stack([truth["time"], matrix]))
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.mat", "a.xlsx"])
+@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.mat", "a.edf", "a.bdf", "a.xlsx"])
 def test_files_that_are_missing_or_something_else(tmp_path, name):
     with pytest.raises(ImportRefused, match=name):
         import_recording(tmp_path / name, tmp_path / "bag", STATED, torque_sign="rig")

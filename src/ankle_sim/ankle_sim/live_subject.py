@@ -1,0 +1,134 @@
+"""A virtual subject on the virtual rig: reference in; samples, EMG and session events out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
+from ankle_physics.model import Model
+from ankle_physics.surface_emg import SurfaceEmg
+from ankle_sim.live_rig import LiveRig, Setup, Stretch
+from ankle_sim.parameters import VOLUNTARY_TORQUE
+from ankle_sim.procedure import PlannedHold
+from ankle_sim.virtual_subject import Drive, State, Subject, VirtualSubject
+
+OF_SUBJECT = (("stiffness", "K"), ("reflex", "G"), (VOLUNTARY_TORQUE, "level"))
+"""What the subject sets in the model: term and symbol."""
+
+
+def subject_model(subject: Subject, rms: float = 0.5) -> Model:
+    """The paper's model with the subject's I and B, and a voluntary torque that drifts by `rms` [N.m]."""
+    return Model.of(
+        {
+            "inertia": {"I": subject.I},
+            "viscosity": {"B": subject.B},
+            "stiffness": {"K": subject.K_rest},
+            "reflex": {},
+            VOLUNTARY_TORQUE: {"level": 0.0, "rms": rms},
+        },
+        subject.name,
+    )
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Uninterrupted samples of rig and electrodes.
+
+    Attributes:
+        stretch: of the rig.
+        emg: [V], shape (n, 4), muscles SOL, TA, GL, GM.
+    """
+
+    stretch: Stretch
+    emg: np.ndarray
+
+
+class LiveSubject:
+    """Takes reference blocks, gives samples, EMG and events.
+
+    Args:
+        setup: the rig; its model needs stiffness, reflex and voluntary torque.
+        subject: the person.
+        holds: that the subject goes through; without any the state changes by `told` alone.
+        tell: called with a sentence when something happens that a person should know.
+        noisy: whether the rig's samples have noise.
+        steady: as `VirtualSubject`.
+
+    Raises:
+        ModelError: the model lacks a term, or a scenario determines what the subject determines.
+
+    Attributes:
+        rig: the rig.
+        drive: what the subject does now.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        subject: Subject,
+        holds: Sequence[PlannedHold],
+        tell: Callable[[str], None],
+        noisy: bool = True,
+        steady: bool = False,
+    ) -> None:
+        self.rig = LiveRig(setup, tell, noisy)
+        self._virtual = VirtualSubject(subject, setup.seed, steady)
+        self.drive: Drive = self._virtual.command(State())
+        self._drive_rig()
+        self._seed = setup.seed
+        self._emg: SurfaceEmg | None = None
+        self._start: float | None = None
+        self._ahead: list[tuple[float, PlannedHold, str]] = []
+        for hold in holds:
+            self._ahead += [(hold.reach, hold, ""), (hold.start, hold, HOLD_STARTED), (hold.end, hold, HOLD_ENDED)]
+        self._ahead.sort(key=lambda entry: entry[0])
+
+    def told(self, state: State) -> None:
+        """A new state by hand."""
+        self._virtual.command(state)
+
+    def take(self, time: np.ndarray, reference: np.ndarray) -> tuple[list[Piece], list[SessionEvent]]:
+        """Simulate one block.
+
+        Args:
+            time: [s], shape (n,).
+            reference: as `LiveRig.take`.
+
+        Raises:
+            ModelError: as `LiveRig.take`.
+        """
+        events = self._follow_procedure(time)
+        pieces = []
+        stretches = self.rig.take(time, reference)
+        for stretch in stretches:
+            if self._emg is None or self._emg.rate != self.rig.rate:
+                assert self.rig.rate is not None
+                self._emg = SurfaceEmg(self.rig.rate, self._seed)
+            pieces.append(Piece(stretch, self._emg.run(stretch.clean[:, 1], self.drive.background, self.drive.burst)))
+        if self.rig.rate:
+            self.drive = self._virtual.advance(sum(len(stretch.time) for stretch in stretches) / self.rig.rate)
+            self._drive_rig()
+        return pieces, events
+
+    def _drive_rig(self) -> None:
+        for (term, symbol), value in zip(OF_SUBJECT, (self.drive.K, self.drive.G, self.drive.torque), strict=True):
+            self.rig.set(term, symbol, value)
+
+    def _follow_procedure(self, time: np.ndarray) -> list[SessionEvent]:
+        """Set out for the next state, or begin or end a hold, when its time has come."""
+        known = time[np.isfinite(time)]
+        if not len(known):
+            return []
+        if self._start is None:
+            self._start = float(known[0])
+        events = []
+        while self._ahead and self._start + self._ahead[0][0] <= known[-1]:
+            at, hold, event = self._ahead.pop(0)
+            if event:
+                events.append(SessionEvent(event, self._start + at, {"hold": hold.number, TORQUE_TARGET: hold.target}))
+            else:
+                self._virtual.command(hold.state)
+        return events

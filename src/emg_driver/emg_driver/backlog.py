@@ -1,0 +1,42 @@
+"""Blocks that wait until readers can take them.
+
+A stream is looked at for seconds before its first block is given out; all of it sent at once would overrun the queues of readers,
+which keep 64 blocks, and be lost there.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+
+AT_ONCE = 16
+"""Blocks that may be sent at once: a quarter of what a reader keeps."""
+CATCH_UP = 128.0
+"""[1/s] Blocks per second while there is a backlog: twice as fast as they come, which readers manage on a busy computer too."""
+
+
+class Backlog:
+    """Gives out blocks in their order, never faster than readers take them."""
+
+    def __init__(self) -> None:
+        self._blocks: deque[np.ndarray] = deque()
+        self._allowed = float(AT_ONCE)
+        self._asked: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._blocks)
+
+    def add(self, blocks: Iterable[np.ndarray]) -> None:
+        """Append blocks."""
+        self._blocks.extend(blocks)
+
+    def due(self, now: float) -> list[np.ndarray]:
+        """Blocks that may be sent at a time of the steady clock [s]."""
+        passed = 0.0 if self._asked is None else now - self._asked
+        self._asked = now
+        self._allowed = min(self._allowed + CATCH_UP * passed, float(AT_ONCE))
+        count = min(int(self._allowed), len(self._blocks))
+        self._allowed -= count
+        return [self._blocks.popleft() for _ in range(count)]

@@ -1,0 +1,185 @@
+"""A stream's chunks become blocks of `/emg/samples`: muscles in volts, ROS time, bad channels as NaN.
+
+Whatever is wrong becomes a sentence, and never plausible data: a stream that is not what it declares is refused, a channel that
+is flat, saturated, full of hum or too large is NaN from the moment it is known until it is good again.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from emg_driver.clock_mapping import SampleLine
+from emg_driver.electrode_quality import SHORTEST, WINDOW, defects
+from emg_driver.errors import StreamRefused
+from emg_driver.lsl_source import Chunk
+from emg_driver.muscles import MUSCLES
+from emg_driver.settings import ElectrodeSettings
+from emg_driver.stream_description import ChannelMap, StreamDescription, map_channels
+
+BLOCK_RATE = 64.0
+"""[Hz] Blocks per second, as every sampled topic."""
+JUDGE_PERIOD = 0.25
+"""[s] Between two judgements of the electrodes."""
+START = 2.0, 0.05
+"""[s], [1] Before anything is published, the rate is measured so long and must be declared so exactly; a busy computer delays by 0.1 s."""
+AGREE = 10.0
+"""[s] A stream that has not come at its declared rate for `START` by then is refused; until then a busy computer may be the reason."""
+RUNNING = 30.0, 0.003
+"""[s], [1] The same all the time, over a longer window."""
+
+
+@dataclass
+class Bridged:
+    """What became of a chunk.
+
+    Attributes:
+        blocks: each of shape (n, 5): t [s] and EMG [V] of SOL, TA, GL, GM.
+        notes: what is wrong, one sentence each.
+    """
+
+    blocks: list[np.ndarray] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+class EmgBridge:
+    """One connection to a stream.
+
+    Args:
+        stream: what it says about itself.
+        channels, unit, rate: as `map_channels`.
+        limits: for a good electrode.
+        ros_minus_lsl: present difference of the two clocks [s].
+        after: time of the last sample that was published before [s]; nothing is dated at or before it.
+
+    Raises:
+        StreamRefused: the stream's description does not fit.
+
+    Attributes:
+        samples: published so far.
+        missing: samples missing in gaps of the stream.
+        last: time of the last sample published [s].
+    """
+
+    def __init__(
+        self,
+        stream: StreamDescription,
+        channels: str,
+        unit: str,
+        rate: float,
+        limits: ElectrodeSettings,
+        ros_minus_lsl: Callable[[], float],
+        after: float = float("-inf"),
+    ) -> None:
+        self.stream = stream
+        self.samples = self.missing = 0
+        self.last = after
+        self._map: ChannelMap = map_channels(stream, channels, unit, rate)
+        self._limits = limits
+        self._line = SampleLine(stream.rate, ros_minus_lsl)
+        self._block = max(round(stream.rate / BLOCK_RATE), 1)
+        self._waiting: deque[Chunk] | None = deque()
+        self._arrivals: deque[tuple[float, int]] = deque()
+        self._received = 0
+        self._pending: np.ndarray = np.empty((0, 1 + len(MUSCLES)))
+        self._recent: np.ndarray = np.empty((0, len(MUSCLES)))
+        self._unjudged = 0
+        self._bad: np.ndarray = np.zeros(len(MUSCLES), dtype=bool)
+
+    @property
+    def drift(self) -> float:
+        """Drift of the sender's stamps [1], positive when they lose time."""
+        return self._line.drift_filter.drift
+
+    @property
+    def bad(self) -> dict[str, bool]:
+        """Which electrodes are bad, by muscle."""
+        return dict(zip(MUSCLES, self._bad.tolist(), strict=True))
+
+    def feed(self, chunk: Chunk) -> Bridged:
+        """Take in a chunk.
+
+        Raises:
+            StreamRefused: the samples do not come at the declared rate.
+        """
+        out = Bridged()
+        if self._waiting is not None:
+            self._waiting.append(chunk)
+        agrees = self._check_rate(chunk)
+        if self._waiting is not None:
+            if not agrees:
+                return out
+            chunks, self._waiting = self._waiting, None
+            delays = [one.arrival - float(one.stamps[-1]) - one.correction for one in chunks]
+            out.notes += [f"{self.stream.title}: {jump.message}" for jump in self._line.start(delays)]
+            for one in chunks:
+                self._bridge(one, out)
+        else:
+            self._bridge(chunk, out)
+        whole = len(self._pending) // self._block * self._block
+        if whole:
+            out.blocks += np.split(self._pending[:whole], whole // self._block)
+            self._pending = self._pending[whole:]
+            self.last = float(out.blocks[-1][-1, 0])
+            self.samples += whole
+        return out
+
+    def _check_rate(self, chunk: Chunk) -> bool:
+        """Whether samples come as often as declared, by arrival over the last `START` or `RUNNING` seconds; False while it is open."""
+        self._received += len(chunk.stamps)
+        self._arrivals.append((chunk.arrival, self._received))
+        starting = self._waiting is not None
+        length, limit = START if starting else RUNNING
+        while len(self._arrivals) > 2 and chunk.arrival - self._arrivals[1][0] >= length:
+            self._arrivals.popleft()
+        first, before = self._arrivals[0]
+        elapsed = chunk.arrival - first
+        if elapsed < length:
+            return not starting
+        measured = (self._received - before) / elapsed
+        if abs(measured / self.stream.rate - 1.0) <= limit + self._line_missing(elapsed):
+            return True
+        if starting and self._waiting and chunk.arrival - self._waiting[0].arrival < AGREE:
+            return False
+        raise StreamRefused(f"{self.stream.title} declares {self.stream.rate:g} Hz and sends {measured:.1f} Hz")
+
+    def _line_missing(self, elapsed: float) -> float:
+        """Share of samples that gaps explain."""
+        return self.missing / (elapsed * self.stream.rate)
+
+    def _bridge(self, chunk: Chunk, out: Bridged) -> None:
+        emg = self._map.volts(chunk.samples)
+        times, jumps = self._line.place(chunk.stamps, chunk.correction, chunk.arrival)
+        for jump in jumps:
+            self.missing += jump.missing
+            out.notes.append(f"{self.stream.title}: {jump.message}")
+        if jumps:
+            # A gap stays between two blocks and inside none; what was judged before it tells nothing about what follows.
+            if len(self._pending):
+                out.blocks.append(self._pending)
+                self.samples += len(self._pending)
+                self.last = float(self._pending[-1, 0])
+            self._pending = self._pending[:0]
+            self._recent = self._recent[:0]
+        self._judge(emg, out)
+        emg = np.where(self._bad | ~np.isfinite(emg), np.nan, emg)
+        keep = times > self.last
+        if not keep.all():
+            out.notes.append(
+                f"{self.stream.title}: {int(np.count_nonzero(~keep))} samples are dated before those of the last connection and left out"
+            )
+        self._pending = np.concatenate([self._pending, np.column_stack([times, emg])[keep]])
+
+    def _judge(self, emg: np.ndarray, out: Bridged) -> None:
+        window = round(WINDOW * self.stream.rate)
+        self._recent = np.concatenate([self._recent, emg])[-window:]
+        self._unjudged += len(emg)
+        if self._unjudged < JUDGE_PERIOD * self.stream.rate or len(self._recent) < SHORTEST * self.stream.rate:
+            return
+        self._unjudged = 0
+        found = defects(self._recent, self.stream.rate, self._limits)
+        out.notes += [f"{muscle}: {defect.message}" for muscle, defect in zip(MUSCLES, found, strict=True) if defect is not None]
+        self._bad = np.array([defect is not None for defect in found])

@@ -1,0 +1,81 @@
+"""EMG of a topic as a Lab Streaming Layer stream: a simulated amplifier, or a recorded session for any program that reads LSL.
+
+| topic | direction | type | |
+| --- | --- | --- | --- |
+| /emg/samples | in | Float64MultiArray | t[s] and any columns in V; remap it where the bridge runs in the same graph |
+| a Lab Streaming Layer stream | out | | one channel for each column, labels and units in its description |
+| /diagnostics | out | DiagnosticArray | 1 Hz |
+
+Samples are stamped with their own time, mapped to LSL's clock, on a clock that may drift on purpose.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pylsl
+
+from ankle_node.node import AnkleNode, run
+from ankle_node.parameters import Parameter
+from emg_driver.muscles import SAMPLES_TOPIC
+from sample_blocks.block import Block
+from sample_blocks.continuity import Finding, sampling_rate
+from sample_blocks.units import split_column
+
+PARAMETERS = (
+    Parameter("stream_name", "simulated amplifier", "", "Name of the stream.", fixed=True),
+    Parameter("stream_type", "EMG", "", "Type of the stream.", fixed=True),
+    Parameter("stream_source_id", "", "", "Source id of the stream.", fixed=True),
+    Parameter(
+        "drift", 0.0, "1", "Seconds per second by which the stamps lose time, as an amplifier's crystal does.", -1e-3, 1e-3, fixed=True
+    ),
+)
+MICROVOLTS = 1e6  # amplifiers declare microvolts
+
+
+class EmgOutletNode(AnkleNode):
+    """Wires a topic to an outlet."""
+
+    def __init__(self) -> None:
+        super().__init__("emg_outlet", PARAMETERS)
+        self._outlet: pylsl.StreamOutlet | None = None
+        self._first = 0.0
+        self._sent = 0
+        self.block_subscription(SAMPLES_TOPIC, (), self._take)
+        self.get_logger().info("ready")
+
+    def _take(self, block: Block, findings: list[Finding]) -> None:
+        block, _ = block.in_si()
+        if self._outlet is None:
+            self._outlet = self._open(block)
+            self._first = float(block.time[0])
+        drifted = block.time - self.number("drift") * (block.time - self._first)
+        stamps = drifted - (self.now() - pylsl.local_clock())
+        # An amplifier sends at regular intervals, so one stamp for the chunk's last sample says all; after a gap a new one.
+        self._outlet.push_chunk(np.ascontiguousarray(MICROVOLTS * block.data[:, 1:], dtype=np.float32), float(stamps[-1]))
+        self._sent += len(block.time)
+        self.count("samples", self._sent)
+
+    def _open(self, block: Block) -> pylsl.StreamOutlet:
+        names = [split_column(column)[0] for column in block.columns[1:]]
+        info = pylsl.StreamInfo(
+            self.text("stream_name"),
+            self.text("stream_type"),
+            len(names),
+            sampling_rate(block.time),
+            "float32",
+            self.text("stream_source_id"),
+        )
+        channels = info.desc().append_child("channels")
+        for name in names:
+            channel = channels.append_child("channel")
+            channel.append_child_value("label", name)
+            channel.append_child_value("unit", "microvolts")
+            channel.append_child_value("type", "EMG")
+        return pylsl.StreamOutlet(info, len(block.time))
+
+
+def main() -> None:
+    """Entry point of ``ros2 run emg_driver emg_outlet``."""
+    sys.exit(run(EmgOutletNode))

@@ -1,0 +1,91 @@
+"""Background and reflex activity of four muscles for every onset of the perturbation.
+
+| topic | direction | type | |
+| --- | --- | --- | --- |
+| /emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V] |
+| /perturbation/reference | in | Float64MultiArray | t[s],position[rad]: onsets |
+| /ankle/samples | in | Float64MultiArray | t[s],velocity[rad/s]: onsets while there is no reference |
+| /emg/responses | out | Float64MultiArray | each onset: t[s],direction[1], background_SOL[V] ..., reflex_SOL[V.s] ... |
+| /emg/ensemble | out | Float64MultiArray | each second onset: lag[s],SOL[V],TA[V],GL[V],GM[V] |
+| /diagnostics | out | DiagnosticArray | onsets, bad electrodes, missing samples |
+
+The node advances by samples, never by timers. Parameters: `emg_driver.settings`.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from ankle_node.node import ERROR, WARN, AnkleNode, run
+from ankle_node.parameters import Parameter, Value
+from emg_driver.muscles import ENSEMBLE_COLUMNS, ENSEMBLE_TOPIC, RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
+from emg_driver.offline import MOTION_TOPIC, POSITION, REFERENCE_TOPIC, VELOCITY
+from emg_driver.processor import EmgProcessor, Responses, warm_up
+from emg_driver.settings import ELECTRODES, PROCESSING, settings_from
+from sample_blocks.block import Block
+from sample_blocks.continuity import Finding
+
+WAIT_FOR_READERS = Parameter(
+    "wait_for_readers", 0, "1", "Readers of /emg/responses to wait for before the first block is taken.", 0, 100, fixed=True
+)
+PARAMETERS = (*PROCESSING, *ELECTRODES, WAIT_FOR_READERS)
+# The average of a hundred changes little with each; half the messages show the same.
+ENSEMBLE_EVERY = 2
+
+
+class EmgProcessorNode(AnkleNode):
+    """Wires an `EmgProcessor` to its topics."""
+
+    def __init__(self) -> None:
+        super().__init__("emg_processor", PARAMETERS)
+        self._values = {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
+        self._processor = EmgProcessor(settings_from(self._values))
+        self._published = 0
+        self._responses = self.block_publisher(RESPONSE_TOPIC, RESPONSE_COLUMNS)
+        self._ensemble = self.block_publisher(ENSEMBLE_TOPIC, ENSEMBLE_COLUMNS)
+        self.when_read(RESPONSE_TOPIC, int(self.number(WAIT_FOR_READERS.name)), self._begin)
+
+    def parameters_changed(self, values: dict[str, Value]) -> None:
+        """The processing starts anew with new settings."""
+        changed = {**self._values, **values}
+        if changed != self._values:
+            self._processor = EmgProcessor(settings_from(changed))
+            self._values = changed
+            self.get_logger().info(f"processing starts anew: {', '.join(f'{name} = {value}' for name, value in values.items())}")
+
+    def _begin(self) -> None:
+        warm_up()
+        self.block_subscription(REFERENCE_TOPIC, (POSITION,), self._take_reference)
+        self.block_subscription(MOTION_TOPIC, (VELOCITY,), self._take_motion)
+        self.block_subscription(SAMPLES_TOPIC, SAMPLE_COLUMNS[1:], self._take_emg)
+        self.get_logger().info("ready")
+
+    def _take_reference(self, block: Block, findings: list[Finding]) -> None:
+        self._publish(self._processor.feed_reference(block.data[:, 0], block.data[:, 1]))
+
+    def _take_motion(self, block: Block, findings: list[Finding]) -> None:
+        self._publish(self._processor.feed_motion(block.data[:, 0], block.data[:, 1]))
+
+    def _take_emg(self, block: Block, findings: list[Finding]) -> None:
+        try:
+            self._publish(self._processor.feed_emg(block.data[:, 0], block.data[:, 1:]))
+        except ValueError as error:
+            self.get_logger().error(f"{SAMPLES_TOPIC}: {error}", throttle_duration_sec=5.0)
+            self.health("EMG", ERROR, str(error))
+
+    def _publish(self, due: Responses) -> None:
+        for note in due.notes:
+            self.get_logger().warning(note, throttle_duration_sec=1.0)
+            what, _, sentence = note.partition(": ")
+            self.health(what, WARN, sentence)
+        for row in due.rows:
+            self._responses(row[None])
+            self._published += 1
+            if self._published % ENSEMBLE_EVERY == 0:
+                self._ensemble(self._processor.ensemble())
+        self.count("onsets", self._published)
+
+
+def main() -> None:
+    """Entry point of ``ros2 run emg_driver emg_processor``."""
+    sys.exit(run(EmgProcessorNode))

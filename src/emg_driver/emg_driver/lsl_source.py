@@ -1,0 +1,158 @@
+"""Reading one Lab Streaming Layer stream in a thread of its own: find it, read it, find it again.
+
+What happens comes out as events in the order in which it happened; nothing is judged here. Connections are not recovered by the
+library, because it would hide that the sender started anew with another clock.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pylsl
+
+from emg_driver.clock_mapping import SteadyCorrection
+from emg_driver.stream_description import StreamDescription
+
+SEARCH = 1.0
+"""[s] One search; each ends with an event."""
+OPEN = 5.0
+"""[s] For the stream's description and the first measurement of its clock."""
+WAIT = 0.2
+"""[s] Longest wait for samples before looking whether to stop."""
+BUFFER = 10
+"""[s] Samples that the library keeps for us."""
+CORRECTION_PERIOD = 1.0
+"""[s] Between two readings of the time correction; the library measures it every few seconds in the background."""
+LARGEST_CHUNK = 4096
+REST = 2.0
+"""[s] Before a stream that was refused is looked at again."""
+
+
+@dataclass(frozen=True)
+class Searching:
+    """No stream fits; `predicate` says what is looked for."""
+
+    predicate: str
+
+
+@dataclass(frozen=True)
+class Connected:
+    """Samples of this stream follow."""
+
+    stream: StreamDescription
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Samples.
+
+    Attributes:
+        samples: shape (n, channels), in the stream's units.
+        stamps: by the sender's clock [s], shape (n,).
+        correction: that LSL measured [s].
+        arrival: by this computer's LSL clock [s].
+    """
+
+    samples: np.ndarray
+    stamps: np.ndarray
+    correction: float
+    arrival: float
+
+
+@dataclass(frozen=True)
+class Lost:
+    """The connection is gone."""
+
+    reason: str
+
+
+def predicate(name: str, kind: str, source_id: str) -> str:
+    """The search expression for a stream by name, type and source id; empty ones take any."""
+    wanted = [f"{key}='{value}'" for key, value in (("name", name), ("type", kind), ("source_id", source_id)) if value]
+    return " and ".join(wanted) or "channel_count > 0"
+
+
+class LslSource:
+    """Reads a stream until `stop`.
+
+    Args:
+        wanted: search expression, as `predicate` makes it.
+        notify: called, in the thread, after each event.
+
+    Attributes:
+        events: what happened; read by one thread.
+    """
+
+    def __init__(self, wanted: str, notify: Callable[[], None]) -> None:
+        self.events: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._wanted = wanted
+        self._notify = notify
+        self._stopped = threading.Event()
+        self._dropped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="lsl", daemon=True)
+        self._thread.start()
+
+    def drop(self) -> None:
+        """Let go of the present stream and look again after `REST`."""
+        self._dropped.set()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stopped.set()
+        self._thread.join(OPEN + SEARCH)
+
+    def _tell(self, event: object) -> None:
+        self.events.put(event)
+        self._notify()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            found = pylsl.resolve_bypred(self._wanted, 1, SEARCH)
+            if not found:
+                self._tell(Searching(self._wanted))
+                continue
+            try:
+                self._read(found[0])
+            except RuntimeError as error:  # the base of all errors of pylsl
+                self._tell(Lost(f"{type(error).__name__} {error}".strip()))
+            if self._dropped.is_set():
+                self._stopped.wait(REST)
+                self._dropped.clear()
+
+    def _read(self, info: Any) -> None:
+        inlet = pylsl.StreamInlet(info, max_buflen=BUFFER, recover=False, as_numpy=True)
+        try:
+            stream = describe(inlet.info(OPEN))
+            inlet.open_stream(OPEN)
+            correction = SteadyCorrection(inlet.time_correction(OPEN))
+            corrected = time.monotonic()
+            self._tell(Connected(stream))
+            while not (self._stopped.is_set() or self._dropped.is_set()):
+                samples, stamps = inlet.pull_chunk(WAIT, LARGEST_CHUNK, min_samples=1)
+                arrival = pylsl.local_clock()
+                if time.monotonic() - corrected > CORRECTION_PERIOD:
+                    correction.measure(inlet.time_correction(OPEN))
+                    corrected = time.monotonic()
+                if len(stamps):
+                    self._tell(Chunk(np.array(samples), np.array(stamps), correction.value, arrival))
+        finally:
+            inlet.close_stream()
+
+
+def describe(info: Any) -> StreamDescription:
+    """A stream's description from its ``StreamInfo``; labels and units from ``desc/channels`` where the sender gave them."""
+    count = info.channel_count()
+    labels, units = [""] * count, [""] * count
+    channel = info.desc().child("channels").child("channel")
+    for number in range(count):
+        if channel.empty():
+            break
+        labels[number], units[number] = channel.child_value("label"), channel.child_value("unit")
+        channel = channel.next_sibling("channel")
+    return StreamDescription(info.name(), info.type(), info.source_id(), f"{info.uid()}", info.nominal_srate(), tuple(labels), tuple(units))

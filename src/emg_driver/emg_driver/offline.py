@@ -1,0 +1,161 @@
+"""Responses from a recorded bag. The numbers are those of the node fed with the same samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from emg_driver.muscles import (
+    BACKGROUND,
+    ENSEMBLE_COLUMNS,
+    ENSEMBLE_TOPIC,
+    MUSCLES,
+    REFLEX,
+    RESPONSE_COLUMNS,
+    RESPONSE_TOPIC,
+    SAMPLE_COLUMNS,
+    SAMPLES_TOPIC,
+    STRETCHED_BY,
+)
+from emg_driver.processor import EmgProcessor, Responses
+from emg_driver.settings import Settings
+from sample_blocks.block import Block, require_columns, unpack
+from sample_blocks.errors import BlockError
+from session_recorder.bag_reader import BagReader
+from session_recorder.bag_writer import BagWriter
+from session_recorder.errors import BagError
+
+REFERENCE_TOPIC, MOTION_TOPIC = "/perturbation/reference", "/ankle/samples"
+POSITION, VELOCITY = "position[rad]", "velocity[rad/s]"
+# Messages of one topic that are handed over together: fewer calls, same numbers.
+GROUPED = 16
+
+
+@dataclass(frozen=True)
+class OfflineResponses:
+    """Responses of a whole recording.
+
+    Attributes:
+        rows: shape (k, 10), columns `muscles.RESPONSE_COLUMNS`.
+        ensemble: shape (L, 5), columns `muscles.ENSEMBLE_COLUMNS`, of the last onsets.
+        notes: bad electrodes and missing samples, one sentence each with how often it was said.
+    """
+
+    rows: np.ndarray
+    ensemble: np.ndarray
+    notes: list[str]
+
+
+def feed(processor: EmgProcessor, topic: str, block: Block) -> Responses:
+    """Hand a block of one of the three topics to the processor.
+
+    Raises:
+        BlockError: a column is missing or in a unit of another dimension.
+        ValueError: a sampling rate that the processor refuses.
+    """
+    if topic == SAMPLES_TOPIC:
+        data = require_columns(block, SAMPLE_COLUMNS[1:], topic).data
+        return processor.feed_emg(data[:, 0], data[:, 1:])
+    if topic == REFERENCE_TOPIC:
+        data = require_columns(block, (POSITION,), topic).data
+        return processor.feed_reference(data[:, 0], data[:, 1])
+    data = require_columns(block, (VELOCITY,), topic).data
+    return processor.feed_motion(data[:, 0], data[:, 1])
+
+
+def respond_bag(
+    bag: Path | str,
+    out: Path | str | None = None,
+    settings: Settings | None = None,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> OfflineResponses:
+    """Background and reflex activity of every onset in a bag, written as a new bag where `out` is given.
+
+    Args:
+        overwrite: replace a bag at `out`.
+        progress: called with the fraction of the bag that is read.
+
+    Raises:
+        BagError: no such bag, no EMG in it, neither a reference nor a measured velocity, or `out` cannot be written.
+        ValueError: a sampling rate that the processor refuses.
+    """
+    reader = BagReader(bag)
+    reader.topic(SAMPLES_TOPIC)
+    topics = [topic for topic in (REFERENCE_TOPIC, MOTION_TOPIC, SAMPLES_TOPIC) if topic in reader.topics]
+    if len(topics) < 2:
+        raise BagError(f"{bag} has neither {REFERENCE_TOPIC} nor {MOTION_TOPIC}: no onset to look at")
+    processor = EmgProcessor(settings)
+    rows: list[np.ndarray] = []
+    notes: dict[str, int] = dict.fromkeys(reader.problems, 1)
+    for topic, block in _grouped(reader, topics, notes, progress):
+        try:
+            due = feed(processor, topic, block)
+        except BlockError as error:
+            if topic == SAMPLES_TOPIC:
+                raise
+            notes[str(error)] = notes.get(str(error), 0) + 1
+            continue
+        rows.append(due.rows)
+        for note in due.notes:
+            notes[note] = notes.get(note, 0) + 1
+    rows.append(processor.finish().rows)
+    result = OfflineResponses(np.concatenate(rows), processor.ensemble(), [f"{n} x {note}" if n > 1 else note for note, n in notes.items()])
+    if out is not None:
+        _write(result, bag, out, overwrite)
+    return result
+
+
+def summary(found: OfflineResponses) -> list[list[str]]:
+    """Per muscle, at the onsets that stretch it: muscle, usable onsets, mean background [uV] and mean reflex [uV.s]."""
+    table = []
+    for index, muscle in enumerate(MUSCLES):
+        rows = found.rows[found.rows[:, 1] == STRETCHED_BY[muscle]]
+        background, reflex = (rows[:, RESPONSE_COLUMNS.index(names[index])] for names in (BACKGROUND, REFLEX))
+        good = np.isfinite(background) & np.isfinite(reflex)
+        means = (f"{1e6 * values[good].mean():.3g}" if good.any() else "-" for values in (background, reflex))
+        table.append([muscle, f"{np.count_nonzero(good)} of {len(rows)}", *means])
+    return table
+
+
+def _grouped(
+    reader: BagReader, topics: list[str], notes: dict[str, int], progress: Callable[[float], None] | None
+) -> Iterator[tuple[str, Block]]:
+    """Blocks in the order of their log time, up to `GROUPED` of a topic joined; yields (topic, block)."""
+    waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
+
+    def joined(topic: str) -> tuple[str, Block]:
+        blocks, waiting[topic] = waiting[topic], []
+        return topic, Block(blocks[0].columns, np.concatenate([block.data for block in blocks]))
+
+    for topic, log_time, message in reader.messages(topics, progress):
+        try:
+            block = unpack(message)
+        except BlockError as error:
+            sentence = f"{topic} at {log_time * 1e-9:.6f} s: {error}"
+            notes[sentence] = notes.get(sentence, 0) + 1
+            continue
+        if waiting[topic] and waiting[topic][0].columns != block.columns:
+            yield joined(topic)
+        waiting[topic].append(block)
+        if len(waiting[topic]) >= GROUPED:
+            yield joined(topic)
+    for topic in topics:
+        if waiting[topic]:
+            yield joined(topic)
+
+
+def _write(result: OfflineResponses, bag: Path | str, out: Path | str, overwrite: bool) -> None:
+    with BagWriter(out, overwrite=overwrite) as writer:
+        writer.custom_data = {"responses_from": str(bag)}
+        writer.add_topic(RESPONSE_TOPIC)
+        writer.add_topic(ENSEMBLE_TOPIC)
+        for row in result.rows:
+            writer.write_block(RESPONSE_TOPIC, Block(RESPONSE_COLUMNS, row[None]))
+        if len(result.rows) and len(result.ensemble):
+            stamp = round(float(result.rows[-1, 0]) * 1e9)
+            writer.write_block(ENSEMBLE_TOPIC, Block(ENSEMBLE_COLUMNS, result.ensemble), stamp)

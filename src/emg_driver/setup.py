@@ -1,0 +1,26 @@
+from setuptools import find_packages, setup
+
+package_name = "emg_driver"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="EMG from any Lab Streaming Layer amplifier to background and reflex activity for every stretch.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "emg_bridge = emg_driver.emg_bridge_node:main",
+            "emg_processor = emg_driver.emg_processor_node:main",
+            "emg_outlet = emg_driver.emg_outlet_node:main",
+        ],
+    },
+)

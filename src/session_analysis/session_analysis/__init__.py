@@ -1,0 +1,1 @@
+"""Hold periods of recorded sessions: impedance estimates against EMG, with confidence intervals, pictures and a report."""

@@ -1,0 +1,45 @@
+"""What `ankle validate` says and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from session_analysis.errors import AnalysisError
+from session_analysis.report import correlation_rows, write_report
+from session_analysis.validation import validate
+
+
+def report_validation(
+    bags: Sequence[str], out: Path, recompute: bool, progress: Callable[[str, float], None] | None, console: Console
+) -> None:
+    """Validate sessions, write the report and print Table III.
+
+    Args:
+        bags: each as ``BAG`` or ``SUBJECT=BAG``.
+        out: folder of the report; it must be new or empty.
+
+    Raises:
+        AnalysisError: `out` holds something, some bags have a subject and others not, or no hold can be used.
+        BagError: a bag that cannot be read.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise AnalysisError(f"{out} is not an empty folder; nothing is overwritten unasked")
+    named = [text.rpartition("=") for text in bags]
+    subjects = [subject for subject, equals, _ in named if equals]
+    if subjects and len(subjects) != len(bags):
+        raise AnalysisError("either every bag is given as SUBJECT=BAG or none")
+    found = validate([Path(bag) for _, _, bag in named], subjects, recompute=recompute, progress=progress)
+    out.mkdir(parents=True, exist_ok=True)
+    report = write_report(found, out, "Impedance estimates against EMG")
+    head, *rows = correlation_rows(found)
+    table = Table(*head)
+    for row in rows:
+        table.add_row(*(cell.replace("[", "\\[") for cell in row))
+    console.print(table)
+    for one in found.excluded:
+        console.print(f"left out: {one.what}: {one.reason}", markup=False)
+    console.print(f"report: {report.resolve()}", markup=False)

@@ -1,0 +1,5 @@
+"""Errors of the analysis. Each message names the recording and what is missing."""
+
+
+class AnalysisError(ValueError):
+    """Recordings from which the question cannot be answered."""

@@ -1,0 +1,100 @@
+"""What the analysis takes from a bag: holds, estimates, EMG responses; computed from the samples where the bag lacks them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ankle_node.session_event import TOPIC as EVENT_TOPIC
+from ankle_node.session_event import SessionEvent, SessionEventError, parse
+from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC
+from emg_driver.offline import respond_bag
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
+from impedance_estimator.offline import estimate_bag
+from sample_blocks.block import unpack
+from sample_blocks.errors import BlockError
+from session_analysis.errors import AnalysisError
+from session_analysis.holds import Excluded, Hold, find_holds
+from session_recorder.bag_reader import BagReader
+from session_recorder.message_definitions import typestore
+
+SUBJECT_KEY = "subject"
+"""Key in a bag's custom data that says whose session it is."""
+
+
+@dataclass(frozen=True)
+class RecordedSession:
+    """One bag.
+
+    Attributes:
+        path: the bag.
+        subject: whose.
+        holds: complete holds.
+        excluded: holds that are left out.
+        estimates: shape (n, 12), columns `ESTIMATE_COLUMNS`.
+        responses: shape (k, 10), columns `RESPONSE_COLUMNS`.
+        notes: what a reader should know, one sentence each.
+    """
+
+    path: Path
+    subject: str
+    holds: list[Hold]
+    excluded: list[Excluded]
+    estimates: np.ndarray
+    responses: np.ndarray
+    notes: list[str]
+
+
+def read_session(
+    path: Path, subject: str = "", recompute: bool = False, progress: Callable[[float], None] | None = None
+) -> RecordedSession:
+    """Read a bag.
+
+    Args:
+        subject: whose; else what the bag's custom data say, else the bag's name.
+        recompute: estimates and responses from the samples, also where they were recorded.
+        progress: called with the fraction done.
+
+    Raises:
+        BagError: no such bag, or it lacks the samples that are needed.
+        AnalysisError: it holds no events.
+    """
+    bag = BagReader(path)
+    if EVENT_TOPIC not in bag.topics or not bag.topics[EVENT_TOPIC].count:
+        raise AnalysisError(f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state")
+    notes = list(bag.problems)
+    recorded = [] if recompute else [topic for topic in (ESTIMATE_TOPIC, RESPONSE_TOPIC) if topic in bag.topics and bag.topics[topic].count]
+    events: list[SessionEvent] = []
+    rows: dict[str, list[np.ndarray]] = {topic: [] for topic in recorded}
+    columns = {ESTIMATE_TOPIC: ESTIMATE_COLUMNS, RESPONSE_TOPIC: RESPONSE_COLUMNS}
+    store = typestore()
+    for topic, _, message in bag.messages([EVENT_TOPIC, *recorded], progress):
+        try:
+            if topic == EVENT_TOPIC:
+                events.append(parse(store.deserialize_cdr(message, "std_msgs/msg/String").data))  # type: ignore[attr-defined]
+                continue
+            block = unpack(message)
+        except (SessionEventError, BlockError) as error:
+            notes.append(f"{path}: {topic}: {error}")
+            continue
+        if block.columns != columns[topic]:
+            raise AnalysisError(f"{path}: {topic} has the columns {', '.join(block.columns)}; expected {', '.join(columns[topic])}")
+        rows[topic].append(block.data)
+    holds, excluded = find_holds(events)
+    if ESTIMATE_TOPIC in rows:
+        estimates = np.concatenate(rows[ESTIMATE_TOPIC])
+    else:
+        computed = estimate_bag(path, progress=progress)
+        estimates = computed.rows
+        notes += [f"{path}: {note}" for note in computed.notes]
+    if RESPONSE_TOPIC in rows:
+        responses = np.concatenate(rows[RESPONSE_TOPIC])
+    else:
+        found = respond_bag(path, progress=progress)
+        responses = found.rows
+        notes += [f"{path}: {note}" for note in found.notes]
+    name = subject or bag.custom_data.get(SUBJECT_KEY, "") or Path(path).resolve().name
+    return RecordedSession(Path(path), name, holds, excluded, estimates, responses, notes)

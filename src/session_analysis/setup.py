@@ -1,0 +1,19 @@
+from setuptools import find_packages, setup
+
+package_name = "session_analysis"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="Hold periods of recorded sessions: estimates against EMG, with confidence intervals, pictures and a report.",
+    license="Apache-2.0",
+)
