@@ -7,19 +7,25 @@ For every candidate window at the end of the memory, are K, B, I and G the same 
 Without a change D is chi-square distributed with four degrees of freedom. Where the largest D of all windows passes a threshold,
 everything before that window is forgotten (Willsky & Jones, IEEE Trans. Autom. Control 21 (1976) 108-112). Between changes
 the memory grows to its full length, so precision and speed are not traded against each other.
+
+A change is found from few data, and may so be placed a little early. While the memory grows again, the test is therefore also
+made for its first few blocks alone, with the noise of all that came after them.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from impedance_estimator.compilation import part
 from impedance_estimator.joint_regression import GAINS, solve_with_prior, squared_residual, unpack_sums
 
 SHORTEST = 6
 """Blocks of the shortest window: 0.4 s, the length of a reflex response."""
 LEAST_OLDER = 16
 """Blocks that must be left before the window: 1 s, one or two perturbations."""
+LEFT_OVER = (12, 8, 5, 3, 2, 1)
+"""Blocks of an older part that may be left over from before a change that was placed a little too early. They are looked for until the
+memory is full: so short a part would otherwise pull the estimate for as long as the memory lasts."""
 GROWTH = 1.4
 """Ratio of successive windows."""
 
@@ -32,7 +38,7 @@ def candidate_windows(longest: int) -> np.ndarray:
     return np.array(windows)
 
 
-@njit
+@part
 def split_statistic(
     recent: np.ndarray,
     older: np.ndarray,
@@ -54,20 +60,21 @@ def split_statistic(
     """
     before = squared_residual(recent, GAINS, together) + squared_residual(older, GAINS, together)
     after = 0.0
-    for part in (recent, older):
-        if np.isnan(solve_with_prior(part, GAINS, precision, together, solution, work[0], work[1:])):
+    for stretch in (recent, older):
+        if np.isnan(solve_with_prior(stretch, GAINS, precision, together, solution, work[0], work[1:])):
             return 0.0
-        after += squared_residual(part, GAINS, solution)
+        after += squared_residual(stretch, GAINS, solution)
         for i in range(GAINS):
             after += precision[i] * (solution[i] - together[i]) ** 2
     return (before - after) / variance
 
 
-@njit
+@part
 def find_change(
     ring: np.ndarray,
     newest: int,
     length: int,
+    restarted: bool,
     windows: np.ndarray,
     total: np.ndarray,
     tangent: np.ndarray,
@@ -84,6 +91,7 @@ def find_change(
         ring: packed sums of every block, shape (capacity, packed).
         newest: index of the newest block in the ring.
         length: blocks in the memory.
+        restarted: whether the memory is still growing since the last change.
         windows: candidate lengths, rising.
         total: normal matrix of the whole memory, shape (n, n).
         tangent: of the linear problem, see `unpack_sums`.
@@ -92,6 +100,7 @@ def find_change(
         matrices: shape (6, n, n), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3, >= 4); overwritten.
     """
     best, largest = 0, 0.0
+    left_over = len(LEFT_OVER) if restarted else 0
     recent, older = matrices[0], matrices[1]
     together, solution, prior = vectors[0], vectors[1], vectors[2]
     prior[:] = 1e-12
@@ -99,9 +108,13 @@ def find_change(
         return best, largest
     sums[:] = 0.0
     taken = 0
-    for window in windows:
-        if length - window < LEAST_OLDER:
-            break
+    grown = 0
+    while grown < windows.shape[0] and length - windows[grown] >= LEAST_OLDER:
+        grown += 1
+    for candidate in range(grown + left_over):
+        window = windows[candidate] if candidate < grown else length - LEFT_OVER[candidate - grown]
+        if window < SHORTEST:
+            continue
         while taken < window:
             block = ring[(newest - taken) % ring.shape[0]]
             for k in range(sums.shape[0]):
@@ -111,11 +124,12 @@ def find_change(
         for i in range(total.shape[0]):
             for j in range(total.shape[0]):
                 older[i, j] = total[i, j] - recent[i, j]
-        # The older part alone gives the noise: a change never enlarges it.
+        # One part alone gives the noise, the longer one of an early or late change: a change never enlarges it.
         prior[:] = 1e-12
-        if np.isnan(solve_with_prior(older, GAINS, prior, prior, solution, matrices[3], matrices[4:])):
+        reference, blocks = (older, length - window) if candidate < grown else (recent, window)
+        if np.isnan(solve_with_prior(reference, GAINS, prior, prior, solution, matrices[3], matrices[4:])):
             continue
-        variance = squared_residual(older, GAINS, solution) / ((length - window) * samples)
+        variance = squared_residual(reference, GAINS, solution) / (blocks * samples)
         if not variance > 0.0:
             continue
         for i in range(GAINS):

@@ -79,7 +79,7 @@ class CorrelationEstimator(Estimator):
         slow = rate / every
         average = design(AVERAGE_ORDER, s.intrinsic_average_cutoff, slow)
         reflex_average = design(AVERAGE_ORDER, s.reflex_average_cutoff, slow)
-        batch_samples = round(standard_errors.BATCH * rate)
+        batch_samples = round(standard_errors.batch_length(s.intrinsic_average_cutoff) * rate)
         settled = s.reflex_last_lag + (LOWPASS_SETTLED / s.lowpass_cutoff if self.input_lowpass else 0.0)
         return Plan(
             rate=rate,

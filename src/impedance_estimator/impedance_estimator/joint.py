@@ -14,7 +14,7 @@ from impedance_estimator.joint_fit import BATCH
 from impedance_estimator.joint_regression import GAINS, PARAMETERS
 from impedance_estimator.joint_settings import JointSettings
 from impedance_estimator.joint_state import COUNTERS, Plan, State
-from impedance_estimator.joint_stream import ESTIMATES, advance
+from impedance_estimator.joint_stream import ESTIMATES, advance, finish_block
 from impedance_estimator.settings import EstimatorSettings
 
 SMOOTHING = 0.0015
@@ -55,7 +55,8 @@ class Joint(Estimator):
         kernels = gaussian_derivatives(max(SMOOTHING if self.measured_velocity else SMOOTHING_WITHOUT_VELOCITY, 0.8 / rate), rate)
         every = max(round(rate / DECIMATED_RATE), 1)
         slow = rate / every
-        functions = reflex_shapes.basis(1.0 / slow)
+        count = round(s.basis_functions)
+        functions = reflex_shapes.basis(1.0 / slow, count)
         whitening = voluntary_torque_noise.whitening_filters(slow)
         block_samples = round(BLOCK * slow)
         memory_blocks = max(round(s.memory * slow / block_samples), 1)
@@ -71,7 +72,7 @@ class Joint(Estimator):
             basis=functions,
             lags=np.arange(functions.shape[1]) / slow,
             area=functions.sum(axis=1) / slow,
-            typical=reflex_shapes.typical_coordinates(1.0 / slow),
+            typical=reflex_shapes.typical_coordinates(1.0 / slow, count),
             whitening=whitening,
             passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
             block_samples=block_samples,
@@ -137,10 +138,14 @@ class Joint(Estimator):
         while self._consumed < len(samples) and not self.rate_lost:
             piece = samples[self._consumed : self._consumed + CHUNK]
             self._samples[: len(piece)] = piece
-            used, rows, torques = advance(self._plan, self._state, self._samples, len(piece), self._rows, self._torques)
+            used = 0
+            while used < len(piece) and not self.rate_lost:
+                used, rows, torques = advance(self._plan, self._state, self._samples, used, len(piece), self._rows, self._torques)
+                parts.append(self._rows[:rows].copy())
+                self._torque_parts.append(self._torques[:torques].copy())
+                if self._state.counters[0]["finished"]:
+                    finish_block(self._plan, self._state)
             self._consumed += used
-            parts.append(self._rows[:rows].copy())
-            self._torque_parts.append(self._torques[:torques].copy())
         if len(parts) == 1:
             return parts[0]
         return np.concatenate(parts) if parts else np.empty((0, ESTIMATES))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from impedance_estimator import reflex_shapes, validity
 from impedance_estimator.change_detection import find_change
+from impedance_estimator.compilation import part
 from impedance_estimator.joint_memory import sum_memory, sum_recent
 from impedance_estimator.joint_regression import (
     GAINS,
@@ -25,6 +25,7 @@ SHAPES = reflex_shapes.SHAPES
 JUMP = np.array([100.0, 0.5, 0.005, 20.0])
 """[N.m/rad, N.m.s/rad, kg.m², N.m.s/rad] How far K, B, I and G may be from their old values after a change, one standard
 deviation: a full contraction. It matters only until the first perturbation after the change."""
+_JUMP_PRECISION = 1.0 / JUMP**2
 UNKNOWN = np.array([1e3, 10.0, 0.1, 1e3])
 """The same units: before any data."""
 LARGEST_STEP = np.array([0.2, 0.2, 0.004])
@@ -48,12 +49,12 @@ SCATTER_MEMORY = 60.0
 """Seconds (batches) in the running mean of the scores' scatter; its own error is then 20 %."""
 
 
-@njit
+@part
 def forget(s: State) -> None:
     c = s.counters[0]
     s.sums[:] = 0.0
     s.totals[:] = 0.0
-    c.filled = c.length = c.blocks = c.batches = 0
+    c.filled = c.length = c.blocks = c.batches = c.finished = 0
     c.model = FIRST_MODEL
     c.variance = np.nan
     c.dispersion = 1.0
@@ -76,7 +77,7 @@ def forget(s: State) -> None:
     k.intrinsic_fit = k.reflex_fit = validity.STILL
 
 
-@njit
+@part
 def linearise(p: Plan, s: State) -> None:
     """Move η₀, d₀ and G₀ to the newest estimate."""
     c = s.counters[0]
@@ -97,7 +98,7 @@ def linearise(p: Plan, s: State) -> None:
             s.tangent[j, 1 + k] *= c.gain
 
 
-@njit
+@part
 def forget_shape(s: State) -> None:
     """Widen the prior of the shape by one second."""
     for k in range(SHAPES):
@@ -107,7 +108,7 @@ def forget_shape(s: State) -> None:
         s.deviation[2, j] = min(np.sqrt(s.deviation[2, j] ** 2 + SHAPE_FORGETTING), 1.0)
 
 
-@njit
+@part
 def _prior(p: Plan, s: State, precision: np.ndarray, mean: np.ndarray) -> None:
     """Prior of all unknowns; the precision still without the noise variance."""
     c = s.counters[0]
@@ -122,7 +123,7 @@ def _prior(p: Plan, s: State, precision: np.ndarray, mean: np.ndarray) -> None:
         mean[PARAMETERS + j] = c.gain * (s.deviation[1, j] - s.deviation[0, j])
 
 
-@njit
+@part
 def fit(p: Plan, s: State, model: int, solution: np.ndarray, covariance: np.ndarray) -> float:
     """Solve for all unknowns under a noise model over the memory; the noise variance, NaN where the data do not determine them."""
     c = s.counters[0]
@@ -139,7 +140,7 @@ def fit(p: Plan, s: State, model: int, solution: np.ndarray, covariance: np.ndar
     return squared_residual(normal, unknowns, solution) / max(count - PARAMETERS, 1)
 
 
-@njit
+@part
 def choose_deviation(p: Plan, s: State) -> None:
     """The width of the deviation's prior under which the memory is most likely."""
     c = s.counters[0]
@@ -163,7 +164,7 @@ def choose_deviation(p: Plan, s: State) -> None:
     c.deviation = best if largest > present + LIKELIER * c.dispersion else kept
 
 
-@njit
+@part
 def detect_change(p: Plan, s: State) -> None:
     c = s.counters[0]
     unpack_sums(s.totals[c.model], s.tangent, s.matrices[6], s.projection)
@@ -171,10 +172,11 @@ def detect_change(p: Plan, s: State) -> None:
         s.ring[c.model],
         c.newest,
         c.length,
+        c.length < p.memory_blocks and c.length < c.blocks,
         p.windows,
         s.matrices[6],
         s.tangent,
-        1.0 / JUMP**2,
+        _JUMP_PRECISION,
         p.block_samples,
         s.matrices,
         s.packed,
@@ -200,7 +202,7 @@ def detect_change(p: Plan, s: State) -> None:
         sum_memory(s, model)
 
 
-@njit
+@part
 def choose_noise_model(p: Plan, s: State) -> None:
     """Second by second and in logarithms, so that a change of the ankle, which spoils the errors of all models alike, decides nothing."""
     c = s.counters[0]
@@ -214,7 +216,7 @@ def choose_noise_model(p: Plan, s: State) -> None:
     c.model = most_likely(s.likelihood, c.model, LIKELIER * c.dispersion)
 
 
-@njit
+@part
 def _output_weights(p: Plan, s: State, output: int, weights: np.ndarray) -> None:
     """K, B, I or G as a linear combination of the unknowns."""
     weights[:] = 0.0
@@ -226,7 +228,7 @@ def _output_weights(p: Plan, s: State, output: int, weights: np.ndarray) -> None
             weights[PARAMETERS + j] = p.area[j]
 
 
-@njit
+@part
 def outputs(p: Plan, s: State) -> None:
     """K, B, I, G and, in units of the noise variance, their variances."""
     weights = s.vectors[0]
@@ -240,7 +242,7 @@ def outputs(p: Plan, s: State) -> None:
         s.output[0, output], s.output[1, output] = value, variance
 
 
-@njit
+@part
 def watch_scatter(p: Plan, s: State) -> None:
     """Scores of the last batch against what white noise would give; what the standard errors are widened by."""
     c = s.counters[0]
@@ -277,7 +279,7 @@ def watch_scatter(p: Plan, s: State) -> None:
     c.dispersion = max(mean, 1.0)
 
 
-@njit
+@part
 def explained(p: Plan, s: State) -> None:
     """Variance of the torque (above the lowest corner) that both pathways and the intrinsic one account for."""
     c = s.counters[0]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from impedance_estimator.compilation import part
 from impedance_estimator.joint_regression import unpack_sums
 from impedance_estimator.joint_state import Plan, State
 
 
-@njit
+@part
 def accumulate(sums: np.ndarray, u: np.ndarray) -> None:
     k = 0
     for i in range(u.shape[0]):
@@ -19,7 +19,7 @@ def accumulate(sums: np.ndarray, u: np.ndarray) -> None:
             k += 1
 
 
-@njit
+@part
 def sum_memory(s: State, model: int) -> None:
     """The total of one model anew from its blocks."""
     c = s.counters[0]
@@ -31,7 +31,7 @@ def sum_memory(s: State, model: int) -> None:
             total[k] += block[k]
 
 
-@njit
+@part
 def store_block(p: Plan, s: State) -> None:
     c = s.counters[0]
     capacity = s.ring.shape[1]
@@ -56,7 +56,7 @@ def store_block(p: Plan, s: State) -> None:
         sum_memory(s, again)
 
 
-@njit
+@part
 def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray) -> None:
     """Sums of products of the newest blocks under a noise model."""
     c = s.counters[0]

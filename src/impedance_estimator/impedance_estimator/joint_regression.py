@@ -17,7 +17,8 @@ three times as much, and is biased by up to 30 % behind a high-pass at 4 Hz.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from impedance_estimator.compilation import part
 
 INTRINSIC = 3
 GAINS = 4
@@ -30,7 +31,7 @@ LEAST_PIVOT = 1e-10
 """Of the scaled system: the digits that are left of sums of products of signals with 1e-3 noise."""
 
 
-@njit
+@part
 def unpack_sums(sums: np.ndarray, tangent: np.ndarray, normal: np.ndarray, work: np.ndarray) -> None:
     """Sums of products of the signals of the linear problem.
 
@@ -81,7 +82,7 @@ def unpack_sums(sums: np.ndarray, tangent: np.ndarray, normal: np.ndarray, work:
     normal[last, last] = work[size - 1, size - 1]
 
 
-@njit
+@part
 def solve_with_prior(
     normal: np.ndarray, size: int, precision: np.ndarray, mean: np.ndarray, solution: np.ndarray, covariance: np.ndarray, work: np.ndarray
 ) -> float:
@@ -144,7 +145,7 @@ def solve_with_prior(
     return determinant
 
 
-@njit
+@part
 def squared_residual(normal: np.ndarray, size: int, solution: np.ndarray) -> float:
     """Σ e² under a solution, from the sums alone."""
     right = normal.shape[0] - 1
@@ -157,7 +158,7 @@ def squared_residual(normal: np.ndarray, size: int, solution: np.ndarray) -> flo
     return max(total, 0.0)
 
 
-@njit
+@part
 def log_evidence(
     normal: np.ndarray, size: int, precision: np.ndarray, mean: np.ndarray, solution: np.ndarray, determinant: float, count: float
 ) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from impedance_estimator import reflex_shapes
 from impedance_estimator.settings import EstimatorSettings, choice, number
 
 CHANGE_DETECTION_CHOICES = ("on", "off")
@@ -35,5 +36,12 @@ class JointSettings(EstimatorSettings):
         0.001,
         0.5,
         "Below, rectified velocity counts as zero: three times the noise of the smoothed velocity; 0.5 % of a perturbation's velocity.",
+    )
+    basis_functions: float = number(
+        float(reflex_shapes.BASIS),
+        "1",
+        6.0,
+        20.0,
+        "How many functions make up the reflex response; reflex_shapes.BASIS says why.",
     )
     settling_time: float = number(10.0, "s", 1.0, 300.0, "Time with data before estimates are valid: about 15 perturbations.")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from impedance_estimator import validity
+from impedance_estimator.compilation import part
 from impedance_estimator.digital_filters import settle_filter
 from impedance_estimator.joint_regression import INTRINSIC
 from impedance_estimator.joint_state import Plan, State
 
 
-@njit
+@part
 def restart_path(p: Plan, s: State, x: float, v: float, torque: float) -> None:
     """Fill all histories with the first good sample."""
     s.raw[0], s.raw[1], s.raw[2] = x, v if p.measured_velocity else 0.0, torque
@@ -29,14 +29,14 @@ def restart_path(p: Plan, s: State, x: float, v: float, torque: float) -> None:
     k.pending = validity.VALID
 
 
-@njit
+@part
 def remember(history: np.ndarray, index: int, value: float) -> None:
     size = history.shape[0] // 2
     history[index % size] = value
     history[index % size + size] = value
 
 
-@njit
+@part
 def weighted(history: np.ndarray, index: int, delay: int, weights: np.ndarray) -> float:
     """Σ weights times the stretch of history that ends `delay` samples before the newest one."""
     size = history.shape[0] // 2
@@ -47,7 +47,7 @@ def weighted(history: np.ndarray, index: int, delay: int, weights: np.ndarray) -
     return total
 
 
-@njit
+@part
 def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
     """Smoothed velocity, and v₊, both n samples before the newest one.
 
@@ -68,7 +68,7 @@ def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
     return smooth, (8.0 * (x[at + 1] - x[at - 1]) - x[at + 2] + x[at - 2]) * p.rate / 12.0
 
 
-@njit
+@part
 def decimated_signals(p: Plan, s: State, index: int) -> None:
     """x, v, a, φ and τ, 2 n samples before the newest one."""
     n = p.kernels.shape[1] // 2

@@ -8,19 +8,18 @@
 6. K, B, I, G and the reflex's shape                    `joint_regression`, `joint_fit`
 7. every second: noise model, scatter of the scores     `joint_fit`
 
-`advance` does all of it for a stretch of samples. The state is a tuple of arrays that it changes in place.
+`advance` does 1 to 4 for a stretch of samples, `finish_block` the rest. The state is a tuple of arrays that it changes in place.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 from numba import njit
 
 from impedance_estimator import validity
+from impedance_estimator.compilation import part, source_fingerprint
 from impedance_estimator.digital_filters import filter_step
 from impedance_estimator.joint_fit import (
     choose_deviation,
@@ -48,39 +47,7 @@ SYSTEMATIC = np.array([0.0002, 0.001, 0.0003, 0.001])
 standard errors. Measured on the paper's perturbation; it matters where random errors are as small."""
 
 
-@njit
-def _finish_block(p: Plan, s: State) -> None:
-    """Steps 5 to 7."""
-    c, k = s.counters[0], s.clock[0]
-    store_block(p, s)
-    if c.blocks % (p.second // 2) == 1:
-        linearise(p, s)
-    if p.windows.shape[0] > 0 and np.isfinite(c.variance):
-        detect_change(p, s)
-    if c.blocks % p.second == 0:
-        forget_shape(s)
-    variance = fit(p, s, c.model, s.vectors[3], s.covariance)
-    if not np.isfinite(variance):
-        k.intrinsic_fit = validity.COLLINEAR
-        return
-    k.intrinsic_fit = validity.VALID
-    s.solution[:] = s.vectors[3]
-    c.variance = variance
-    for j in range(s.response.shape[0]):
-        s.response[j] = s.solution[PARAMETERS + j]
-        for i in range(PARAMETERS - INTRINSIC):
-            s.response[j] += s.solution[INTRINSIC + i] * s.tangent[j, i]
-    if c.blocks % p.second == 0:
-        choose_noise_model(p, s)
-        if c.length >= SCATTERING * p.second:
-            choose_deviation(p, s)
-            watch_scatter(p, s)
-    outputs(p, s)
-    explained(p, s)
-    k.reflex_fit = validity.VALID if np.isfinite(c.vaf_total) else validity.NO_TORQUE
-
-
-@njit
+@part
 def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t: float) -> None:
     """Steps 3 and 4."""
     c = s.counters[0]
@@ -100,11 +67,10 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
             accumulate(s.sums[model], w)
     if learning:
         c.filled += 1
-        if c.filled == p.block_samples:
-            _finish_block(p, s)
+        c.finished = c.filled == p.block_samples
 
 
-@njit
+@part
 def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
     k, c, e = s.clock[0], s.counters[0], s.estimate
     valid = validity.reason_code(s.clock, p.settling_samples) == validity.VALID
@@ -120,54 +86,52 @@ def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
     row[:] = e
 
 
-def _fingerprint() -> int:
-    """A number that changes with the source of any compiled module of this package."""
-    value = 0
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        value = crc32(path.read_bytes(), value)
-    return value
-
-
-def _compile(source: int) -> Any:
-    # numba's cache on disk looks at one file only; `source` in the closure makes a change in any of them a new entry.
-    @njit(cache=True)
-    def advance(p: Plan, s: State, samples: np.ndarray, n: int, rows: np.ndarray, torques: np.ndarray) -> tuple[int, int, int]:
+def _compile(source: int) -> tuple[Any, Any]:
+    # `source` in the closures: see `compilation.source_fingerprint`.
+    @njit(cache=True, error_model="numpy")
+    def advance(p: Plan, s: State, samples: np.ndarray, first: int, n: int, rows: np.ndarray, torques: np.ndarray) -> tuple[int, int, int]:
         _ = source
         k, c = s.clock[0], s.counters[0]
         last = 3 if p.measured_velocity else 2
         lag = 2 * (p.kernels.shape[1] // 2) / p.rate
         count = decimated = 0
-        for i in range(n):
-            t, x, torque = samples[i, 0], samples[i, 1], samples[i, last]
-            v = samples[i, 2] if p.measured_velocity else 0.0
-            validity.watch_rate(s.clock, p.rate, t)
-            k.row_time = t if np.isfinite(t) else k.row_time + 1.0 / p.rate
-            what = validity.judge_sample(s.clock, p.rate, p.memory, t, x, v, torque)
-            if what == validity.RESTART_ALL:
-                if k.pending == validity.VALID:
-                    k.pending = validity.SETTLING
-                forget(s)
-                k.quiet = k.still = 0
-            if what == validity.RESTART_ALL or what == validity.RESTART_PATH:
-                restart_path(p, s, x, v, torque)
-            if what != validity.DROP:
-                c.index += 1
-                remember(s.raw[0], c.index, x)
-                remember(s.raw[1], c.index, v)
-                remember(s.raw[2], c.index, torque)
-                smooth, rectified = rectified_velocity(p, s, c.index)
-                remember(s.rectified, c.index, rectified)
-                if k.pause > 0:
-                    k.pause -= 1
-                elif validity.judge_motion(s.clock, p.rate, p.memory, smooth):
+        for i in range(first, n):
+            if c.finished:
+                # This sample completed a block, which has been dealt with; only its row is left to write.
+                c.finished = 0
+            else:
+                t, x, torque = samples[i, 0], samples[i, 1], samples[i, last]
+                v = samples[i, 2] if p.measured_velocity else 0.0
+                validity.watch_rate(s.clock, p.rate, t)
+                k.row_time = t if np.isfinite(t) else k.row_time + 1.0 / p.rate
+                what = validity.judge_sample(s.clock, p.rate, p.memory, t, x, v, torque)
+                if what == validity.RESTART_ALL:
+                    if k.pending == validity.VALID:
+                        k.pending = validity.SETTLING
                     forget(s)
-                learning = k.pause == 0 and k.still == 0
-                if learning:
-                    k.settled += 1
-                if c.index % p.decimation == 0:
-                    decimated_signals(p, s, c.index)
-                    _decimated_sample(p, s, learning, torques[decimated], t - lag)
-                    decimated += 1
+                    k.quiet = k.still = 0
+                if what == validity.RESTART_ALL or what == validity.RESTART_PATH:
+                    restart_path(p, s, x, v, torque)
+                if what != validity.DROP:
+                    c.index += 1
+                    remember(s.raw[0], c.index, x)
+                    remember(s.raw[1], c.index, v)
+                    remember(s.raw[2], c.index, torque)
+                    smooth, rectified = rectified_velocity(p, s, c.index)
+                    remember(s.rectified, c.index, rectified)
+                    if k.pause > 0:
+                        k.pause -= 1
+                    elif validity.judge_motion(s.clock, p.rate, p.memory, smooth):
+                        forget(s)
+                    learning = k.pause == 0 and k.still == 0
+                    if learning:
+                        k.settled += 1
+                    if c.index % p.decimation == 0:
+                        decimated_signals(p, s, c.index)
+                        _decimated_sample(p, s, learning, torques[decimated], t - lag)
+                        decimated += 1
+                        if c.finished:
+                            return i, count, decimated
             k.row_count += 1
             if k.row_count == p.estimate_every:
                 k.row_count = 0
@@ -177,8 +141,42 @@ def _compile(source: int) -> Any:
                 return i + 1, count, decimated
         return n, count, decimated
 
-    return advance
+    @njit(cache=True, error_model="numpy")
+    def finish_block(p: Plan, s: State) -> None:
+        _ = source
+        c, k = s.counters[0], s.clock[0]
+        store_block(p, s)
+        if c.blocks % (p.second // 2) == 1:
+            linearise(p, s)
+        if p.windows.shape[0] > 0 and np.isfinite(c.variance):
+            detect_change(p, s)
+        if c.blocks % p.second == 0:
+            forget_shape(s)
+        variance = fit(p, s, c.model, s.vectors[3], s.covariance)
+        if not np.isfinite(variance):
+            k.intrinsic_fit = validity.COLLINEAR
+            return
+        k.intrinsic_fit = validity.VALID
+        s.solution[:] = s.vectors[3]
+        c.variance = variance
+        for j in range(s.response.shape[0]):
+            s.response[j] = s.solution[PARAMETERS + j]
+            for i in range(PARAMETERS - INTRINSIC):
+                s.response[j] += s.solution[INTRINSIC + i] * s.tangent[j, i]
+        if c.blocks % p.second == 0:
+            choose_noise_model(p, s)
+            if c.length >= SCATTERING * p.second:
+                choose_deviation(p, s)
+                watch_scatter(p, s)
+        outputs(p, s)
+        explained(p, s)
+        k.reflex_fit = validity.VALID if np.isfinite(c.vaf_total) else validity.NO_TORQUE
+
+    return advance, finish_block
 
 
-advance = _compile(_fingerprint())
-"""advance(plan, state, samples, n, rows, torques) -> samples used, rows written, torque rows written."""
+advance, finish_block = _compile(source_fingerprint())
+"""advance(plan, state, samples, first, n, rows, torques) -> index of the next sample, rows written, torque rows written. It stops where a
+block is complete (`counters.finished`); `finish_block(plan, state)` then deals with the block, and `advance` goes on from that index.
+
+Two functions, because each of them compiles everything that it calls anew."""

@@ -14,15 +14,14 @@ sample is compiled into it (``inline="always"``), which saves a sixth of the tim
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, NamedTuple
-from zlib import crc32
 
 import numpy as np
 from numba import njit
 
 from impedance_estimator import reflex_response as reflex
 from impedance_estimator import standard_errors, validity
+from impedance_estimator.compilation import source_fingerprint
 from impedance_estimator.differences import difference_step
 from impedance_estimator.digital_filters import filter_step, settle_filter
 from impedance_estimator.intrinsic_regression import NO_VARIANCE, SOLVED, solve_intrinsic
@@ -258,16 +257,8 @@ def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
     row[:] = e
 
 
-def _fingerprint() -> int:
-    """A number that changes with the source of any compiled module of this package."""
-    value = 0
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        value = crc32(path.read_bytes(), value)
-    return value
-
-
 def _compile(source: int) -> Any:
-    # numba's cache on disk looks at one file only; `source` in the closure makes a change in any of them a new entry.
+    # `source` in the closure: see `compilation.source_fingerprint`.
     @njit(cache=True)
     def advance(p: Plan, s: State, samples: np.ndarray, n: int, rows: np.ndarray, torques: np.ndarray) -> tuple[int, int, int]:
         _ = source
@@ -362,5 +353,5 @@ def _compile(source: int) -> Any:
     return advance
 
 
-advance = _compile(_fingerprint())
+advance = _compile(source_fingerprint())
 """advance(plan, state, samples, n, rows, torques) -> samples used, rows written, torque rows written."""

@@ -19,8 +19,9 @@ paper's torque signal near 4 Hz, 0.5 N.m rms below 0.3 Hz near 1.2 Hz.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy import signal
+
+from impedance_estimator.compilation import part
 
 NOISE_MODELS = ((0.3, 2), (0.7, 2), (1.5, 2), (3.0, 2), (0.6, 4), (1.1, 4), (1.9, 4), (3.3, 4))
 """Corner [Hz] and order p of each. Lower corners gain nothing: a perturbation response lasts 0.5-0.7 s. Higher ones leave too
@@ -47,7 +48,7 @@ def passband_gain(sections: np.ndarray) -> float:
     return float(np.prod([(b0 - b1 + b2) / (1.0 - a1 + a2) for b0, b1, b2, _, a1, a2 in sections]))
 
 
-@njit
+@part
 def most_likely(likelihood: np.ndarray, present: int, margin: float) -> int:
     """The noise model with the largest ln L; the present one unless another is better by more than `margin`."""
     best = int(np.argmax(likelihood))

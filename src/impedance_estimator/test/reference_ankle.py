@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
+from scipy.interpolate import CubicSpline
 
 OVERSAMPLING = 4
 AMPLITUDE = 0.04  # rad
@@ -66,6 +67,21 @@ def linear_system(numerators, denominator, inputs, fine):
     return outputs
 
 
+def voluntary_torque(rms, cutoff, count, fine, seed):
+    """White noise behind a fourth-order low-pass, scaled to its root mean square [N.m]."""
+    if not rms:
+        return np.zeros(count)
+    # Drawn at 32 points per period of the cut-off and interpolated: a filter at the full rate would be ill-conditioned.
+    slow = 32.0 * cutoff
+    settling = round(10.0 * 32)
+    white = np.random.default_rng([seed, 7]).normal(size=int(count / fine * slow) + settling + 8)
+    sos = signal.butter(4, cutoff, fs=slow, output="sos")
+    drift = signal.sosfilt(sos, white)[settling:]
+    # White noise of variance 1 comes out with the energy of the impulse response.
+    drift *= rms / np.linalg.norm(signal.sosfilt(sos, np.eye(1, 4096)[0]))
+    return CubicSpline(np.arange(len(drift)) / slow, drift)(np.arange(count) / fine)
+
+
 def simulate(
     duration=240.0,
     rate=2048.0,
@@ -79,8 +95,13 @@ def simulate(
     width=0.024,
     rest=(0.0, 0.0),
     oversampling=OVERSAMPLING,
+    reflex=(OMEGA, DAMPING, DELAY),
+    voluntary=(0.0, 1.0),
 ):
-    """A recording; K and G are numbers or functions of an array of times."""
+    """A recording; K and G are numbers or functions of an array of times.
+
+    `reflex`: rad/s, 1, s. `voluntary`: root mean square [N.m] and cut-off [Hz] of the subject's own torque.
+    """
     rng = np.random.default_rng(seed)
     fine = oversampling * rate
     reference = pulse_steps(duration, fine, rng, edge, width, rest)
@@ -88,10 +109,11 @@ def simulate(
     poles = [1.0, 2 * 0.7 * w, w * w]
     x, v, a = linear_system([[0, 0, w * w], [0, w * w, 0], [w * w, 0, 0]], poles, reference, fine)
     t = np.arange(len(x)) / fine
-    stretch = np.interp(t - DELAY, t, np.maximum(v, 0.0), left=0.0)
-    (muscle,) = linear_system([OMEGA**2], [1.0, 2 * DAMPING * OMEGA, OMEGA**2], stretch, fine)
+    omega, damping, delay = reflex
+    stretch = np.interp(t - delay, t, np.maximum(v, 0.0), left=0.0)
+    (muscle,) = linear_system([omega**2], [1.0, 2 * damping * omega, omega**2], stretch, fine)
     stiffness, gain = (value(t) if callable(value) else value for value in (K, G))
-    torque = I * a + B * v + stiffness * x + gain * muscle
+    torque = I * a + B * v + stiffness * x + gain * muscle + voluntary_torque(*voluntary, len(x), fine, seed)
     sos = signal.butter(4, 0.9 * rate / 2, fs=fine, output="sos")
     x, v, torque = (signal.sosfilt(sos, q)[::oversampling] for q in (x, v, torque))
     if snr:

@@ -1,0 +1,115 @@
+"""The joint estimator on the independent simulation: bias, speed, voluntary torque, standard errors; CE is what it must beat."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from impedance_estimator.joint_settings import JointSettings
+from impedance_estimator.offline import estimate_signal
+from impedance_estimator.settings import Settings
+
+TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
+VOLUNTARY = {"0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
+AT = 70.0
+"""[s] of the jump: CE, too, has forgotten its start."""
+COVERAGE_RUNS = 200
+REFLEX_RANGE = ((15.0, 30.0), (0.6, 1.0), (0.035, 0.055))
+"""rad/s, 1, s"""
+
+
+def estimate(recording, estimator="joint"):
+    algorithm, settings = {
+        "joint": ("joint", JointSettings()),
+        "joint, 10 s, fixed": ("joint", JointSettings(memory=10.0, change_detection="off")),
+        "CE": ("CE", Settings()),
+        "CE all": ("CE", Settings(highpass="all")),
+    }[estimator]
+    return estimate_signal(recording.time, recording.position, recording.velocity, recording.torque, algorithm, settings).valid
+
+
+def late(rows, since=40.0):
+    return rows[rows[:, 0] > since]
+
+
+def variation(rows):
+    """Coefficient of variation of K and G [%]."""
+    values = late(rows)[:, [1, 4]]
+    return 100.0 * values.std(axis=0) / values.mean(axis=0)
+
+
+def rise_times(rows):
+    """Of K 50 -> 150 and G 5 -> 15, from 10 to 90 % [s]; infinite where it is not reached."""
+    after = rows[rows[:, 0] >= AT]
+    found = []
+    for column, low, high in ((1, 50.0, 150.0), (4, 5.0, 15.0)):
+        share = (after[:, column] - low) / (high - low)
+        begun, ended = share >= 0.1, share >= 0.9
+        found.append(after[np.argmax(ended), 0] - after[np.argmax(begun), 0] if ended.any() else np.inf)
+    return np.array(found)
+
+
+def jump(simulate, seed, voluntary=(0.0, 1.0)):
+    def course(low, high):
+        return lambda t: np.where(t < AT, low, high)
+
+    return simulate(AT + 30.0, seed=seed, K=course(50.0, 150.0), G=course(5.0, 15.0), voluntary=voluntary)
+
+
+@pytest.mark.parametrize("reflex", list(product(*REFLEX_RANGE)), ids=str)
+def test_unbiased_whatever_the_reflex(simulate, reflex):
+    mean = late(estimate(simulate(60.0, seed=21, reflex=reflex)))[:, 1:5].mean(axis=0)
+    assert np.all(np.abs(mean / TRUTH - 1.0) < [0.01, 0.02, 0.01, 0.02]), mean
+
+
+def test_varies_less_than_a_percent_at_the_papers_noise(simulate):
+    K, G = np.median([variation(estimate(simulate(70.0, seed=seed))) for seed in (31, 32, 33)], axis=0)
+    assert K < 0.5
+    assert G < 1.0
+
+
+def test_jump_is_followed_within_seconds(simulate):
+    recordings = [jump(simulate, seed) for seed in range(41, 46)]
+    ours = np.array([rise_times(estimate(recording)) for recording in recordings])
+    assert np.all(np.median(ours, axis=0) < 1.5)
+    for baseline in ("CE", "CE all"):
+        assert np.all(ours < np.array([rise_times(estimate(recording, baseline)) for recording in recordings])), baseline
+
+
+@pytest.mark.parametrize("voluntary", VOLUNTARY.values(), ids=VOLUNTARY.keys())
+def test_better_than_ce_in_every_respect_under_voluntary_torque(simulate, voluntary):
+    """The automatic setting varies less than either baseline and is faster; a fixed memory as fast as they are varies less."""
+    still, moved = simulate(90.0, seed=51, voluntary=voluntary), jump(simulate, 52, voluntary)
+    for baseline in ("CE", "CE all"):
+        theirs = estimate(still, baseline)
+        assert np.all(variation(estimate(still)) < variation(theirs)), baseline
+        assert np.all(variation(estimate(still, "joint, 10 s, fixed")) < variation(theirs)), baseline
+        assert np.all(rise_times(estimate(moved)) < rise_times(estimate(moved, baseline))), baseline
+    assert np.all(variation(estimate(still)) < 1.5)
+
+
+def test_no_change_is_seen_where_there_is_none(simulate):
+    """Standard errors fall as the memory grows, and never rise again as they would after a change."""
+    rows = estimate(simulate(90.0, seed=61, voluntary=(0.5, 0.3)))
+    errors = late(rows, 35.0)[:, 8]
+    assert errors.max() < 2.0 * np.median(errors)
+    assert np.median(late(rows, 35.0)[:, 8]) < 0.7 * rows[rows[:, 0] < 12.0][:, 8].mean()
+
+
+def test_a_reflex_that_is_absent_is_estimated_as_none(simulate):
+    rows = late(estimate(simulate(60.0, seed=62, G=0.0)))
+    assert abs(rows[:, 4].mean()) < 0.05
+    assert rows[:, 1].mean() == pytest.approx(100.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_standard_errors_hold_the_true_value(simulate):
+    """In 90 to 98 % of 200 runs, each with a reflex of its own, a true value lies within ±1.96 standard errors of the last estimate."""
+    random = np.random.default_rng(5)
+    last = []
+    for seed in range(1000, 1000 + COVERAGE_RUNS):
+        reflex = random.uniform(*np.transpose(REFLEX_RANGE))
+        last.append(estimate(simulate(60.0, seed=seed, reflex=reflex))[-1])
+    estimates = np.array(last)
+    share = 100.0 * np.mean(np.abs(estimates[:, 1:5] - TRUTH) < 1.96 * estimates[:, 8:12], axis=0)
+    assert np.all((share >= 90.0) & (share <= 98.0)), share

@@ -1,0 +1,145 @@
+"""Parts of the joint estimator: regression, change detection, reflex shapes and noise models, each against NumPy, SciPy or known truth."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+from scipy import signal
+
+from impedance_estimator import reflex_shapes
+from impedance_estimator.change_detection import LEAST_OLDER, LEFT_OVER, candidate_windows, find_change
+from impedance_estimator.joint_regression import GAINS, log_evidence, solve_with_prior
+from impedance_estimator.voluntary_torque_noise import NOISE_MODELS, passband_gain, whitening_filters
+
+BLOCK = 16
+NOISE = 0.1
+JUMP_PRECISION = np.full(GAINS, 1e-2)
+BEFORE, AFTER = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.3, 2.0, 3.0, 4.4])
+
+
+@njit
+def solved(normal, size, precision, mean, count):
+    solution, covariance, work = np.zeros(size), np.zeros((size, size)), np.zeros((2, size, size))
+    determinant = solve_with_prior(normal, size, precision, mean, solution, covariance, work)
+    return solution, covariance, determinant, log_evidence(normal, size, precision, mean, solution, determinant, count)
+
+
+@njit
+def changed(ring, length, restarted, windows, total):
+    # One basis function whose coordinate is one: the four signals are the four regressors.
+    tangent = np.zeros((1, 4))
+    tangent[0, 0] = 1.0
+    matrices, vectors = np.zeros((6, 9, 9)), np.zeros((3, 8))
+    sums, projection = np.zeros(ring.shape[1]), np.zeros((5, 9))
+    return find_change(
+        ring, len(ring) - 1, length, restarted, windows, total, tangent, JUMP_PRECISION, BLOCK, matrices, sums, projection, vectors
+    )
+
+
+def regression(random, count, truth):
+    regressors = random.normal(size=(count, len(truth)))
+    return np.column_stack([regressors, regressors @ truth + NOISE * random.normal(size=count)])
+
+
+def memory(seed, changed_at, blocks):
+    """Packed sums of every block, and the normal matrix of all."""
+    random = np.random.default_rng(seed)
+    data = np.concatenate([regression(random, changed_at * BLOCK, BEFORE), regression(random, (blocks - changed_at) * BLOCK, AFTER)])
+    upper = np.triu_indices(5)
+    ring = np.array([(part.T @ part)[upper] for part in np.split(data, blocks)])
+    total = np.zeros((9, 9))
+    kept = [0, 1, 2, 3, 8]
+    total[np.ix_(kept, kept)] = data.T @ data
+    return ring, total
+
+
+def test_solution_covariance_and_determinant_are_numpys():
+    random = np.random.default_rng(1)
+    data = regression(random, 200, BEFORE) * [1.0, 1e-2, 1e2, 1.0, 1.0]
+    normal, precision, mean = data.T @ data, np.array([1e-3, 2.0, 5.0, 0.1]), np.array([0.0, 10.0, 0.1, 3.0])
+    solution, covariance, determinant, evidence = solved(normal, 4, precision, mean, 200.0)
+    matrix = normal[:4, :4] + np.diag(precision)
+    np.testing.assert_allclose(solution, np.linalg.solve(matrix, normal[:4, 4] + precision * mean), rtol=1e-9)
+    np.testing.assert_allclose(covariance, np.linalg.inv(matrix), rtol=1e-7, atol=1e-15)
+    assert determinant == pytest.approx(np.linalg.slogdet(matrix)[1])
+    # ln p(y): y is Gaussian with covariance 1 + X P⁻¹ X', up to its scale, which is taken at its most likely value.
+    X, y = data[:, :4], data[:, 4] - data[:, :4] @ mean
+    spread = np.eye(200) + X @ np.diag(1.0 / precision) @ X.T
+    expected = -100.0 * math.log(y @ np.linalg.solve(spread, y) / 200.0) - 0.5 * np.linalg.slogdet(spread)[1]
+    assert evidence == pytest.approx(expected)
+
+
+def test_a_singular_system_is_refused():
+    row = np.array([[1.0, 2.0, 3.0, 4.0, 5.0]])
+    *_, determinant, _ = solved(row.T @ row, 4, np.zeros(4), np.zeros(4), 1.0)
+    assert math.isnan(determinant)
+
+
+@pytest.mark.parametrize("since", [8, 11, 21])
+def test_a_change_is_placed_where_it_was(since):
+    blocks = 60
+    ring, total = memory(since, blocks - since, blocks)
+    window, d = changed(ring, blocks, False, candidate_windows(blocks), total)
+    assert window == since
+    # Expected D: the jump over its standard error, squared, within the window.
+    assert d > 0.5 * np.sum((AFTER - BEFORE) ** 2) / NOISE**2 * since * BLOCK * (blocks - since) / blocks
+
+
+def test_without_a_change_the_statistic_stays_low():
+    largest = []
+    for seed in range(200):
+        ring, total = memory(seed, 60, 60)
+        largest.append(changed(ring, 60, False, candidate_windows(60), total)[1])
+    # Chi-square with four degrees of freedom has 1 % above 13; the largest of eight dependent windows a little more.
+    assert np.percentile(largest, 50) < 13.0
+    assert max(largest) < 40.0
+
+
+@pytest.mark.parametrize("left", [1, 3, 8])
+def test_what_is_left_over_from_before_a_change_is_found(left):
+    blocks = 30
+    ring, total = memory(left, left, blocks)
+    window, d = changed(ring, blocks, True, candidate_windows(320), total)
+    assert window == blocks - left
+    assert d > 100.0
+    # Too short to count as an older part otherwise.
+    assert left < LEAST_OLDER
+    assert left in LEFT_OVER
+    assert changed(ring, blocks, False, candidate_windows(320), total)[0] != blocks - left
+
+
+@pytest.mark.parametrize("omega", [8.0, 15.0, 30.0])
+@pytest.mark.parametrize("z", [0.6, 0.8, 1.0])
+@pytest.mark.parametrize("delay", [0.035, 0.055])
+def test_reflex_shapes_have_unit_area_and_lie_in_the_basis(omega, z, delay):
+    step = 1.0 / 256.0
+    lags = np.arange(round(reflex_shapes.LENGTH / step)) * step
+    h = reflex_shapes.shape(np.array([math.log(omega), math.log(z), delay]), lags)
+    # The slowest has 2 % of its area behind the end.
+    assert np.sum(h) * step == pytest.approx(1.0, abs=2e-3 if omega > 8.0 else 0.03)
+    # Against the undelayed response of SciPy, at the lags that are well behind the kink.
+    time, response = signal.impulse(([omega**2], [1.0, 2.0 * z * omega, omega**2]), T=np.arange(0.0, 0.8, 1e-4))
+    behind = lags > delay + 2.0 * step
+    np.testing.assert_allclose(h[behind], np.interp(lags[behind] - delay, time, response), atol=0.02 * response.max())
+    functions = reflex_shapes.basis(step)
+    missed = h - (h @ functions.T) @ functions
+    assert missed @ missed < 3e-4 * (h @ h)
+
+
+@pytest.mark.parametrize("model", range(len(NOISE_MODELS)))
+def test_whitening_makes_its_own_noise_white(model):
+    """Noise with the density 1 + (f_c / f)^2p, made in the frequency domain, comes out with the same density at all frequencies."""
+    rate, count = 256.0, 2**16
+    corner, order = NOISE_MODELS[model]
+    frequency = np.fft.rfftfreq(count, 1.0 / rate)
+    amplitude = np.sqrt(1.0 + (corner / np.maximum(frequency, 0.1 * corner)) ** (2 * order))
+    white = np.random.default_rng(model).normal(size=count)
+    sections = whitening_filters(rate)[model]
+    out = signal.sosfilt(sections, np.fft.irfft(np.fft.rfft(white) * amplitude, count))[count // 4 :]
+    found, density = signal.welch(out, rate, nperseg=8192)
+    low, high = density[(found > 0.3 * corner) & (found < 2.0 * corner)], density[(found > 20.0) & (found < 100.0)]
+    assert np.mean(low) == pytest.approx(np.mean(high), rel=0.35)
+    # First impulse response sample one: the residual is the one-step prediction error.
+    assert signal.sosfilt(sections, np.eye(1, 8)[0])[0] == pytest.approx(1.0)
+    assert passband_gain(sections) == pytest.approx(1.0, rel=0.25)

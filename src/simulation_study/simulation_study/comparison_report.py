@@ -1,0 +1,168 @@
+"""Tables and picture of the comparison of estimators, from the results of its trials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from simulation_study.estimates import GAINS
+
+REPORT, PICTURE = "comparison.md", "comparison.png"
+NO_VOLUNTARY_TORQUE = "none"
+SHORTEST_RISE = 1.0 / 64.0
+"""[s] Between two estimates: a shorter rise time, which the logarithmic axis could not show, is drawn there."""
+COVERED = 1.96
+"""Standard errors either side that hold 95 % of a normal distribution."""
+INDEX = {"K": 0, "G": 3}
+
+
+def write_comparison(results: dict[str, dict[str, Any]], out: Path) -> str:
+    """Write ``comparison.md`` and ``comparison.png`` into `out`.
+
+    Args:
+        results: of the trials of `comparison.comparison_trials`, by name.
+
+    Returns:
+        The Markdown.
+    """
+    speed = speed_and_variability(results)
+    text = "\n\n".join(
+        [
+            "Rise time of a jump (median, largest) [s] and coefficient of variation of a fixed ankle (median, largest) [%]",
+            _speed_table(speed),
+            "Bias over reflexes with omega 15-30 rad/s, z 0.6-1.0, delay 35-55 ms [% of the true value]: median, largest of all runs",
+            _bias_table(results),
+            "Tracking error [% of half the range]: root mean square, K and G",
+            _tracking_table(results),
+            "True value within ±1.96 standard errors [% of seeds]",
+            _calibration_table(results),
+        ]
+    )
+    (out / REPORT).write_text(text + "\n")
+    _picture(speed, out / PICTURE)
+    return text
+
+
+def _part(results: dict[str, dict[str, Any]], part: str) -> dict[str, dict[str, Any]]:
+    return {name: result for name, result in results.items() if name.split("_")[0] == part}
+
+
+def speed_and_variability(results: dict[str, dict[str, Any]]) -> dict[tuple[str, str], dict[str, np.ndarray]]:
+    """By voluntary torque and estimator: ``rise_time`` of K and G over seeds, shape (seeds, 2) [s], ``variation`` likewise [%].
+
+    A rise time that is never reached is infinite, so that it counts in a median.
+    """
+    found: dict[tuple[str, str], dict[str, list[list[float]]]] = {}
+    for name, result in {**_part(results, "jump"), **_part(results, "fixed")}.items():
+        part, voluntary, _ = name.split("_")
+        for estimator, numbers in result["estimates"].items():
+            entry = found.setdefault((voluntary, estimator), {"rise_time": [], "variation": []})
+            if part == "jump":
+                entry["rise_time"].append([np.inf if np.isnan(value) else value for value in numbers["rise_time"]])
+            else:
+                entry["variation"].append([100.0 * numbers["sd"][i] / numbers["mean"][i] for i in INDEX.values()])
+    return {key: {name: np.array(values) for name, values in entry.items()} for key, entry in found.items()}
+
+
+def _table(header: list[str], lines: list[list[str]]) -> str:
+    return "\n".join(["| " + " | ".join(header) + " |", "|" + " --- |" * len(header), *("| " + " | ".join(line) + " |" for line in lines)])
+
+
+def _speed_table(speed: dict[tuple[str, str], dict[str, np.ndarray]]) -> str:
+    lines = []
+    for (voluntary, estimator), entry in sorted(speed.items(), key=lambda item: item[0][0] != NO_VOLUNTARY_TORQUE):
+        cells = []
+        for name, digits in (("rise_time", 2), ("variation", 2)):
+            for column in range(2):
+                values = entry[name][:, column]
+                cells.append(f"{np.median(values):.{digits}f}, {values.max():.{digits}f}".replace("inf", "never"))
+        lines.append([voluntary, estimator, *cells])
+    return _table(["voluntary torque", "estimator", "τ K", "τ G", "cv K", "cv G"], lines)
+
+
+def _bias_table(results: dict[str, dict[str, Any]]) -> str:
+    bias: dict[str, list[list[float]]] = {}
+    for result in _part(results, "reflex").values():
+        truth = np.array([result["trial"]["ankle"]["K"], result["trial"]["ankle"]["G"]])
+        for estimator, numbers in result["estimates"].items():
+            mean = np.array([numbers["mean"][i] for i in INDEX.values()])
+            bias.setdefault(estimator, []).append(list(100.0 * (mean / truth - 1.0)))
+    lines = []
+    for estimator, values in bias.items():
+        found = np.array(values)
+        cells = [f"{np.median(column):+.2f}, {column[np.argmax(np.abs(column))]:+.2f}" for column in found.T]
+        lines.append([estimator, *cells])
+    return _table(["estimator", "K", "G"], lines)
+
+
+def _tracking_table(results: dict[str, dict[str, Any]]) -> str:
+    error: dict[str, dict[str, list[list[float]]]] = {}
+    for part, label in (("sinusoid", "{} Hz"), ("ramp", "ramp of {} s")):
+        for name, result in _part(results, part).items():
+            course = label.format(name.split("_")[1])
+            for estimator, numbers in result["estimates"].items():
+                error.setdefault(course, {}).setdefault(estimator, []).append(numbers["tracking_error"])
+    estimators = list(next(iter(error.values())))
+    lines = []
+    for course, found in error.items():
+        cells = []
+        for estimator in estimators:
+            K, G = 100.0 * np.median(found[estimator], axis=0)
+            cells.append(f"{K:.0f}, {G:.0f}")
+        lines.append([course, *cells])
+    return _table(["course", *estimators], lines)
+
+
+def coverage(results: dict[str, dict[str, Any]]) -> dict[str, np.ndarray]:
+    """By estimator: share of snapshots whose true value lies within ±1.96 standard errors, for K, B, I, G; shape (4,) [%]."""
+    inside: dict[str, list[np.ndarray]] = {}
+    for result in _part(results, "calibration").values():
+        for estimator, numbers in result["estimates"].items():
+            # The last one of each run: one per seed.
+            value, error, truth = (np.array(numbers["snapshots"][key]) for key in ("value", "error", "truth"))
+            inside.setdefault(estimator, []).append(np.abs(value[-1] - truth) < COVERED * error[-1])
+    return {estimator: 100.0 * np.mean(values, axis=0) for estimator, values in inside.items()}
+
+
+def _calibration_table(results: dict[str, dict[str, Any]]) -> str:
+    return _table(["estimator", *GAINS], [[name, *(f"{share:.1f}" for share in found)] for name, found in coverage(results).items()])
+
+
+def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) -> None:
+    """Rise time against variability, each dot the median over seeds of an estimator with one setting."""
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    cases = sorted({voluntary for voluntary, _ in speed}, key=lambda case: (case != NO_VOLUNTARY_TORQUE, case))
+    axes = figure.subplots(2, len(cases), sharex=True, sharey="row", squeeze=False)
+    families = {
+        "CE": ("tab:orange", "o"),
+        "CE all": ("tab:green", "s"),
+        "joint": ("tab:blue", "D"),
+        "joint, fixed memory": ("tab:cyan", "v"),
+    }
+    for column, voluntary in enumerate(cases):
+        for row, parameter in enumerate(INDEX):
+            axis = axes[row, column]
+            dots: dict[str, list[tuple[float, float]]] = {family: [] for family in families}
+            for (other, estimator), entry in speed.items():
+                if other != voluntary:
+                    continue
+                family = "joint, fixed memory" if estimator.endswith("fixed") else estimator.split(" x")[0]
+                family = "joint" if family.startswith("joint ") and family != "joint, fixed memory" else family
+                rise = max(float(np.median(entry["rise_time"][:, row])), SHORTEST_RISE)
+                dots[family].append((rise, float(np.median(entry["variation"][:, row]))))
+            for family, (colour, marker) in families.items():
+                reached = sorted(dot for dot in dots[family] if np.isfinite(dot[0]))
+                if reached:
+                    axis.plot(*np.transpose(reached), color=colour, marker=marker, linewidth=0.8, label=family)
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.set_title(f"{parameter}, voluntary torque: {voluntary}", fontsize="medium")
+            if row == len(INDEX) - 1:
+                axis.set_xlabel("rise time 10-90 % (s)")
+        axes[0, 0].set_ylabel("coefficient of variation of K (%)")
+        axes[1, 0].set_ylabel("coefficient of variation of G (%)")
+    axes[0, 0].legend(frameon=False)
+    figure.savefig(path, dpi=110)

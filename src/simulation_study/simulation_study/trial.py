@@ -1,0 +1,91 @@
+"""One simulated trial: which rig, which ankle, what changes meanwhile, who estimates."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+VISCOSITY, INERTIA = 0.63, 0.0137
+"""[N.m.s/rad], [kg.m^2]: fixed throughout. van 't Veld et al. 2018, section III-A."""
+DURATION = 240.0
+"""[s] van 't Veld et al. 2018, section III-A."""
+
+
+@dataclass(frozen=True)
+class Ankle:
+    """Parameters of the joint; defaults from van 't Veld et al. 2018, section III-A."""
+
+    K: float = 100.0
+    """[N.m/rad]"""
+    G: float = 10.0
+    """[N.m.s/rad]"""
+    omega: float = 21.0
+    """Of the reflex [rad/s]."""
+    z: float = 0.8
+    """Damping of the reflex [1]."""
+    delay: float = 0.040
+    """Of the reflex [s]."""
+    voluntary_rms: float = 0.0
+    """Voluntary torque [N.m]."""
+    voluntary_cutoff: float = 0.3
+    """[Hz]"""
+
+
+@dataclass(frozen=True)
+class Course:
+    """How K and G move, both at once and in the same proportion about their range.
+
+    Attributes:
+        kind: 'jump', 'ramp' or 'sinusoid'.
+        K: first and last value, or the extremes of a sinusoid [N.m/rad].
+        G: likewise [N.m.s/rad].
+        at: begin [s].
+        over: length of a ramp [s].
+        frequency: of a sinusoid [Hz].
+    """
+
+    kind: str
+    K: tuple[float, float] = (50.0, 150.0)
+    G: tuple[float, float] = (5.0, 15.0)
+    at: float = 100.0
+    over: float = 0.0
+    frequency: float = 0.0
+
+    def changes(self) -> list[dict[str, Any]]:
+        """As a scenario of `ankle_physics.scenario`; the first values hold from the start."""
+        keys = {"stiffness.K[N.m/rad]": self.K, "reflex.G[N.m.s/rad]": self.G}
+        if self.kind == "sinusoid":
+            waves = {
+                key: {"mean": (low + high) / 2.0, "amplitude": (high - low) / 2.0, "frequency[Hz]": self.frequency}
+                for key, (low, high) in keys.items()
+            }
+            return [{"at[s]": 0.0, **waves}]
+        moved: dict[str, Any] = {"at[s]": self.at, **{key: high for key, (_, high) in keys.items()}}
+        if self.kind == "ramp":
+            moved["over[s]"] = self.over
+        return [{"at[s]": 0.0, **{key: low for key, (low, _) in keys.items()}}, moved]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What is simulated, and which estimators read it.
+
+    Attributes:
+        name: unique within a study; names the file of its result.
+        rig: signal and model, a name in `rigs.RIGS`.
+        estimators: names in `estimates.ESTIMATORS`.
+        seed: of perturbation and noise.
+        seconds: length.
+    """
+
+    name: str
+    rig: str
+    estimators: tuple[str, ...]
+    seed: int
+    ankle: Ankle = field(default_factory=Ankle)
+    course: Course | None = None
+    seconds: float = DURATION
+
+    def as_content(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
