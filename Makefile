@@ -45,6 +45,8 @@ lint: setup
 	@$(BIN)/mypy --no-error-summary src/*/[a-z]*_*/
 
 bench: setup
+	@$(BIN)/python benchmarks/simulation.py
+	@$(BIN)/python benchmarks/estimators.py
 	@$(BIN)/python benchmarks/offline.py
 	@$(BIN)/python benchmarks/graph.py --seconds 60
 

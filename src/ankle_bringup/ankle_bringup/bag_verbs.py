@@ -66,7 +66,7 @@ def emg(
 
 @verbs.command("import")
 def import_(
-    source: Annotated[Path, typer.Argument(help="A .csv, .txt, .npz or .mat file.")],
+    source: Annotated[Path, typer.Argument(help="A .csv, .txt, .npz, .mat, .edf or .bdf file.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The new bag.")],
     column: Annotated[list[str], typer.Option("--column", "-c", help="What a column is: 'name[unit]=column'. Repeat for each.")],
     torque_sign: Annotated[

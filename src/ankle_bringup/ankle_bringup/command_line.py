@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from ankle_bringup import bag_verbs, discrepancy_verbs, graph_verbs, study_verbs
+from ankle_bringup import bag_verbs, discrepancy_verbs, graph_verbs, rig_verbs, study_verbs
 
 app = typer.Typer(
     name="ankle",
@@ -16,7 +16,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for room in (graph_verbs, bag_verbs, discrepancy_verbs, study_verbs):
+for room in (graph_verbs, rig_verbs, bag_verbs, discrepancy_verbs, study_verbs):
     app.add_typer(room.verbs)
 
 

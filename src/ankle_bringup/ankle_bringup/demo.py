@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ankle_bringup import demo_pictures
+from ankle_bringup.demo_session import hold_shares, run_session
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
@@ -80,7 +81,9 @@ def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
     regenerate(bag, out, result, console)
     console.rule("3  Real human ankles")
     real_ankles(trials, out, result, console)
-    console.rule("4  What came out")
+    console.rule("4  A session: subject's screen, operator, recording, report")
+    session(out, result, console)
+    console.rule("5  What came out")
     summary(out, result, console)
     return result.passed
 
@@ -169,6 +172,18 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
         _, samples = BagReader(bag).signal(SAMPLES)
         demo_pictures.real_trial(file.stem, estimated.rows, estimated.torques, samples, out / f"{number + 1}_{file.stem}.png")
         result.trials[file.stem] = estimated.median()
+
+
+def session(out: Path, result: Result, console: Console) -> None:
+    """A scripted session on the pages, from arm to report."""
+    state, pictures, missing = run_session(out / "session", out / "logs" / "session", console)
+    console.print(f"screenshots {pictures}")
+    shares = hold_shares(state["log"])
+    result.require(state["session"]["state"] == "finished", "session, share of each hold in the target", shares, "0 to 100 %")
+    result.require(
+        not missing, "report of the session", "session/report" if not missing else "none", missing or "K and G against EMG over the holds"
+    )
+    result.add("screenshots of the pages", pictures, "what subject and operator saw")
 
 
 def summary(out: Path, result: Result, console: Console) -> None:

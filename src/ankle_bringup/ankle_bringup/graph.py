@@ -8,6 +8,7 @@ nodes:
     name: ankle_sim            # optional, the executable's name unless given
     parameters: {K: 100.0}
     remappings: {/ankle/samples: /left/ankle/samples}
+    when: emulator             # optional: part of the graph only with the option of that name
 ```
 """
 
@@ -23,7 +24,7 @@ import yaml
 
 from ankle_bringup.errors import GraphError
 
-_NODE_KEYS = {"package", "executable", "name", "parameters", "remappings"}
+_NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when"}
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class NodeDescription:
     name: str
     parameters: dict[str, Any] = field(default_factory=dict)
     remappings: dict[str, str] = field(default_factory=dict)
+    when: str = ""
 
     def ros_arguments(self) -> list[str]:
         """What follows the executable on its command line."""
@@ -70,6 +72,18 @@ class Graph:
                 raise GraphError(f"'{setting}': the graph has no node '{name}'; it has {', '.join(nodes)}")
             nodes[name] = replace(nodes[name], parameters={**nodes[name].parameters, parameter: yaml.safe_load(text)})
         return replace(self, nodes=tuple(nodes.values()))
+
+    def with_options(self, options: Iterable[str]) -> Graph:
+        """The graph with the nodes of these options, and without those of others.
+
+        Raises:
+            GraphError: no node has the option.
+        """
+        chosen = {"", *options}
+        known = {"", *(node.when for node in self.nodes)}
+        if chosen - known:
+            raise GraphError(f"the graph has no option '{sorted(chosen - known)[0]}'; it has {', '.join(sorted(known - {''})) or 'none'}")
+        return replace(self, nodes=tuple(node for node in self.nodes if node.when in chosen))
 
     def without(self, name: str) -> Graph:
         """The graph without one node; the same where it has none of that name."""
@@ -114,6 +128,7 @@ def load_graph(name: str) -> Graph:
                 str(item.get("name") or item["executable"]),
                 item.get("parameters") or {},
                 item.get("remappings") or {},
+                str(item.get("when") or ""),
             )
         )
     names = [node.name for node in nodes]

@@ -38,15 +38,17 @@ def up(
     settings: Settings = [],  # noqa: B006
     seconds: Annotated[float, typer.Option(help="Stop after so many seconds; 0 runs until Ctrl-C.")] = 0.0,
     logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path("ankle_logs"),
+    emulator: Annotated[bool, typer.Option("--emulator", help="With a rig: start the rig emulator as the other end.")] = False,
 ) -> None:
     """Start a graph of nodes and show what it says, until Ctrl-C.
 
-    Example: ankle up simulated --set ankle_sim.K=80.0 --seconds 30
+    Example: ankle up simulated --set ankle_sim.subject=2 --seconds 30, or: ankle up rig --emulator
     """
     from ankle_bringup.graph import load_graph
     from ankle_bringup.up import run_graph
 
-    run_graph(load_graph(graph).with_settings(settings), logs, seconds, console)
+    chosen = load_graph(graph).with_options(["emulator"] if emulator else [])
+    run_graph(chosen.with_settings(settings), logs, seconds, console)
 
 
 @verbs.command()

@@ -15,9 +15,11 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from ankle_bringup.errors import RunError
-from ankle_node.node import BLOCK_QOS
+from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
 from sample_blocks.block import MESSAGE_TYPE, Block, unpack
 
 # Discovery between processes of one host takes a few tenths of a second.
@@ -138,3 +140,27 @@ def _ask(node: Node, name: str, kind: Any, service: str, request: Any) -> Any:
     if future.result() is None:
         raise RunError(f"'{name}' did not answer within {ANSWER_SECONDS:g} s")
     return future.result()
+
+
+def trigger(node: Node, name: str, command: str) -> tuple[bool, str]:
+    """Call a std_srvs/Trigger service of a running node: whether it was carried out, and the node's sentence.
+
+    Raises:
+        RunError: no such node, or no answer in time.
+    """
+    answer = _ask(node, name, Trigger, command, Trigger.Request())
+    return bool(answer.success), str(answer.message)
+
+
+def latched(node: Node, topic: str, seconds: float) -> str | None:
+    """The last text that was said on a latched topic; None where nothing comes within so many seconds."""
+    heard: list[str] = []
+
+    def hear(message: Any) -> None:
+        heard.append(str(message.data))
+
+    node.create_subscription(String, topic, hear, WORKED_OFF_QOS)
+    deadline = time.monotonic() + seconds
+    while not heard and time.monotonic() < deadline:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    return heard[-1] if heard else None

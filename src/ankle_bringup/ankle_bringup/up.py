@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from std_msgs.msg import String
 
+from ankle_bringup.browser_pages import page_addresses, show_pages
 from ankle_bringup.graph import Graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.live_monitor import ESTIMATE, SAMPLES, TRUTH, LiveMonitor
 from ankle_bringup.processes import Processes
+from ankle_node.node import WORKED_OFF_QOS
+
+RIG_STATE = "/rig/state"
 
 
-def status_table(monitor: LiveMonitor, seconds_left: float | None) -> Table:
-    """Latest estimate beside the true value where a simulation tells it."""
+def status_table(monitor: LiveMonitor, seconds_left: float | None, rig: Sequence[str] = ()) -> Table:
+    """Latest estimate beside the true value where a simulation tells it, and the state of a rig."""
     table = Table("", "estimated", "true", "unit")
     for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2")):
         column = f"{symbol}[{unit}]"
@@ -25,6 +32,8 @@ def status_table(monitor: LiveMonitor, seconds_left: float | None) -> Table:
     valid = monitor.latest(ESTIMATE, "valid[1]")
     table.add_row("valid", "yes" if valid == 1.0 else "not yet" if valid != valid else "no", "", "")
     table.add_row("samples received", str(monitor.streams[SAMPLES].samples), "", f"{monitor.missing} missing")
+    if rig:
+        table.add_row("rig", rig[-1], "", "")
     if seconds_left is not None:
         table.add_row("time left", f"{max(seconds_left, 0.0):.0f}", "", "s")
     return table
@@ -38,16 +47,26 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         RunError: a node ended with an error.
     """
     console.print(f"{graph.description}\nlogs: {logs.resolve()}   stop: Ctrl-C")
+    addresses = page_addresses(graph)
+    if addresses is not None:
+        console.print(f"subject's screen: {addresses[0]}   operator's page: {addresses[1]}", soft_wrap=True)
     with observer() as node, Processes(graph, logs) as processes:
+        show_pages(graph)
         monitor = LiveMonitor(node)
+        rig: list[str] = []
+
+        def hear(message: Any) -> None:
+            rig.append(str(message.data))
+
+        node.create_subscription(String, RIG_STATE, hear, WORKED_OFF_QOS)
         began = time.monotonic()
-        with Live(status_table(monitor, None), console=console, refresh_per_second=4) as live:
+        with Live(status_table(monitor, None, rig), console=console, refresh_per_second=4) as live:
             try:
                 while not (seconds and time.monotonic() - began > seconds):
                     if processes.ended("perturbation_generator"):
                         console.print("the perturbation is over")
                         break
                     monitor.spin(0.25)
-                    live.update(status_table(monitor, began + seconds - time.monotonic() if seconds else None))
+                    live.update(status_table(monitor, began + seconds - time.monotonic() if seconds else None, rig))
             except KeyboardInterrupt:
                 console.print("stopping ...")

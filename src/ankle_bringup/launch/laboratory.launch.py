@@ -11,7 +11,8 @@ from ankle_bringup.graph import load_graph
 def nodes_of(context):
     """The nodes of the chosen graph."""
     settings = [text for text in LaunchConfiguration("settings").perform(context).split(";") if text.strip()]
-    graph = load_graph(LaunchConfiguration("graph").perform(context)).with_settings(settings)
+    options = ["emulator"] if LaunchConfiguration("emulator").perform(context) == "true" else []
+    graph = load_graph(LaunchConfiguration("graph").perform(context)).with_options(options).with_settings(settings)
     return [
         Node(
             package=node.package,
@@ -31,6 +32,9 @@ def generate_launch_description():
         [
             DeclareLaunchArgument("graph", default_value="simulated", description="a graph of ankle_bringup, or the path of a YAML file"),
             DeclareLaunchArgument("settings", default_value="", description="node.parameter=value, several separated by ';'"),
+            DeclareLaunchArgument(
+                "emulator", default_value="false", choices=["true", "false"], description="with graph:=rig: emulate the rig"
+            ),
             SetEnvironmentVariable(
                 "ROS_AUTOMATIC_DISCOVERY_RANGE", EnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", default_value="LOCALHOST")
             ),

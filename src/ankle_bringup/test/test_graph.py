@@ -22,6 +22,15 @@ def test_settings_reach_the_command_line():
     assert "signal:=prbs" in arguments["perturbation_generator"]
 
 
+def test_an_option_adds_its_nodes_and_a_graph_without_it_says_so():
+    rig = load_graph("rig")
+    names = {node.name for node in rig.with_options([]).nodes}
+    assert names == {"impedance_estimator", "ankle_actuator_driver", "perturbation_generator"}
+    assert {node.name for node in rig.with_options(["emulator"]).nodes} - names == {"rig_emulator"}
+    with pytest.raises(GraphError, match="no option 'emulator'"):
+        load_graph("simulated").with_options(["emulator"])
+
+
 @pytest.mark.parametrize("setting", ["ankle_sim", "ankle_sim.K", "K=3", "nobody.K=3"])
 def test_bad_settings_are_refused(setting):
     with pytest.raises(GraphError, match=setting.split(".")[0]):

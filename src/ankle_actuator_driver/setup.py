@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = "ankle_actuator_driver"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="Bridge to a rig's real-time controller: protocol, limits, watchdog, safe stop; and an emulator of the controller.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "ankle_actuator_driver = ankle_actuator_driver.ankle_actuator_driver_node:main",
+            "rig_emulator = ankle_actuator_driver.rig_emulator:main",
+        ],
+    },
+)

@@ -1,0 +1,263 @@
+"""Commands, packets and faults in any order: no reference beyond a limit reaches the rig, and nothing moves for long without a driver.
+
+A hypothesis state machine over driver and emulated controller in virtual time. After every step all servo samples since the last
+step are looked at.
+"""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
+
+from ankle_actuator_driver.bridge import Bridge
+from ankle_actuator_driver.faults import Faults
+from ankle_actuator_driver.packet import DeviceState, Heartbeat, Reference, Refusal, Wanted, build, parse
+
+RATE = 2048.0
+AFTER_LAST_PACKET = 0.25  # s
+SLOW = 1e-3  # rad/s; of a plate that rests
+PARTS = st.sampled_from([0.0, 0.02, 0.3, 1.0])
+
+
+class AlwaysMoving:
+    """A reference of sines that hardly ever rests: 0.06 rad, up to 3.3 rad/s and 250 rad/s^2."""
+
+    def __init__(self):
+        self.count = 0
+
+    def next(self, n):
+        time = (self.count + np.arange(n)) / RATE
+        self.count += n
+        motion = np.zeros((n, 3))
+        for amplitude, frequency in ((0.04, 7.0), (0.02, 11.9)):
+            omega = 2 * np.pi * frequency
+            motion += amplitude * np.column_stack([np.sin(omega * time), omega * np.cos(omega * time), -(omega**2) * np.sin(omega * time)])
+        return motion
+
+
+class AnyOrder(RuleBasedStateMachine):
+    """What may happen, and what may not."""
+
+    laboratory = None
+    prepared = None
+
+    def __init__(self):
+        super().__init__()
+        self.seen, self.session = 0, 5000
+
+    @classmethod
+    def prepare(cls):
+        """A rig that is ready, one that holds and one that runs; made once and copied."""
+        if cls.prepared is None:
+            ready = cls.laboratory()
+            ready.signal = AlwaysMoving()
+            ready.until("ready")
+            armed = copy.deepcopy(ready).armed()
+            running = copy.deepcopy(ready).running(seconds=0.8)
+            cls.prepared = {"ready": ready, "armed": armed, "running": running}
+
+    @initialize(state=st.sampled_from(["running", "armed", "ready"]))
+    def begin(self, state):
+        self.prepare()
+        self.lab = copy.deepcopy(self.prepared[state])
+        self.lab.device.commands, self.lab.device.velocities = self.lab.device.commands[-1:], []
+        self.lab.sent, self.lab.obeyed, self.lab.packets = [], [], self.lab.packets[-50:]
+        self.seen = 0
+
+    @rule(seconds=st.sampled_from([0.1, 0.002, 0.01, 0.03, 0.3, 0.5]))
+    def time_passes(self, seconds):
+        self.lab.run(seconds)
+
+    @rule(
+        way=st.sampled_from(["driver hangs", "line is cut", "one way is cut", "no reference"]),
+        seconds=st.sampled_from([0.3, 0.08, 0.15, 0.6]),
+    )
+    def silence(self, way, seconds):
+        lab = self.lab
+        before = lab.talking, lab.down.faults, lab.up.faults, lab.sending
+        if way == "driver hangs":
+            lab.talking = False
+        elif way == "no reference":
+            lab.sending = False
+        else:
+            lab.down.faults = Faults(drop=1.0)
+            lab.up.faults = Faults(drop=float(way == "line is cut"))
+        lab.run(seconds)
+        lab.talking, lab.down.faults, lab.up.faults, lab.sending = before
+
+    @rule(name=st.sampled_from(["arm", "start", "stop", "disarm", "reset_fault"]))
+    def operate(self, name):
+        self.lab.command(name)
+        if name == "stop":
+            assert self.lab.state != "running"
+
+    @rule()
+    def everything_is_repaired_and_brought_up(self):
+        lab = self.lab
+        lab.down.faults = lab.up.faults = Faults()
+        lab.talking, lab.sending, lab.scale, lab.plant.torque, lab.plant.position = True, True, 1.0, None, None
+        lab.device.press_emergency_stop(False, lab.rig_time)
+        lab.bridge.limits = lab.limits
+        # A clock that was set is measured anew for a second.
+        for name, seconds in (("stop", 0.2), ("reset_fault", 1.2), ("arm", 0.1), ("start", 0.6)):
+            lab.command(name)
+            lab.run(seconds)
+
+    @rule(sending=st.booleans())
+    def reference_comes_or_not(self, sending):
+        self.lab.sending = sending
+
+    @rule(scale=st.sampled_from([0.0, 0.5, 1.0, 1.0, 1.6, 4.0, -3.0, 50.0]))
+    def reference_of_another_size(self, scale):
+        self.lab.scale = scale
+
+    @rule(
+        ahead=st.sampled_from([-1.0, 0.0, 0.05, 0.1, 0.5, 5.0, float("nan")]),
+        values=st.lists(st.floats(-10, 10) | st.sampled_from([float("nan"), float("inf"), 0.17, 1e300]), min_size=3, max_size=3),
+        count=st.sampled_from([0, 1, 2, 32, 300]),
+        slope=st.booleans(),
+    )
+    def strange_reference(self, ahead, values, count, slope):
+        lab = self.lab
+        time = lab.ros + ahead + np.arange(count) / RATE
+        motion = np.tile(np.array(values), (count, 1))
+        if slope and np.isfinite(values).all():
+            motion[:, 0] += motion[:, 1] * np.arange(count) / RATE
+        lab.bridge.reference(time, motion, lab.now, lab.ros)
+        lab.send()
+
+    @rule(drop=PARTS, duplicate=PARTS, reorder=PARTS, corrupt=PARTS, burst=st.sampled_from([0.0, 0.05, 0.3]), freeze=PARTS)
+    def line_fails(self, drop, duplicate, reorder, corrupt, burst, freeze):
+        self.lab.down.faults = self.lab.up.faults = Faults(drop, duplicate, reorder, corrupt, burst, float(freeze == 1.0))
+
+    @rule()
+    def line_is_good(self):
+        self.lab.down.faults = self.lab.up.faults = Faults()
+
+    @rule(pressed=st.booleans())
+    def emergency_stop(self, pressed):
+        self.lab.device.press_emergency_stop(pressed, self.lab.rig_time)
+
+    @rule(torque=st.sampled_from([None, None, 25.0, 35.0, -60.0, 100.0]))
+    def torque(self, torque):
+        self.lab.plant.torque = torque
+
+    @rule(position=st.sampled_from([None, None, 0.0, 0.1, 0.5]))
+    def encoder(self, position):
+        self.lab.plant.position = position
+
+    @rule(talking=st.booleans())
+    def driver_hangs_or_not(self, talking):
+        self.lab.talking = talking
+
+    @rule()
+    def driver_starts_anew(self):
+        self.session += 1
+        self.lab.bridge = Bridge(self.lab.limits, 0.5, 0.0, self.session)
+        self.lab.talking = True
+
+    @rule(seconds=st.sampled_from([-3.0, 0.05, 3600.0]))
+    def ros_time_is_set(self, seconds):
+        self.lab.epoch += seconds
+
+    @rule(data=st.binary(max_size=200))
+    def noise(self, data):
+        assert isinstance(self.lab.deliver(data), Refusal)
+
+    @rule(place=st.integers(0, 10**6))
+    def an_old_packet_comes_again(self, place):
+        if self.lab.packets:
+            self.lab.deliver(self.lab.packets[place % len(self.lab.packets)])
+
+    @rule(
+        wanted=st.sampled_from(list(Wanted)),
+        newer=st.integers(-3, 3),
+        resets=st.integers(0, 3),
+        foreign=st.booleans(),
+        ahead=st.sampled_from([-1.0, 0.0, 0.05, 1.0, 3.0]),
+        position=st.sampled_from([0.0, 0.02, 0.174, 0.3, 1e200]),
+        velocity=st.sampled_from([0.0, 4.0, 5.0, 6.0]),
+    )
+    def forged_reference(self, wanted, newer, resets, foreign, ahead, position, velocity):
+        """A driver gone mad: right session, right checksum, any content."""
+        last = parse(self.lab.packets[-1])
+        session = 666 if foreign else last.session
+        time = np.arange(32) / RATE
+        motion = np.column_stack([position + velocity * time, np.full(32, velocity), np.zeros(32)])
+        head = (session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0)
+        self.lab.deliver(build(Reference(*head, round((self.lab.rig_time + ahead) * 1e9), 1 / RATE, motion)))
+
+    @rule(wanted=st.sampled_from(list(Wanted)), newer=st.integers(-3, 3), resets=st.integers(0, 255), foreign=st.booleans())
+    def forged_heartbeat(self, wanted, newer, resets, foreign):
+        last = parse(self.lab.packets[-1])
+        session = 666 if foreign else last.session
+        self.lab.deliver(build(Heartbeat(session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0)))
+
+    @rule(angle=st.sampled_from([0.01, 0.05, 0.175]))
+    def limits_are_set(self, angle):
+        self.lab.bridge.limits = replace(self.lab.limits, angle=angle)
+
+    @invariant()
+    def no_reference_beyond_a_limit(self):
+        if not hasattr(self, "lab"):
+            return
+        limits = self.lab.limits
+        for motion in (*self.lab.sent, *self.lab.obeyed):
+            assert np.all(np.abs(motion).max(axis=0) <= np.array([limits.angle, limits.velocity, limits.acceleration]) * (1 + 1e-6))
+        self.lab.sent, self.lab.obeyed = [], []
+
+    @invariant()
+    def no_command_beyond_a_limit_and_none_without_a_driver(self):
+        if not hasattr(self, "lab"):
+            return
+        lab, limits = self.lab, self.lab.limits
+        commands = np.array(lab.device.commands[max(self.seen - 2, 0) :])
+        self.seen = len(lab.device.commands)
+        if len(commands) < 2:
+            return
+        assert np.all(np.abs(commands[:, 1:]).max(axis=0) <= np.array([limits.angle, limits.velocity, limits.acceleration]) * (1 + 1e-6))
+        steps = np.abs(np.diff(commands[:, 1]))
+        assert steps.max() <= min(limits.step, 1.021 * limits.velocity / RATE)
+        assert len(steps) < 2 or np.abs(np.diff(commands[:, 1], 2)).max() <= 1.03 * limits.acceleration / RATE**2
+        valid = np.array(lab.valid)
+        place = np.searchsorted(valid, commands[:, 0], side="right") - 1
+        silent = commands[:, 0] - valid[np.maximum(place, 0)]
+        late = silent > AFTER_LAST_PACKET
+        assert np.all(commands[late, 2] == 0.0)
+        assert np.all(steps[late[1:]] == 0.0)
+        plate = np.array([entry for entry in lab.device.velocities if entry[0] >= commands[0, 0]]).reshape(-1, 2)
+        place = np.searchsorted(valid, plate[:, 0], side="right") - 1
+        late = plate[:, 0] - valid[np.maximum(place, 0)] > AFTER_LAST_PACKET
+        assert np.all(np.abs(plate[late, 1]) < SLOW)
+        if late.any() and late[-1]:
+            assert lab.device.state in (DeviceState.OFF, DeviceState.FAULT)
+
+
+def explore(laboratory, examples, steps):
+    AnyOrder.laboratory = laboratory
+    run_state_machine_as_test(
+        AnyOrder,
+        settings=settings(
+            max_examples=examples,
+            stateful_step_count=steps,
+            deadline=None,
+            database=None,
+            derandomize=examples < 100,
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
+
+
+@pytest.mark.timeout(1200)  # 15 s of processor time, which a busy machine gives slowly
+def test_commands_packets_and_faults_in_any_order(laboratory):
+    explore(laboratory, 40, 25)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_many_more_orders(laboratory):
+    explore(laboratory, 300, 40)

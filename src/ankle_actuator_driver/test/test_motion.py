@@ -1,0 +1,183 @@
+"""Limits, stops, soft start, yielding and playback: the movements that reach the plate."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ankle_actuator_driver.encoder_check import EncoderCheck
+from ankle_actuator_driver.limits import HARD_LIMIT_PARAMETERS, LIMIT_PARAMETERS, Limits, hard_limits_from, limits_from
+from ankle_actuator_driver.reference_playback import LONGEST_BRIDGE, Empty, ReferencePlayback
+from ankle_actuator_driver.soft_start import blend
+from ankle_actuator_driver.stop_motion import GENTLE, StopMotion
+from ankle_actuator_driver.torque_yield import OF_RIG, TorqueYield
+from ankle_node.parameters import ParameterError
+from perturbation_generator.limits import Limits as GeneratorLimits
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings
+
+RATE = 2048.0
+LIMITS = Limits()
+
+
+def paper_signal(seconds, **settings):
+    return PulseStep(Settings(rate=RATE, **settings)).next(int(seconds * RATE))
+
+
+def shifted(motion, by):
+    return motion + np.array([by, 0.0, 0.0])
+
+
+def test_the_papers_perturbation_and_all_that_the_generator_allows_keep_the_limits():
+    assert LIMITS.passed_by(paper_signal(20.0), 1 / RATE) is None
+    allowed = GeneratorLimits()
+    assert allowed.amplitude < LIMITS.angle
+    assert allowed.velocity <= LIMITS.velocity
+    assert allowed.acceleration <= LIMITS.acceleration
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m: shifted(m, 0.15), "position of 0.19 rad passes the limit of 0.175 rad"),
+        (lambda m: m * [1.0, 2.0, 1.0], "velocity of 6.25 rad/s passes the limit of 5 rad/s"),
+        (lambda m: m * [1.0, 1.0, 10.0], "rad/s^2 passes the limit of 2000 rad/s^2"),
+        (lambda m: np.where(np.arange(len(m))[:, None] > 100, shifted(m, 0.02), m), "step of 0.02"),
+        (lambda m: np.column_stack([m[:, 0] * 2, m[:, 1], m[:, 2]]), "positions that move at 6.2"),
+    ],
+)
+def test_every_limit_is_kept_and_named(change, words):
+    assert words in LIMITS.passed_by(change(paper_signal(2.0)), 1 / RATE)
+
+
+def test_a_reference_that_moves_outwards_leaves_room_to_stop():
+    position = 0.174 - 3.0 * np.arange(32)[::-1] / RATE
+    motion = np.column_stack([position, np.full(32, 3.0), np.zeros(32)])
+    assert "a stop would end at 0.177" in LIMITS.passed_by(motion, 1 / RATE)
+    assert LIMITS.passed_by(shifted(motion, -0.01), 1 / RATE) is None
+
+
+def test_a_zigzag_is_fast_though_its_columns_say_it_rests():
+    motion = np.zeros((32, 3))
+    motion[::2, 0] = 0.001
+    assert "accelerate" in LIMITS.passed_by(motion, 1 / RATE)
+
+
+def test_the_first_sample_follows_the_last():
+    motion = shifted(np.zeros((4, 3)), 0.1)
+    assert LIMITS.passed_by(motion, 1 / RATE) is None
+    assert LIMITS.passed_by(motion, 1 / RATE, before=0.1) is None
+    assert "step of 0.1 rad" in LIMITS.passed_by(motion, 1 / RATE, before=0.0)
+
+
+def test_no_limit_passes_its_hard_limit():
+    values = {parameter.name: parameter.default for parameter in (*LIMIT_PARAMETERS, *HARD_LIMIT_PARAMETERS)}
+    limits_from(values).require_within(hard_limits_from(values))
+    with pytest.raises(ParameterError, match=r"'torque_limit' = 40 N\.m passes the hard limit of 30 N\.m"):
+        limits_from({**values, "torque_limit": 40.0}).require_within(hard_limits_from(values))
+    assert all(parameter.fixed for parameter in HARD_LIMIT_PARAMETERS)
+
+
+@given(st.floats(-0.17, 0.17), st.floats(-5.0, 5.0))
+def test_every_stop_keeps_the_limits_and_ends_at_rest(position, velocity):
+    room = LIMITS.angle - abs(position) if position * velocity > 0 else LIMITS.angle + abs(position)
+    if 0.75 * velocity**2 / LIMITS.acceleration > room:
+        return  # no reference that is accepted gets there
+    stop = StopMotion.plan(position, velocity, LIMITS.angle, LIMITS.acceleration)
+    path = np.array([stop.at(t) for t in np.linspace(0.0, stop.duration, 200)])
+    assert np.abs(path[:, 0]).max() <= LIMITS.angle + 1e-9
+    assert np.abs(path[:, 1]).max() <= abs(velocity) + 1e-12
+    assert np.abs(path[:, 2]).max() <= LIMITS.acceleration * (1 + 1e-9)
+    assert path[0, :2] == pytest.approx([position, velocity], abs=1e-12)
+    assert stop.at(stop.duration + 1.0)[1:] == (0.0, 0.0)
+    assert stop.duration <= 1.5 * 5.0 / GENTLE
+    if len(path) and stop.duration > 0:
+        differences = np.gradient(path[:, 0], stop.duration / 199)
+        assert np.abs(differences - path[:, 1])[1:-1].max() < 0.01 * max(abs(velocity), 1e-3)
+
+
+def test_a_soft_start_begins_at_rest_where_the_plate_is_and_becomes_the_reference():
+    motion, since = paper_signal(3.0), np.arange(int(3.0 * RATE)) / RATE
+    shaped = blend(motion, since, 1.0, held=-0.05)
+    assert shaped[0].tolist() == [-0.05, 0.0, 0.0]
+    assert np.abs(shaped - motion)[since >= 1.0].max() < 1e-12
+    velocity = np.gradient(shaped[:, 0], 1 / RATE)
+    assert np.abs(velocity - shaped[:, 1])[1:-1].max() < 0.01
+    acceleration = np.gradient(shaped[:, 1], 1 / RATE)
+    # Of 400 rad/s^2; the edges' jerk jumps between samples.
+    assert np.abs(acceleration - shaped[:, 2])[1:-1].max() < 50.0
+    assert LIMITS.passed_by(shaped, 1 / RATE, before=-0.05) is None
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 200.0, 500.0])
+def test_a_torque_beyond_the_limit_makes_the_plate_follow_the_foot(stiffness):
+    # The subject pushes with 60 N.m against a plate with a limit of 30; servo and cycle delay what is measured by 20 ms.
+    yielding, delayed = TorqueYield(OF_RIG, 30.0), [0.0] * 41
+    torques = []
+    for k in range(int(2.0 * RATE)):
+        if not k % 8:
+            yielding.measure(60.0 + stiffness * delayed[0])
+        delayed = [*delayed[1:], yielding.step(1 / RATE)[0]]
+        torques.append(60.0 + stiffness * delayed[0])
+    assert yielding.offset < 0
+    assert max(torques[-500:]) < 31.0
+    assert min(torques) > 25.0
+
+
+def test_yielding_ends_where_the_torque_ends():
+    yielding = TorqueYield(OF_RIG, 30.0)
+    assert yielding.step(1 / RATE) == (0.0, 0.0, 0.0)
+    yielding.measure(-50.0)
+    path = yielding.stretch(200, 1 / RATE)
+    assert path[-1, 0] > 0
+    assert np.abs(path[:, 1]).max() <= 1.0
+    yielding.measure(-10.0)
+    for _ in range(int(40 * RATE)):
+        yielding.step(1 / RATE)
+    assert yielding.step(1 / RATE) == (0.0, 0.0, 0.0)
+
+
+def test_playback_meets_every_sample_and_what_lies_between():
+    motion, playback = paper_signal(2.0), ReferencePlayback()
+    fine = PulseStep(Settings(rate=4 * RATE)).next(int(2.0 * 4 * RATE))
+    playback.add(10.0, 1 / RATE, motion)
+    assert playback.at(9.9) is Empty.BEFORE
+    found = np.array([playback.at(10.0 + k / (4 * RATE)) for k in range(len(fine) - 8)])
+    # The ends of an edge lie between samples, where its jerk jumps.
+    assert np.all(np.abs(found - fine[: len(found)]).max(axis=0) < [1e-6, 0.01, 20.0])
+
+
+def test_a_short_gap_is_bridged_a_long_one_is_not():
+    motion = np.column_stack([0.1 * np.arange(400) / RATE, np.full(400, 0.1), np.zeros(400)])
+    for lost, bridged in ((32, True), (64, True), (128, False)):
+        playback = ReferencePlayback()
+        playback.add(0.0, 1 / RATE, motion[:100])
+        playback.add((100 + lost) / RATE, 1 / RATE, motion[100 + lost :])
+        middle = playback.at((100 + lost / 2) / RATE)
+        assert ((lost + 1) / RATE <= LONGEST_BRIDGE) is bridged
+        if bridged:
+            assert middle[0] == pytest.approx(0.1 * (100 + lost / 2) / RATE, abs=1e-9)
+            playback.at((100 + lost) / RATE)
+            assert playback.bridged == 1
+        else:
+            assert middle is Empty.OVER
+
+
+def test_a_reference_that_ends_in_motion_is_over_and_one_at_rest_goes_on():
+    playback = ReferencePlayback()
+    playback.add(0.0, 1 / RATE, np.array([[0.0, 0.1, 0.0], [0.0001, 0.1, 0.0]]))
+    assert playback.at(0.01) is Empty.OVER
+    playback.clear()
+    playback.add(0.0, 1 / RATE, np.array([[0.02, 0.0, 0.0]]))
+    assert playback.at(0.5) == (0.02, 0.0, 0.0)
+
+
+def test_an_encoder_that_stands_still_while_the_plate_is_told_to_move_is_stuck():
+    motion = paper_signal(5.0)[:, 0]
+    behind = np.concatenate([np.zeros(16), motion[:-16]])  # 8 ms of servo
+    living, stuck = EncoderCheck(), EncoderCheck()
+    at = [(k / RATE, told, seen) for k, (told, seen) in enumerate(zip(motion, behind, strict=True)) if not k % 8]
+    assert not any(living.stuck(*entry) for entry in at)
+    first = next(time for time, told, _ in at if stuck.stuck(time, told, 0.01))
+    onset = next(time for time, told, _ in at if told > 0.005)
+    assert first - onset < 0.05

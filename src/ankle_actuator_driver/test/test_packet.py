@@ -1,0 +1,195 @@
+"""The protocol's bytes: what is written is read, everything else has a named reason, and nothing makes the parser raise."""
+
+import re
+import struct
+import zlib
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ankle_actuator_driver.packet import (
+    LARGEST_COUNT,
+    DeviceFault,
+    DeviceState,
+    Heartbeat,
+    Reference,
+    Refusal,
+    StateReport,
+    Status,
+    Wanted,
+    build,
+    newer,
+    parse,
+)
+
+HEARTBEAT = Heartbeat(4711, 9, 1_760_000_000_000_000_000, Wanted.HOLD, 3, 8)
+MOTION = np.array([[0.01, 0.5, -20.0], [0.0102, 0.49, -20.0]])
+REFERENCE = Reference(4711, 10, 1_760_000_000_000_000_000, Wanted.FOLLOW, 3, 8, 1_000_500_000_000, 1 / 2048, MOTION)
+REPORT = StateReport(
+    77, 12, 1_000_400_000_000, DeviceState.FOLLOW, DeviceFault.NONE, Status.YIELDING, 10, 4711, 5, 1_760_000_000_000_000_000,
+    1_000_399_000_000, 1_000_384_000_000, 1 / 2048, 0.0123, np.array([[0.012, 0.4, 1.5]]),
+)  # fmt: skip
+
+
+def same(left, right):
+    for name, value in vars(left).items():
+        assert np.array_equal(value, getattr(right, name)), name
+    return type(left) is type(right)
+
+
+@pytest.mark.parametrize("packet", [HEARTBEAT, REFERENCE, REPORT, replace(REPORT, samples=np.empty((0, 3)))])
+def test_a_packet_comes_back_as_it_was(packet):
+    assert same(packet, parse(build(packet)))
+
+
+def with_checksum(data):
+    return data + struct.pack("<I", zlib.crc32(data))
+
+
+def test_every_refusal_has_its_reason():
+    good, reference = build(HEARTBEAT), build(REFERENCE)
+
+    def changed(data, place, value):
+        return with_checksum(data[:place] + bytes([value]) + data[place + 1 : -4])
+
+    assert parse(b"") is Refusal.TOO_SHORT
+    assert parse(good[:27]) is Refusal.TOO_SHORT
+    assert parse(b"XNKL" + good[4:]) is Refusal.MAGIC
+    assert parse(changed(good, 4, 2)) is Refusal.VERSION
+    assert parse(changed(good, 5, 9)) is Refusal.KIND
+    assert parse(changed(good, 6, 1)) is Refusal.COUNT
+    assert parse(changed(reference, 6, 0)) is Refusal.COUNT
+    assert parse(changed(reference, 6, LARGEST_COUNT + 1)) is Refusal.COUNT
+    assert parse(changed(reference, 6, 3)) is Refusal.LENGTH
+    assert parse(good[:-4] + b"\0\0" + good[-4:]) is Refusal.LENGTH
+    assert parse(good[:-1] + bytes([good[-1] ^ 1])) is Refusal.CHECKSUM
+    assert parse(changed(good, 24, 3)) is Refusal.CONTENT
+    assert parse(changed(good, 26, 1)) is Refusal.CONTENT
+    assert parse(build(replace(HEARTBEAT, session=0))) is Refusal.CONTENT
+    assert parse(build(replace(REFERENCE, interval=float("nan")))) is Refusal.CONTENT
+    assert parse(build(replace(REFERENCE, interval=0.5))) is Refusal.CONTENT
+    assert parse(changed(build(REPORT), 24, 5)) is Refusal.CONTENT
+    assert parse(build(replace(REPORT, commanded=float("inf")))) is Refusal.CONTENT
+    assert parse(build(replace(REFERENCE, motion=MOTION * np.nan))) is Refusal.NOT_FINITE
+
+
+def test_every_single_flipped_bit_is_refused():
+    data = build(REFERENCE)
+    for place in range(8 * len(data)):
+        damaged = bytearray(data)
+        damaged[place // 8] ^= 1 << (place % 8)
+        assert isinstance(parse(bytes(damaged)), Refusal)
+
+
+def test_sequence_numbers_go_round():
+    assert newer(5, 4)
+    assert newer(0, 2**32 - 1)
+    assert not newer(4, 4)
+    assert not newer(3, 4)
+    assert not newer(2**32 - 1, 0)
+
+
+def noise(random, count):
+    """Random bytes, packets cut, lengthened, with flipped bits, and with random fields under a right checksum."""
+    good = [build(HEARTBEAT), build(REFERENCE), build(REPORT), build(replace(REPORT, samples=np.zeros((LARGEST_COUNT, 3))))]
+    for kind, pick, cut in zip(random.integers(5, size=count), random.integers(4, size=count), random.random(count), strict=True):
+        data = good[pick]
+        if kind == 0:
+            yield random.bytes(int(cut * 1500))
+        elif kind == 1:
+            yield data[: int(cut * len(data))]
+        elif kind == 2:
+            yield data + random.bytes(1 + int(cut * 20))
+        elif kind == 3:
+            damaged = bytearray(data)
+            damaged[int(cut * len(data))] ^= 1 + int(cut * 1e6) % 255
+            yield bytes(damaged)
+        else:
+            place = 4 + int(cut * (len(data) - 12))
+            yield with_checksum(data[:place] + random.bytes(4) + data[place + 4 : -4])
+
+
+def fuzz(laboratory, count):
+    """So many bad packets to a rig that holds the plate, from the driver's own address; what became of them."""
+    lab = laboratory().armed()
+    device, found = lab.device, Counter()
+    before = lab.commands()[-1, 1]
+    for index, data in enumerate(noise(np.random.default_rng(7), count)):
+        parsed, obeyed = parse(data), device.receive(data, lab.rig_time)
+        found[parsed if isinstance(parsed, Refusal) else "packet"] += 1
+        # Whoever knows the session, a newer number and the checksum is the driver, as far as a device can tell.
+        assert isinstance(obeyed, Refusal) or obeyed.session == 4711 or device.state.name in ("OFF", "FAULT")
+        if not index % 1000:
+            lab.run(0.02)
+    lab.run(0.3)
+    commands = lab.commands()
+    assert np.all(commands[:, 1] == before)
+    assert np.all(commands[:, 2:] == 0.0)
+    return found
+
+
+def test_random_and_mutated_packets_raise_nothing_and_move_nothing(laboratory):
+    found = fuzz(laboratory, 20_000)
+    assert {Refusal.TOO_SHORT, Refusal.MAGIC, Refusal.LENGTH, Refusal.CHECKSUM, Refusal.CONTENT} <= set(found)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_a_million_random_and_mutated_packets(laboratory):
+    found = fuzz(laboratory, 1_000_000)
+    assert sum(found.values()) == 1_000_000
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=1400), st.integers(1, 3), st.integers(0, 60))
+def test_no_content_under_a_right_header_and_checksum_raises(body, kind, count):
+    data = with_checksum(struct.pack("<4sBBHIIq", b"ANKL", 1, kind, count, 1, 1, 0) + body)
+    assert parse(data) is not None
+
+
+DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "rig_protocol.md"
+
+
+@pytest.mark.parametrize(
+    ("name", "packet"),
+    [
+        ("heartbeat", Heartbeat(0x1234, 7, 1_760_000_000_000_000_000, Wanted.HOLD, 2, 41)),
+        ("reference", Reference(0x1234, 8, 1_760_000_000_000_000_000, Wanted.FOLLOW, 2, 41, 1_000_500_000_000, 1 / 2048, MOTION)),
+        ("state", replace(REPORT, sequence=42, heard=8, host=0x1234)),
+    ],
+)
+def test_the_examples_of_the_specification_are_the_packets_that_it_says(name, packet):
+    (written,) = re.findall(rf"```hex {name}\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
+    assert bytes.fromhex(written) == build(packet)
+    assert same(packet, parse(bytes.fromhex(written)))
+
+
+def test_the_checksum_is_the_one_of_the_specification():
+    assert "`123456789` is 0xCBF43926" in DOCUMENT.read_text()
+    assert zlib.crc32(b"123456789") == 0xCBF43926
+
+
+def test_a_second_implementation_from_the_tables_reads_our_packets():
+    """Every field of the tables, at the offset and in the type that they say."""
+    types = {"u8": "<B", "u16": "<H", "u32": "<I", "i64": "<q", "f64": "<d"}
+    kinds = {"Header": REPORT, "Kind 1": HEARTBEAT, "Kind 2": REFERENCE, "Kind 3": REPORT}
+    fixed = {"version": 1, "kind": 3, "n": 1, "reserved": 0}
+    read = 0
+    for section in DOCUMENT.read_text().split("\n### ")[1:]:
+        packet = next((packet for title, packet in kinds.items() if section.startswith(title)), None)
+        if packet is None:
+            continue
+        data = build(packet)
+        for offset, form, field in re.findall(r"^\| (\d+) \| (u8|u16|u32|i64|f64) \| (\w+) \|", section, re.MULTILINE):
+            (value,) = struct.unpack_from(types[form], data, int(offset))
+            if field == "checksum":
+                assert value == zlib.crc32(data[: int(offset)])
+            else:
+                assert value == fixed.get(field, getattr(packet, field, None)), field
+            read += 1
+    assert read == 6 + 5 + 2 + 11  # header, heartbeat, reference beyond it, state

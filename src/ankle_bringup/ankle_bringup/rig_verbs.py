@@ -1,0 +1,102 @@
+"""Verbs of a rig behind the actuator driver: operate it, and switch faults of its emulator."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ankle_bringup.terminal import console
+
+verbs = typer.Typer()
+rig = typer.Typer(no_args_is_help=True, help="Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator.")
+verbs.add_typer(rig, name="rig")
+
+
+def _operate(command: str) -> None:
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import observer, trigger
+
+    with observer() as node:
+        done, sentence = trigger(node, "ankle_actuator_driver", command)
+    if not done:
+        raise RunError(sentence)
+    console.print(sentence, markup=False)
+
+
+@rig.command()
+def arm() -> None:
+    """Let the drive hold the plate, at zero velocity.
+
+    Example: ankle rig arm
+    """
+    _operate("arm")
+
+
+@rig.command()
+def start() -> None:
+    """Let the plate follow the perturbation; needs an armed rig.
+
+    Example: ankle rig start
+    """
+    _operate("start")
+
+
+@rig.command()
+def stop() -> None:
+    """Bring the plate to rest and switch the drive off, from any state. The button at the rig is faster than a command.
+
+    Example: ankle rig stop
+    """
+    _operate("stop")
+
+
+@rig.command()
+def disarm() -> None:
+    """Switch the drive off.
+
+    Example: ankle rig disarm
+    """
+    _operate("disarm")
+
+
+@rig.command("reset-fault")
+def reset_fault() -> None:
+    """Leave a fault whose cause is gone; the rig has to be armed again.
+
+    Example: ankle rig reset-fault
+    """
+    _operate("reset_fault")
+
+
+@rig.command()
+def state(seconds: Annotated[float, typer.Option(help="How long to wait for an answer.")] = 5.0) -> None:
+    """Show the state of the rig and its reason.
+
+    Example: ankle rig state
+    """
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import latched, observer
+    from ankle_bringup.up import RIG_STATE
+
+    with observer() as node:
+        text = latched(node, RIG_STATE, seconds)
+    if text is None:
+        raise RunError(f"nobody said anything on '{RIG_STATE}' within {seconds:g} s: no actuator driver runs, or it is not active")
+    console.print(text, markup=False)
+
+
+@rig.command()
+def faults(
+    switches: Annotated[str, typer.Argument(help="As 'drop=0.1,freeze=1'; 'none' switches all off.")] = "",
+    address: Annotated[str, typer.Option(help="Of the emulator.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="The emulator's parameter 'port'.")] = 0,
+) -> None:
+    """Switch faults of the rig emulator, or show those that are on.
+
+    Example: ankle rig faults drop=0.1,emergency_stop=1
+    """
+    from ankle_actuator_driver.fault_switches import switch_faults
+    from ankle_actuator_driver.settings import DEVICE_PORT
+
+    console.print(switch_faults(switches, address, port or DEVICE_PORT), markup=False)

@@ -1,0 +1,85 @@
+"""A node with a managed life cycle: unconfigured, inactive, active, finalized, with the standard services of `lifecycle_msgs`.
+
+`ros2 lifecycle set NODE activate` and launch files drive it as any other managed node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle.node import LifecycleNodeMixin
+
+from ankle_node.node import ERROR, AnkleNode
+from ankle_node.parameters import Parameter
+
+FAILURES = (ValueError, OSError)
+"""What a transition may raise because of the node's surroundings: it fails, with the sentence in the log and the health."""
+
+
+class ManagedNode(LifecycleNodeMixin, AnkleNode):
+    """An `AnkleNode` whose subclass says what happens at each transition.
+
+    Args:
+        name, parameters: as `AnkleNode`.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+        AnkleNode.__init__(self, name, parameters)
+        LifecycleNodeMixin.__init__(self)
+
+    def configure(self) -> None:
+        """Prepare everything that needs the parameters; raise one of `FAILURES` where that is not possible."""
+
+    def activate(self) -> None:
+        """Begin to work."""
+
+    def deactivate(self) -> None:
+        """End the work; called before `release` whenever the node is active."""
+
+    def release(self) -> None:
+        """Give back what `configure` took; harmless where it took nothing."""
+
+    def start(self) -> None:
+        """Configure and activate without being told to.
+
+        Raises:
+            RuntimeError: a transition failed; the log says why.
+        """
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() is not TransitionCallbackReturn.SUCCESS:
+                raise RuntimeError(f"{self.get_name()} could not start")
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Standard transition."""
+        return self._attempt(self.configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Standard transition."""
+        return self._attempt(self.activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Standard transition."""
+        return self._attempt(self.deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Standard transition."""
+        return self._attempt(self.release)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Standard transition, from any state."""
+        return self._attempt(self.deactivate, self.release)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Standard transition: back to unconfigured."""
+        return self._attempt(self.deactivate, self.release)
+
+    def _attempt(self, *steps: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            for step in steps:
+                step()
+        except FAILURES as error:
+            self.get_logger().error(str(error))
+            self.health("life cycle", ERROR, str(error))
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS

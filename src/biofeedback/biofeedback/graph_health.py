@@ -1,0 +1,93 @@
+"""What the nodes of the graph say of themselves on `/diagnostics`: health, recording, why estimates are not valid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+SILENT_AFTER = 3.0
+"""[s] Nodes speak once a second; three missed are no jitter."""
+FORGOTTEN_AFTER = 60.0
+"""[s] A node that was stopped on purpose, a recorder say, is not held against the graph for longer."""
+LEVELS = ("ok", "warning", "error", "stale")
+"""By `diagnostic_msgs/DiagnosticStatus.level`."""
+NOT_VALID = "not valid: "
+"""How the estimator's status begins its reason."""
+FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing samples", "ready"
+"""Figures of the recorder, by which it is recognised whatever its name."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """A node's last word.
+
+    Attributes:
+        level: index into `LEVELS`.
+        message: in words.
+        figures: its numbers as text.
+        heard: when it came [s], monotonic.
+    """
+
+    level: int
+    message: str
+    figures: Mapping[str, str]
+    heard: float
+
+
+class GraphHealth:
+    """Keeps the last status of every node."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[str, Status] = {}
+        self._faults: list[tuple[str, str]] = []
+
+    def feed(self, name: str, level: int, message: str, figures: Mapping[str, str], now: float) -> None:
+        """Take in one status; `now` [s], monotonic."""
+        before = self._nodes.get(name)
+        if level == 2 and (before is None or before.level != 2):
+            self._faults.append((name, message))
+        self._nodes[name] = Status(level, message, figures, now)
+
+    def new_faults(self) -> list[tuple[str, str]]:
+        """Nodes that went into error since the last call, with what they say."""
+        faults, self._faults = self._faults, []
+        return faults
+
+    def nodes(self, now: float) -> list[dict[str, Any]]:
+        """Every node, the worst first, ready for JSON."""
+        shown = []
+        for name, status in self._nodes.items():
+            if now - status.heard > FORGOTTEN_AFTER:
+                continue
+            silent = now - status.heard > SILENT_AFTER
+            level = "silent" if silent else LEVELS[min(status.level, len(LEVELS) - 1)]
+            message = "says nothing any more; its last word was: " + status.message if silent else status.message
+            shown.append({"name": name, "level": level, "message": message[:300]})
+        order = {"error": 0, "silent": 1, "stale": 1, "warning": 2, "ok": 3}
+        return sorted(shown, key=lambda node: (order[node["level"]], node["name"]))
+
+    def recording(self, now: float) -> dict[str, Any]:
+        """State of the recorder: ``on``, ``messages``, ``missing``, ``free`` [MB]; None for what is not known."""
+        for status in self._nodes.values():
+            if FREE_DISK in status.figures and MESSAGES in status.figures:
+                on = now - status.heard <= SILENT_AFTER and status.figures.get(READY) == "True" and status.level < 2
+                return {
+                    "on": on,
+                    "messages": _whole(status.figures[MESSAGES]),
+                    "missing": _whole(status.figures.get(MISSING, "")),
+                    "free": _whole(status.figures[FREE_DISK]),
+                }
+        return {"on": False, "messages": None, "missing": None, "free": None}
+
+    def reason(self) -> str:
+        """Why estimates are not valid, as the estimator says it; empty where it says nothing."""
+        for status in self._nodes.values():
+            _, found, reason = status.message.partition(NOT_VALID)
+            if found:
+                return reason.partition(";")[0]
+        return ""
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if text.isdigit() else None

@@ -1,0 +1,141 @@
+"""What has come from the graph so far: newest estimate, the subject's torque, traces, health. Fed and read by different threads."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from biofeedback.graph_health import GraphHealth
+from biofeedback.live_traces import MinMaxTraces
+from biofeedback.voluntary_torque import CUTOFF, VoluntaryTorque
+
+STALE_AFTER = 0.5
+"""[s] Older estimates or samples describe another moment than the one the subject feels."""
+WAITING, INVALID, STALE, GOOD = "waiting", "invalid", "stale", "valid"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The signals at a moment.
+
+    Attributes:
+        K, G: newest valid estimates [N.m/rad], [N.m.s/rad]; NaN before the first.
+        torque: the subject's torque [N.m]; NaN before the first sample.
+        estimate_time: of the newest estimate, valid or not [s, ROS time].
+        age: of the newest estimate [s]; infinite before the first.
+        quality: of the estimates: `WAITING`, `INVALID`, `STALE` or `GOOD`.
+        torque_quality: of the torque: `WAITING`, `STALE` or `GOOD`.
+    """
+
+    K: float
+    G: float
+    torque: float
+    estimate_time: float
+    age: float
+    quality: str
+    torque_quality: str
+
+
+class _Arrival:
+    """When something came last, and what time it was of."""
+
+    def __init__(self) -> None:
+        self._heard, self.time = -math.inf, math.nan
+
+    def note(self, time: float, heard: float) -> None:
+        self._heard, self.time = heard, time
+
+    def age(self, now: float, heard_now: float) -> float:
+        """The larger one of time since arrival and time since it was true: a reader that lags behind also gives old values."""
+        return max(heard_now - self._heard, now - self.time) if math.isfinite(self.time) else math.inf
+
+
+class LiveSignals:
+    """Takes in blocks of every topic that a page shows.
+
+    Args:
+        torque_cutoff: of the subject's torque [Hz].
+        emg_names: channels of the EMG traces.
+    """
+
+    def __init__(self, torque_cutoff: float = CUTOFF, emg_names: Sequence[str] = ()) -> None:
+        self._lock = threading.Lock()
+        self._torque = VoluntaryTorque(torque_cutoff)
+        self._K = self._G = math.nan
+        self._valid = False
+        self._estimates, self._samples = _Arrival(), _Arrival()
+        self.health = GraphHealth()
+        self.traces = {
+            "ankle": MinMaxTraces(("torque", "angle")),
+            "estimate": MinMaxTraces(("K", "G")),
+            "emg": MinMaxTraces(emg_names),
+        }
+
+    def feed_estimates(self, rows: np.ndarray, heard: float) -> None:
+        """Estimates, shape (n, 4): t [s], K, G, valid. `heard`: monotonic time [s]."""
+        with self._lock:
+            for time, K, G, valid in rows.tolist():
+                self._valid = valid == 1.0
+                self._estimates.note(time, heard)
+                if self._valid:
+                    self._K, self._G = K, G
+            shown = np.where(rows[:, 3:] == 1.0, rows[:, 1:3], np.nan)
+            self.traces["estimate"].feed(rows[:, 0], shown)
+
+    def feed_samples(self, samples: np.ndarray, rate: float, heard: float) -> None:
+        """Samples of the rig, shape (n, 4): t [s], position [rad], velocity [rad/s], torque [N.m]."""
+        if not len(samples):
+            return
+        with self._lock:
+            self._samples.note(float(samples[-1, 0]), heard)
+            self._torque.feed(samples[:, 1:], rate, self._K, self._G)
+            self.traces["ankle"].feed(samples[:, 0], np.column_stack([samples[:, 3], np.degrees(samples[:, 1])]))
+
+    def feed_emg(self, samples: np.ndarray) -> None:
+        """EMG, shape (n, 1 + channels): t [s], then [V]; shown in microvolts."""
+        with self._lock:
+            self.traces["emg"].feed(samples[:, 0], 1e6 * samples[:, 1:])
+
+    def feed_status(self, name: str, level: int, message: str, figures: Mapping[str, str], heard: float) -> None:
+        """A node's status."""
+        with self._lock:
+            self.health.feed(name, level, message, figures, heard)
+
+    def snapshot(self, now: float, heard_now: float) -> Snapshot:
+        """The signals now; `now` in ROS time, `heard_now` monotonic [s]."""
+        with self._lock:
+            age = self._estimates.age(now, heard_now)
+            if age == math.inf:
+                quality = WAITING
+            elif age > STALE_AFTER:
+                quality = STALE
+            else:
+                quality = GOOD if self._valid else INVALID
+            torque_age = self._samples.age(now, heard_now)
+            torque_quality = WAITING if torque_age == math.inf else STALE if torque_age > STALE_AFTER else GOOD
+            return Snapshot(self._K, self._G, self._torque.value, self._estimates.time, age, quality, torque_quality)
+
+    def new_faults(self) -> list[tuple[str, str]]:
+        """See `GraphHealth.new_faults`."""
+        with self._lock:
+            return self.health.new_faults()
+
+    def describe(self, heard_now: float) -> dict[str, Any]:
+        """Health, recording and reason, ready for JSON."""
+        with self._lock:
+            return {
+                "nodes": self.health.nodes(heard_now),
+                "recording": self.health.recording(heard_now),
+                "reason": self.health.reason(),
+            }
+
+    def traces_since(self, seen: Mapping[str, int]) -> dict[str, Any]:
+        """New bins of every group of traces; see `MinMaxTraces.since`."""
+        with self._lock:
+            found = {name: group.since(seen.get(name)) for name, group in self.traces.items()}
+        return {name: bins for name, bins in found.items() if bins is not None}

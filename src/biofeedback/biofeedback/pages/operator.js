@@ -1,0 +1,245 @@
+// The operator's page. It keeps no state of its own: everything shown is what the node said last, so two pages always agree.
+
+import { Connection } from "./connection.js";
+import { clock, Screen, STALE } from "./screen.js";
+import { Traces } from "./traces.js";
+
+const by = (id) => document.getElementById(id);
+const put = (element, text) => element.textContent !== text && (element.textContent = text);
+const SKY = "#56b4e9", ORANGE = "#e69f00", GREEN = "#00b384", YELLOW = "#f0e442", PINK = "#d98cb8", VERMILLION = "#ff7a33";
+const FEW_MEGABYTES = 2000; // about two hours of the laboratory's topics; below, the disk is shown as a warning
+
+const screen = new Screen(by("screen"));
+const traces = new Traces(by("traces"), [
+  { title: "Torque", unit: "N·m, measured", group: "ankle", names: ["torque"], colours: [SKY], least: 2 },
+  { title: "Angle", unit: "degrees", group: "ankle", names: ["angle"], colours: [YELLOW], least: 1 },
+  { title: "K", unit: "N·m/rad", group: "estimate", names: ["K"], colours: [ORANGE], zero: true, value: true, marks: marks("K"), absent: "no valid estimate" },
+  { title: "G", unit: "N·m·s/rad", group: "estimate", names: ["G"], colours: [GREEN], zero: true, value: true, marks: marks("G"), absent: "no valid estimate" },
+  ...[["SOL", SKY], ["TA", PINK], ["GL", ORANGE], ["GM", GREEN]].map(([name, colour]) => (
+    { title: name, unit: "EMG, µV", group: "emg", names: [name], colours: [colour], least: 10, absent: "no /emg/samples in this graph" })),
+]);
+
+function marks(symbol) {
+  return ({ target }) => (target.feedback === symbol && target.lower !== null ? [target.lower, target.upper] : []);
+}
+
+let alarmUntil = 0;
+let last = null;
+
+const connection = new Connection("operator", {
+  frame(frame) {
+    screen.frame = frame;
+    traces.now = frame.now;
+    screen.request();
+    showFrame(frame);
+  },
+  state: showState,
+  traces: (message) => traces.take(message),
+  answer(answer) {
+    if (!answer.ok) alarm(answer.error, 6000);
+  },
+  lost() {
+    traces.forget();
+    showLink();
+  },
+});
+screen.silence = () => connection.silence;
+
+setInterval(() => {
+  showLink();
+  if (connection.silence > STALE) screen.request();
+  traces.request(); // also when nothing comes: the gap grows
+  if (alarmUntil && performance.now() > alarmUntil) {
+    alarmUntil = 0;
+    by("alarm").hidden = true;
+  }
+}, 200);
+
+function alarm(text, milliseconds) {
+  put(by("alarm"), text);
+  by("alarm").hidden = false;
+  alarmUntil = performance.now() + milliseconds;
+}
+
+function pill(element, text, kind) {
+  put(element, text);
+  element.className = `pill ${kind}`;
+}
+
+function showLink() {
+  const silent = connection.silence > STALE;
+  pill(by("link"), silent ? "✕ no connection to the node" : "● connected", silent ? "bad" : "good");
+}
+
+function showFrame(frame) {
+  put(by("clock"), `${Math.floor(frame.clock / 60)}:${String(Math.floor(frame.clock % 60)).padStart(2, "0")}`);
+  if (!last) return;
+  const { session } = last;
+  const counting = session.state === "running" || session.kind === "break";
+  put(by("remaining"), counting ? clock(frame.remaining) : "");
+  by("bar").style.width = `${session.duration > 0 && counting ? Math.min((100 * frame.elapsed) / session.duration, 100) : 0}%`;
+  const quality = { valid: "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet" };
+  const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
+  const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
+  by("share").className = said ? "warn" : "";
+  put(by("share"), said ? `⚠ ${said}` : share(session));
+}
+
+function share({ kind, hold_share: [valid, inside] }) {
+  if (kind !== "hold" || valid === null) return "";
+  return `this hold: ${Math.round(100 * valid)} % valid, ${Math.round(100 * inside)} % in the target`;
+}
+
+function showState(state) {
+  last = screen.state = traces.state = state;
+  const { session, target, recording } = state;
+  put(by("title"), session.title);
+  const kinds = { running: "good", armed: "warn", paused: "warn", idle: "", finished: "" };
+  pill(by("state"), session.state, kinds[session.state]);
+  put(by("where"), `block ${session.block} of ${session.blocks}`);
+  put(by("where-what"), session.hold ? `hold ${session.hold} of ${session.holds}` : session.kind);
+  const steps = { baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
+  put(by("step"), session.state === "finished" ? "Finished" : steps[session.kind]);
+  pill(by("recording"), recording.on ? `● recording${recording.missing ? `, ${recording.missing} SAMPLES MISSING` : ""}` : "✕ NOT RECORDING",
+    recording.on && !recording.missing ? "good" : "bad");
+  by("recording").title = recording.on ? `${recording.messages} messages so far` : "start a recorder: ankle record NAME";
+  const low = recording.free !== null && recording.free < FEW_MEGABYTES;
+  pill(by("disk"), recording.free === null ? "disk: no recorder" : `${low ? "⚠ " : ""}${(recording.free / 1000).toFixed(1)} GB free`, low ? "bad" : "");
+  const rigState = (state.rig.state || state.rig.name || "").slice(0, 40);
+  pill(by("rig"), state.rig.name ? `rig: ${rigState}` : "✕ no rig driver", !state.rig.name ? "warn" : rigState.startsWith("fault") ? "bad" : "good");
+  by("rig").title = state.rig.problem;
+  put(by("version"), `state ${state.version}; open pages: ${state.pages.operator} operator, ${state.pages.subject} subject`);
+  showButtons(session, state.rig);
+  showForms(state, target);
+  showPerson(state.person);
+  showNodes(state);
+  showLog(state.log);
+  screen.request();
+}
+
+function showButtons(session, rig) {
+  const running = session.state === "running";
+  const able = {
+    arm: ["idle", "paused"].includes(session.state), start: session.state === "armed", pause: running, stop: session.state !== "finished",
+    start_hold: running && ["reach", "hold"].includes(session.kind), next: running, reset_fault: rig.name !== null,
+    restart: ["idle", "paused", "finished"].includes(session.state),
+  };
+  for (const button of document.querySelectorAll("button[data-command]")) {
+    const name = button.id === "hold" ? "start_hold" : button.dataset.command;
+    button.disabled = !able[name];
+  }
+  const holding = running && session.kind === "hold";
+  by("hold").dataset.command = holding ? "end_hold" : "start_hold";
+  by("hold").firstChild.textContent = holding ? "End hold " : "Start hold ";
+}
+
+const fine = (value) => (value === null || value === undefined ? "" : String(Number(value.toPrecision(4))));
+
+// A field that somebody is typing into is left alone.
+function fill(form, values) {
+  for (const [name, value] of Object.entries(values)) {
+    const field = form.elements[name];
+    if (document.activeElement !== field && !field.dataset.touched) field.value = typeof value === "number" || value === null ? fine(value) : value;
+  }
+}
+
+function showForms(state, target) {
+  const unit = target.unit.replaceAll(".", "·");
+  document.querySelectorAll(".unit").forEach((element) => put(element, unit));
+  const region = target.lower === null ? "no region" : `${fine(target.lower)}–${fine(target.upper)} ${unit}`;
+  put(by("target-now"), `${fine(target.torque)} ± ${fine(target.torque_half_width)} N·m; ${target.feedback}: ${region}`);
+  put(by("axis-now"), state.baseline ? `baseline K ${fine(state.baseline.K)}, G ${fine(state.baseline.G)}` : "no baseline yet");
+  fill(by("target"), { "torque[N.m]": target.torque, "torque_half_width[N.m]": target.torque_half_width, feedback: target.feedback, lower: target.lower, upper: target.upper });
+  fill(by("axis"), { x_upper: state.axes.x[1], "y_lower[N.m]": state.axes.y[0], "y_upper[N.m]": state.axes.y[1] });
+}
+
+function showPerson(person) {
+  by("person").hidden = !person;
+  if (!person) return;
+  for (const input of by("person").querySelectorAll("input")) {
+    if (document.activeElement !== input || !input.dataset.dragged) input.value = person[input.name];
+    put(input.nextElementSibling, input.name === "push" ? `${person.push.toFixed(1)} N·m` : person[input.name].toFixed(2));
+  }
+}
+
+function replaceList(list, items) {
+  list.replaceChildren(...items.map(([text, kind, head]) => {
+    const item = document.createElement("li");
+    item.className = kind;
+    const name = document.createElement("b");
+    name.textContent = head;
+    item.append(name, ` ${text}`);
+    return item;
+  }));
+}
+
+const SIGNS = { ok: "✓", warning: "⚠", error: "✕", silent: "✕", stale: "✕" };
+
+function showNodes(state) {
+  const items = state.nodes.map((node) => [node.message, node.level, `${SIGNS[node.level]} ${node.name}`]);
+  if (state.rig.problem) items.unshift([state.rig.problem, "warning", "⚠ rig"]);
+  if (!state.nodes.length) items.push(["no node has said anything yet", "warning", "⚠"]);
+  replaceList(by("nodes"), items);
+}
+
+function showLog(log) {
+  replaceList(by("log"), log.slice().reverse().map(({ t, event, details }) => {
+    const more = Object.entries(details).map(([key, value]) => `${key.replace(/\[.*\]/, "").replaceAll("_", " ")} ${value}`).join(", ");
+    return [`${event}${more ? `: ${more}` : ""}`, event === "fault" ? "error" : "", new Date(1000 * t).toTimeString().slice(0, 8)];
+  }));
+}
+
+for (const button of document.querySelectorAll("button[data-command]")) {
+  button.addEventListener("click", () => connection.command(button.dataset.command));
+}
+
+for (const form of [by("target"), by("axis")]) {
+  form.addEventListener("input", (event) => (event.target.dataset.touched = "1"));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const fields = {};
+    for (const field of form.querySelectorAll("[data-touched]")) {
+      if (field.value === "" && !["lower", "upper"].includes(field.name)) continue;
+      fields[field.name] = field.tagName === "SELECT" ? field.value : field.value === "" ? null : Number(field.value);
+      delete field.dataset.touched;
+    }
+    if (Object.keys(fields).length) connection.command(form.id === "target" ? "set_target" : "set_axis", fields);
+    document.activeElement?.blur();
+  });
+}
+by("axis-baseline").addEventListener("click", () => connection.command("set_axis", { x_upper: null, "y_lower[N.m]": null, "y_upper[N.m]": null }));
+
+by("note").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const field = event.target.elements.text;
+  if (field.value.trim()) connection.command("note", { text: field.value.trim() });
+  field.value = "";
+  field.blur();
+});
+
+let waiting = null;
+by("person").addEventListener("input", ({ target }) => {
+  target.dataset.dragged = "1";
+  // Ten a second while a slider is dragged, the last position always.
+  waiting ??= setTimeout(() => {
+    waiting = null;
+    connection.command("person", { [target.name]: Number(target.value) });
+  }, 100);
+});
+by("person").addEventListener("change", ({ target }) => delete target.dataset.dragged);
+
+const KEYS = { a: "arm", s: "start", p: "pause", n: "next", r: "reset_fault", " ": "stop", escape: "stop" };
+
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const key = event.key.toLowerCase();
+  const typing = ["INPUT", "SELECT", "TEXTAREA"].includes(document.activeElement?.tagName) && document.activeElement.type !== "range";
+  if (typing && key !== "escape") return;
+  if (key === "h") by("hold").disabled || connection.command(by("hold").dataset.command);
+  else if (key === "o") window.open("/", "subject");
+  else if (key === "t") by("target").elements["torque[N.m]"].select();
+  else if (KEYS[key]) connection.command(KEYS[key]);
+  else return;
+  // Space must not press the button that was clicked last as well.
+  event.preventDefault();
+});

@@ -1,0 +1,149 @@
+"""A laboratory without ROS: the served desk, signals that a test makes, a rig that remembers what it was told."""
+
+import asyncio
+import math
+import threading
+import time
+
+import numpy as np
+
+from biofeedback.access import Access
+from biofeedback.desk import Desk
+from biofeedback.errors import CommandError
+from biofeedback.live_signals import LiveSignals
+from biofeedback.protocol import load_protocol
+from biofeedback.server import Server
+from biofeedback.session import Session
+from emg_driver.muscles import MUSCLES
+
+RATE = 2048.0
+PROTOCOL = """
+title: A short session
+"baseline[s]": {baseline}
+"reach[s]": {reach}
+"hold[s]": {hold}
+"break[s]": 1
+"torque_half_width[N.m]": 1.0
+"level_half_width[1]": 0.15
+blocks:
+  - feedback: G
+    holds:
+      - {{"torque_target[N.m]": 0, "level[1]": 1.0}}
+      - {{"torque_target[N.m]": -5, "level[1]": 0.7}}
+  - feedback: K
+    holds:
+      - {{"torque_target[N.m]": -5, "level[1]": 1.4}}
+"""
+
+
+def short_protocol(folder, baseline=1, reach=1, hold=2):
+    path = folder / "short.yaml"
+    path.write_text(PROTOCOL.format(baseline=baseline, reach=reach, hold=hold))
+    return load_protocol(str(path))
+
+
+class FakeRig:
+    def __init__(self):
+        self.present = True
+        self.told = []
+        self.refuses = self.state = ""
+
+    def describe(self):
+        return {
+            "name": "test_rig" if self.present else None,
+            "problem": "" if self.present else "no rig driver in this graph",
+            "state": self.state,
+        }
+
+    async def call(self, action):
+        self.told.append(action)
+        if self.refuses:
+            raise CommandError(f"test_rig refuses to {action}: {self.refuses}")
+
+    def tell(self, action):
+        self.told.append(action)
+
+
+class FakePerson:
+    def __init__(self):
+        self.values = {"cocontraction": 0.3, "excitability": 0.5, "push": 0.0}
+
+    def describe(self):
+        return dict(self.values)
+
+    async def tell(self, values):
+        self.values.update(values)
+
+
+class Laboratory:
+    """Serves in a thread of its own and streams what `K`, `G`, `torque`, `valid` say, in real time, until told otherwise."""
+
+    def __init__(self, protocol, host="127.0.0.1", token="", port=0):
+        self.signals = LiveSignals(emg_names=MUSCLES)
+        self.rig, self.person, self.events = FakeRig(), FakePerson(), []
+        self.session = Session(protocol)
+        self.desk = Desk(self.session, self.signals, self.rig, self.person, self.events.append)
+        self.server = Server(self.desk, self.signals, Access(host, token), time.time)
+        self.K, self.G, self.torque, self.valid = 80.0, 8.0, 0.0, True
+        self.streaming = True
+        self._ready, self._stop = threading.Event(), threading.Event()
+        self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
+        self.failure = None
+        self._threads = [threading.Thread(target=self._serve, args=(host, port)), threading.Thread(target=self._stream)]
+        for thread in self._threads:
+            thread.start()
+        assert self._ready.wait(10.0)
+
+    def _serve(self, host, port):
+        def ready(number):
+            self.port = number
+            self._ready.set()
+
+        try:
+            self._loop.run_until_complete(self.server.run(host, port, ready, self._stopped))
+        except Exception as error:
+            self.failure = error
+            self._ready.set()
+
+    def _stream(self):
+        random = np.random.default_rng(1)
+        began = time.time()
+        sent = 0
+        while not self._stop.wait(1 / 64):
+            n = int((time.time() - began) * RATE) - sent
+            t = began + (sent + np.arange(n)) / RATE
+            sent += n
+            if not self.streaming or not n:
+                continue
+            heard = time.monotonic()
+            x = 0.04 * ((t % 1.1) < 0.5)
+            velocity = np.zeros(n)
+            torque = -self.torque + self.K * x + 0.05 * random.standard_normal(n)
+            self.signals.feed_samples(np.column_stack([t, x, velocity, torque]), RATE, heard)
+            self.signals.feed_emg(np.column_stack([t, *(2e-6 * k * random.standard_normal(n) for k in range(1, 5))]))
+            self.signals.feed_estimates(np.array([[t[-1], self.K, self.G, float(self.valid)]]), heard)
+            if sent % 2048 < n:
+                self.signals.feed_status("impedance_estimator", 0, "running", {}, heard)
+                figures = {"messages": str(sent), "free disk [MB]": "182000", "missing samples": "0", "ready": "True"}
+                self.signals.feed_status("record", 0, "running", figures, heard)
+
+    def url(self, path="/"):
+        return f"http://127.0.0.1:{self.port}{path}"
+
+    def close(self):
+        self._stop.set()
+        self._loop.call_soon_threadsafe(self._stopped.set)
+        for thread in self._threads:
+            thread.join(10.0)
+
+
+def until(condition, what, seconds=30.0):
+    """Wait for something that must come about."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, f"not within {seconds:g} s: {what}"
+        time.sleep(0.02)
+
+
+def close_to(value, wanted, tolerance):
+    return value is not None and math.isfinite(value) and abs(value - wanted) <= tolerance

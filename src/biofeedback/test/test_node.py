@@ -1,0 +1,189 @@
+"""The node as a process of its own, over DDS: pages, session events, a crash in the middle, refusal to be open to strangers."""
+
+import asyncio
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import aiohttp
+import numpy as np
+import pytest
+import rclpy
+from laboratory import short_protocol, until
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from ankle_node.node import BLOCK_QOS
+from ankle_node.session_event import parse
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from sample_blocks.block import Block, pack
+
+PATIENCE = 90.0
+RATE = 2048.0
+os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
+def start(tmp_path, **parameters):
+    program = "import sys; from biofeedback.biofeedback_node import main; sys.exit(main())"
+    arguments = [sys.executable, "-c", program, "--ros-args"]
+    for name, value in {"port": 0, "state_file": tmp_path / "state.json", **parameters}.items():
+        arguments += ["-p", f"{name}:={value}"]
+    return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+class Graph:
+    """What the node hears: samples and estimates at real time, and a rig's services. Keeps its session events."""
+
+    def __init__(self):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("test_rig", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.events, self.called = [], []
+        self.node.create_subscription(String, "/session/event", lambda message: self.events.append(parse(message.data)), 100)
+        for action in ("arm", "start", "stop", "reset_fault"):
+            self.node.create_service(Trigger, f"/test_rig/{action}", lambda request, answer, action=action: self.answer(action, answer))
+        self.samples = self.node.create_publisher(Float64MultiArray, "/ankle/samples", BLOCK_QOS)
+        self.estimates = self.node.create_publisher(Float64MultiArray, "/impedance/estimate", BLOCK_QOS)
+        self.stopped = threading.Event()
+        self.thread = threading.Thread(target=self.run)
+        self.thread.start()
+
+    def answer(self, action, answer):
+        self.called.append(action)
+        answer.success, answer.message = True, ""
+        return answer
+
+    def run(self):
+        began, sent = time.time(), 0
+        while not self.stopped.is_set():
+            self.executor.spin_once(timeout_sec=1 / 64)
+            count = int((time.time() - began) * RATE) - sent
+            t = began + (sent + np.arange(count)) / RATE
+            sent += count
+            if count:
+                self.samples.publish(
+                    pack(Block(("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"), np.column_stack([t, *np.zeros((3, count))])))
+                )
+                row = np.zeros((1, len(ESTIMATE_COLUMNS)))
+                row[0, [0, 1, 4, 7]] = t[-1], 80.0, 8.0, 1.0
+                self.estimates.publish(pack(Block(ESTIMATE_COLUMNS, row)))
+
+    def close(self):
+        self.stopped.set()
+        self.thread.join(10.0)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def graph():
+    made = Graph()
+    yield made
+    made.close()
+
+
+def port_of(process):
+    """The port that the node prints, and its output from then on is drained."""
+    for line in process.stdout:
+        if found := re.search(r"http://127\.0\.0\.1:(\d+)/", line):
+            threading.Thread(target=lambda: [None for _ in process.stdout], daemon=True).start()
+            return int(found[1])
+    raise AssertionError("the node ended without serving")
+
+
+def say(port, *commands):
+    """Send commands one after the other as an operator's page; gives the last state."""
+
+    async def scenario():
+        async with aiohttp.ClientSession() as session, session.ws_connect(f"http://127.0.0.1:{port}/ws?role=operator") as page:
+            state = None
+            for number, name in enumerate([*commands, "note"]):
+                extra = {"text": "seen"} if name == "note" else {}
+                await page.send_json({"id": number, "command": name, **extra})
+                answered = False
+                while not answered or state is None:
+                    message = json.loads((await page.receive(PATIENCE)).data)
+                    answered = answered or (message["type"] == "answer" and message["id"] == number)
+                    if message["type"] == "answer":
+                        assert message["ok"], message
+                    state = message if message["type"] == "state" else state
+            return state
+
+    return asyncio.run(asyncio.wait_for(scenario(), PATIENCE))
+
+
+def named(graph, name):
+    return [event for event in graph.events if event.event == name]
+
+
+def test_a_session_survives_a_crash_of_the_node_in_the_middle(graph, tmp_path):
+    short_protocol(tmp_path, baseline=1, reach=1, hold=20)
+    process = start(tmp_path, protocol=tmp_path / "short.yaml")
+    try:
+        port = port_of(process)
+        until(lambda: say(port)["rig"]["name"] == "test_rig", "the rig is found", PATIENCE)
+        say(port, "arm", "start")
+        until(lambda: named(graph, "hold started"), "a hold", PATIENCE)
+        assert graph.called == ["arm", "start"]
+        time.sleep(2.0)
+        process.kill()
+        process.wait(PATIENCE)
+        process = start(tmp_path, protocol=tmp_path / "short.yaml", port=port)
+        assert port_of(process) == port
+        until(lambda: len(named(graph, "hold started")) == 2, "the same hold again", PATIENCE)
+        ended = named(graph, "hold ended")[0]
+        assert ended.details["broken_off"] == "screen restarted"
+        assert [event.details["hold"] for event in named(graph, "hold started")] == [1, 1]
+        assert len(named(graph, "baseline measured")) == 1  # the axes are those from before
+        # The rig has been left alone: it knows of its own what to do.
+        assert graph.called == ["arm", "start"]
+        state = say(port, "stop")
+        assert (state["session"]["state"], round(state["baseline"]["K"])) == ("idle", 80)
+        until(lambda: graph.called[-1] == "stop", "the rig is stopped", PATIENCE)
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(20.0)
+        finally:
+            process.kill()
+
+
+def test_a_session_of_yesterday_is_not_gone_on_with(tmp_path):
+    short_protocol(tmp_path)
+    saved = {"protocol": "x", "state": "running", "index": 2, "saved_at[s]": time.time() - 90_000.0}
+    (tmp_path / "state.json").write_text(json.dumps(saved))
+    process = start(tmp_path, protocol=tmp_path / "short.yaml")
+    try:
+        assert say(port_of(process))["session"]["state"] == "idle"
+    finally:
+        process.kill()
+        process.wait(20.0)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"host": "0.0.0.0"}, "token of at least 16 characters"),
+        ({"protocol": "nothing"}, "no protocol 'nothing': known are demonstration, van_t_veld_2018"),
+        ({"frame_rate": 500.0}, "'frame_rate' = 500.0 Hz is refused; allowed: 10 to 60 Hz"),
+        ({"host": "203.0.113.7", "token": "0123456789abcdef"}, "error: "),
+    ],
+)
+def test_what_it_refuses_to_start_with_is_one_line(tmp_path, parameters, words):
+    process = start(tmp_path, **parameters)
+    try:
+        output, _ = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+    assert process.returncode == 1
+    assert words in output
+    assert "Traceback" not in output
