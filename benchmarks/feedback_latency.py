@@ -20,6 +20,7 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import aiohttp
@@ -29,6 +30,7 @@ import yaml
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.processes import Processes
+from biofeedback.server import SEEN
 from biofeedback.system_browser import ARGUMENTS, MISSING, find_browser
 from sample_blocks.block import unpack
 from session_recorder.bag_reader import BagReader
@@ -49,14 +51,15 @@ PROTOCOL = {
 # The cursor's centre is the middle of its colour in the row through it.
 WATCH = """() => {
   const canvas = document.getElementById('screen'), context = canvas.getContext('2d');
-  window.seen = []; window.drawn = [];
+  window.seen = []; window.drawn = []; window.ways = [];
   let last = '';
   const look = () => {
-    const { frame, y, quality } = canvas.dataset;
+    const { frame, y, quality, made } = canvas.dataset;
     if (frame !== last) {
       last = frame;
       const now = performance.timeOrigin + performance.now();
       window.drawn.push(now);
+      window.ways.push(Date.now() - 1e3 * made);
       const row = context.getImageData(0, Math.round(+y) + 8, canvas.width, 1).data;
       let sum = 0, count = 0;
       for (let x = 0; x < canvas.width; x++) {
@@ -87,21 +90,26 @@ async def watch(port: int, seconds: float) -> dict:
         subject = await browser.new_page(viewport={"width": 1280, "height": 720})
         await subject.goto(f"{url}/")
         async with session.ws_connect(f"{url}/ws?role=operator", max_msg_size=0) as page:
+
+            async def until(wanted: Callable[[dict], bool]) -> None:
+                while True:
+                    message = json.loads((await page.receive(30.0)).data)
+                    if message["type"] == "frame":
+                        await page.send_str(SEEN)
+                    if wanted(message):
+                        return
+
             for number, command in enumerate(("arm", "start")):
                 await page.send_json({"id": number, "command": command})
-                while not ((message := json.loads((await page.receive(30.0)).data))["type"] == "answer" and message["id"] == number):
-                    pass
+                await until(lambda message, number=number: message["type"] == "answer" and message["id"] == number)
             # The estimator compiles itself at its very first start; nothing moves before.
-            while not (
-                (message := json.loads((await page.receive(30.0)).data))["type"] == "frame" and message["torque_quality"] == "valid"
-            ):
-                pass
+            await until(lambda message: message["type"] == "frame" and message["torque_quality"] == "valid")
         width, height, offset = await subject.evaluate(WATCH)
         began = time.monotonic()
         while (left := seconds - (time.monotonic() - began)) > 0:
             await asyncio.sleep(min(left, 10.0))
             print(f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load {os.getloadavg()[0]:.1f}", file=sys.stderr, flush=True)
-        seen, drawn = await subject.evaluate("[window.seen, window.drawn]")
+        seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
         await browser.close()
     left, wide = 0.15 * height, width - 0.21 * height
     seen = np.array(seen).reshape(-1, 2)
@@ -110,6 +118,7 @@ async def watch(port: int, seconds: float) -> dict:
         "time": (seen[:, 0] - offset) / 1e3,
         "G": 20.0 * (seen[:, 1] - left) / wide,
         "drawn": (np.array(drawn) - offset) / 1e3,
+        "way": np.array(ways),
     }
 
 
@@ -185,6 +194,7 @@ def main() -> int:
     print(f"latency, estimate to pixel              median {np.median(known):.0f} ms, worst {known.max():.0f} ms (limit {LIMIT:g} ms)")
     there = arrived[np.isfinite(arrived)]
     print(f"peer: the same estimate at the recorder  median {np.median(there):.0f} ms, worst {there.max():.0f} ms")
+    print(f"of it, frame made to frame in the canvas median {np.median(steps['way']):.0f} ms, worst {steps['way'].max():.0f} ms")
     for part, column in zip(LEVELS, late.T, strict=True):
         column = column[np.isfinite(column)]
         print(f"  at {100 * part:.0f} % of the step                        median {np.median(column):.0f} ms, worst {column.max():.0f} ms")

@@ -13,6 +13,8 @@ from typing import Any
 
 import aiohttp
 
+from biofeedback.server import SEEN
+
 CORRECTION = 0.6
 """Part of the error that is corrected each second: the estimate answers within two to three seconds, so more would swing."""
 LONGEST_SILENCE = 30.0
@@ -83,7 +85,10 @@ class ScriptedSession:
             message = await page.receive(LONGEST_SILENCE)
             if message.type != aiohttp.WSMsgType.TEXT:
                 return
-            yield json.loads(message.data)
+            content = json.loads(message.data)
+            if content["type"] == "frame":
+                await page.send_str(SEEN)
+            yield content
 
     async def _say(self, page: Any, name: str, **values: float) -> None:
         self._number += 1

@@ -8,10 +8,11 @@
 | `/pages/...` | style and modules |
 
 To every page: ``frame`` at the frame rate and ``state`` at each change, with its version; to operators ``traces`` ten times a second and
-an ``answer`` to each command. From operators: commands (`operator_commands`). A subject's page has nothing to say.
+an ``answer`` to each command. From every page: the word ``seen`` for each frame. From operators: commands (`operator_commands`).
 
-Each page has its own task that sends the newest frame and state when the page can take them; nothing is queued for a page that does
-not read, and one that takes nothing for `SLOW` seconds is closed. So no page can delay another or the session.
+Each page has its own task that sends the newest frame and state when the page can take them: at most `IN_FLIGHT` frames are on their
+way, so a browser that is busy shows fewer frames, not old ones (a socket's buffer would hold many seconds of them). A page that says
+``seen`` to nothing for `SLOW` seconds is closed. So no page can delay another or the session.
 """
 
 from __future__ import annotations
@@ -39,8 +40,12 @@ FRAME_RATE = 30.0
 """[Hz] The paper's screen had 20 to 30 (section III-B.1)."""
 TRACES_EVERY, STATE_EVERY = 3, 3
 """Frames: traces and changes that nobody commanded (health, recording) ten times a second."""
+IN_FLIGHT = 3
+"""Frames: 100 ms at 30 Hz, more than a page on this computer takes for its answer unless it is busy."""
+SEEN = "seen"
+"""What a page says to a frame."""
 SLOW = 10.0
-"""[s] in which a page must take a message."""
+"""[s] in which a page must take a message and say so."""
 LONGEST_COMMAND = 3.0
 """[s] for which a page's next command waits; then the present one is answered as late."""
 PAGES = 20
@@ -63,6 +68,9 @@ class Page:
         self.role = role
         self.wake = asyncio.Event()
         self.version = -1
+        self.in_flight = 0
+        self.frame = self.traced = 0
+        self.heard = time.monotonic()
         self.traces: dict[str, int] = {}
         self.answers: list[str] = []
 
@@ -96,6 +104,7 @@ class Server:
         self._beat = beat
         self._pages: set[Page] = set()
         self._frame = ""
+        self._number = 0
         self._state: dict[str, Any] = {}
         self._state_text = ""
         self._version = 0
@@ -139,19 +148,18 @@ class Server:
     async def _make_frames(self, stopped: asyncio.Event) -> None:
         """By absolute deadlines, so that the rate holds whatever a frame costs."""
         due = time.monotonic()
-        number = 0
         while not stopped.is_set():
             late = time.monotonic() - due
             if late > 0.5 * self._period:
                 self.late_frames += 1
                 due += max(math.floor(late / self._period), 0) * self._period
             self._frame = _text(self._desk.frame(self._now(), time.monotonic()))
-            if number % STATE_EVERY == 0:
+            self._number += 1
+            if self._number % STATE_EVERY == 0:
                 self._look_for_change()
             for page in self._pages:
                 page.wake.set()
             self._beat()
-            number += 1
             due += self._period
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(stopped.wait(), max(due - time.monotonic(), 0.0))
@@ -206,27 +214,39 @@ class Server:
 
     async def _send(self, page: Page) -> None:
         """The newest of everything, whenever the page can take it."""
-        frames = 0
         try:
             while True:
                 await page.wake.wait()
                 page.wake.clear()
                 messages, page.answers = page.answers, []
-                if page.version != self._version:
-                    page.version = self._version
-                    messages.append(self._state_text)
-                messages.append(self._frame)
-                if page.role == "operator" and frames % TRACES_EVERY == 0:
-                    bins = self._signals.traces_since(page.traces)
-                    for name, found in bins.items():
-                        page.traces[name] = found["first"] + len(next(iter(found["low"].values()), [])) - 1
-                    if bins:
-                        messages.append(_text({"type": "traces", "groups": bins, "widths": self._widths}))
-                frames += 1
+                if page.in_flight < IN_FLIGHT:
+                    messages += self._news(page)
+                elif time.monotonic() - page.heard > SLOW:
+                    raise asyncio.TimeoutError
                 for message in messages:
                     await asyncio.wait_for(page.socket.send_str(message), SLOW)
         except (ConnectionError, asyncio.TimeoutError):
             await self._close(page, WSCloseCode.TRY_AGAIN_LATER, "the page does not take its messages")
+
+    def _news(self, page: Page) -> list[str]:
+        """What a page has not been sent: state, frame, traces."""
+        news = []
+        if page.version != self._version and self._state_text:
+            page.version = self._version
+            news.append(self._state_text)
+        if page.frame == self._number:
+            return news
+        news.append(self._frame)
+        page.in_flight += 1
+        page.frame = self._number
+        if page.role == "operator" and page.frame - page.traced >= TRACES_EVERY:
+            page.traced = page.frame
+            bins = self._signals.traces_since(page.traces)
+            for name, found in bins.items():
+                page.traces[name] = found["first"] + len(next(iter(found["low"].values()), [])) - 1
+            if bins:
+                news.append(_text({"type": "traces", "groups": bins, "widths": self._widths}))
+        return news
 
     @property
     def _widths(self) -> dict[str, float]:
@@ -237,6 +257,11 @@ class Server:
         async for message in page.socket:
             if message.type == WSMsgType.ERROR:
                 return
+            if message.type == WSMsgType.TEXT and message.data == SEEN and page.in_flight > 0:
+                page.in_flight -= 1
+                page.heard = time.monotonic()
+                page.wake.set()
+                continue
             if not limit.allows(time.monotonic()):
                 return await self._close(page, WSCloseCode.POLICY_VIOLATION, "too many messages")
             if message.type != WSMsgType.TEXT or page.role != "operator":

@@ -112,6 +112,8 @@ def say(port, *commands):
                 answered = False
                 while not answered or state is None:
                     message = json.loads((await page.receive(PATIENCE)).data)
+                    if message["type"] == "frame":
+                        await page.send_str("seen")
                     answered = answered or (message["type"] == "answer" and message["id"] == number)
                     if message["type"] == "answer":
                         assert message["ok"], message
@@ -126,7 +128,7 @@ def named(graph, name):
 
 
 def test_a_session_survives_a_crash_of_the_node_in_the_middle(graph, tmp_path):
-    short_protocol(tmp_path, baseline=1, reach=1, hold=20)
+    short_protocol(tmp_path, baseline=1, reach=1, hold=90)
     process = start(tmp_path, protocol=tmp_path / "short.yaml")
     try:
         port = port_of(process)

@@ -5,6 +5,7 @@ import json
 import os
 import socket
 import time
+from itertools import pairwise
 
 import aiohttp
 import pytest
@@ -32,6 +33,8 @@ async def of_kind(page, kind, **wanted):
         message = await asyncio.wait_for(page.receive(), PATIENCE)
         assert message.type == aiohttp.WSMsgType.TEXT, message
         content = json.loads(message.data)
+        if content["type"] == "frame":
+            await page.send_str("seen")
         if content["type"] == kind and all(content.get(key) == value for key, value in wanted.items()):
             return content
 
@@ -85,6 +88,30 @@ def test_who_sends_what_no_page_sends_is_disconnected_alone(laboratory, kind):
     assert laboratory.session.state == "armed"
     if kind == "flood":
         assert len(laboratory.events) < 150  # of 2000 notes
+
+
+def test_seen_without_a_frame_is_not_what_a_page_says(laboratory):
+    async def scenario(session):
+        page = await session.ws_connect(laboratory.url("/ws?role=subject"))
+        for _ in range(100):
+            await page.send_str("seen")
+        assert await closing(page) == 1008
+
+    talk(laboratory, scenario)
+
+
+def test_a_busy_page_gets_the_newest_frame_not_old_ones(laboratory):
+    async def scenario(session):
+        page = await session.ws_connect(laboratory.url("/ws?role=subject"))
+        await of_kind(page, "frame")
+        await asyncio.sleep(2.0)
+        waiting = [await of_kind(page, "frame") for _ in range(6)]
+        return [time.time() - frame["now"] for frame in waiting[-1:]], [frame["n"] for frame in waiting]
+
+    (age,), numbers = talk(laboratory, scenario)
+    # 60 frames were made meanwhile; the few on their way are passed, then comes the present.
+    assert age < 1.0
+    assert max(later - earlier for earlier, later in pairwise(numbers)) > 20
 
 
 def test_a_subjects_page_has_nothing_to_say(laboratory):

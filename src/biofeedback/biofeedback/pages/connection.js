@@ -31,6 +31,8 @@ export class Connection {
       this.version = message.version;
     }
     this.on[message.type]?.(message);
+    // The node sends the next frames only to a page that has taken these: a busy page skips frames instead of showing old ones.
+    if (message.type === "frame") this.socket.send("seen");
   }
 
   get connected() {

@@ -361,6 +361,6 @@ export class Screen {
     if (!canvas.width || !canvas.height) return;
     const { quality, x, y } = drawScreen(this.context, canvas.width, canvas.height, this.frame, this.state, silence);
     this.drawn += 1;
-    Object.assign(canvas.dataset, { quality, x: x.toFixed(1), y: y.toFixed(1), drawn: this.drawn, frame: this.frame?.n ?? "" });
+    Object.assign(canvas.dataset, { quality, x: x.toFixed(1), y: y.toFixed(1), drawn: this.drawn, frame: this.frame?.n ?? "", made: this.frame?.now ?? "" });
   }
 }
