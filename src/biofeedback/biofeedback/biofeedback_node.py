@@ -50,6 +50,8 @@ ESTIMATE = ("K[N.m/rad]", "G[N.m.s/rad]", "valid[1]")
 LOOK_PERIOD = 1.0  # s; how soon a rig or a simulated subject that starts later is seen
 SAVE_PERIOD = 1.0  # s; what a crash may cost of a step's clock
 START_PATIENCE = 10.0  # s
+# A recorder hears a node that was started anew only once the two have found each other: events wait for it, with the times they have.
+DISCOVERY, LONGEST_DISCOVERY = 2.0, 10.0  # s; with a reader, without one
 EVENTS_KEPT = 100  # for a recorder that is slow to read; a session has a few hundred events in all
 
 
@@ -66,6 +68,7 @@ class BiofeedbackNode(AnkleNode):
         self._events = self.create_publisher(String, EVENT_TOPIC, EVENTS_KEPT)
         self._desk = Desk(session, self._signals, self._rig, self._person, self._publish, self.number("cursor_frequency"))
         self._server = Server(self._desk, self._signals, access, self.now, self.number("frame_rate"), self._beat)
+        self._began, self._unsent = time.monotonic(), list[SessionEvent]()
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
@@ -117,7 +120,9 @@ class BiofeedbackNode(AnkleNode):
             self.health("saved session", WARN, str(error))
 
     def _beat(self) -> None:
-        """Keep progress on disk: at each step, and once a second while the clock runs."""
+        """Send what waits, and keep progress on disk: at each step, and once a second while the clock runs."""
+        if self._unsent:
+            self._send_events()
         present = self._desk.session.saved()
         timeless = {"elapsed": 0.0, "clock": 0.0}
         stepped = {**present, **timeless} != {**self._saved, **timeless}
@@ -130,8 +135,17 @@ class BiofeedbackNode(AnkleNode):
             self.health("saved session", WARN, f"progress is not kept: {error}")
 
     def _publish(self, event: SessionEvent) -> None:
-        self._events.publish(String(data=event.line()))
         self.get_logger().info(event.line())
+        self._unsent.append(event)
+        self._send_events()
+
+    def _send_events(self) -> None:
+        """What is unsent, as soon as the readers are there."""
+        running = time.monotonic() - self._began
+        if running > LONGEST_DISCOVERY or (running > DISCOVERY and self._events.get_subscription_count()):
+            for event in self._unsent:
+                self._events.publish(String(data=event.line()))
+            self._unsent.clear()
 
     def _look(self) -> None:
         self._rig.look()

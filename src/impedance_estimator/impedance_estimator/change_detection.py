@@ -9,7 +9,7 @@ everything before that window is forgotten (Willsky & Jones, IEEE Trans. Autom. 
 the memory grows to its full length, so precision and speed are not traded against each other.
 
 A change is found from few data, and may so be placed a little early. While the memory grows again, the test is therefore also
-made for its first few blocks alone, with the noise of all that came after them.
+made for its first few blocks alone, with the noise of all that came after them; no more than those are given up.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ SHORTEST = 6
 LEAST_OLDER = 16
 """Blocks that must be left before the window: 1 s, one or two perturbations."""
 LEFT_OVER = (12, 8, 5, 3, 2, 1)
-"""Blocks of an older part that may be left over from before a change that was placed a little too early. They are looked for until the
-memory is full: so short a part would otherwise pull the estimate for as long as the memory lasts."""
+"""Blocks that may be left over from before a change that was placed a little too early, the most first: 0.75 s in all. They are looked for
+until the memory is full: so short a part would otherwise pull the estimate for as long as the memory lasts."""
 GROWTH = 1.4
 """Ratio of successive windows."""
 
@@ -74,7 +74,7 @@ def find_change(
     ring: np.ndarray,
     newest: int,
     length: int,
-    restarted: bool,
+    left_over: int,
     windows: np.ndarray,
     total: np.ndarray,
     tangent: np.ndarray,
@@ -91,7 +91,7 @@ def find_change(
         ring: packed sums of every block, shape (capacity, packed).
         newest: index of the newest block in the ring.
         length: blocks in the memory.
-        restarted: whether the memory is still growing since the last change.
+        left_over: blocks at the beginning of the memory, at most, that may be from before the last change.
         windows: candidate lengths, rising.
         total: normal matrix of the whole memory, shape (n, n).
         tangent: of the linear problem, see `unpack_sums`.
@@ -100,7 +100,6 @@ def find_change(
         matrices: shape (6, n, n), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3, >= 4); overwritten.
     """
     best, largest = 0, 0.0
-    left_over = len(LEFT_OVER) if restarted else 0
     recent, older = matrices[0], matrices[1]
     together, solution, prior = vectors[0], vectors[1], vectors[2]
     prior[:] = 1e-12
@@ -111,8 +110,13 @@ def find_change(
     grown = 0
     while grown < windows.shape[0] and length - windows[grown] >= LEAST_OLDER:
         grown += 1
-    for candidate in range(grown + left_over):
-        window = windows[candidate] if candidate < grown else length - LEFT_OVER[candidate - grown]
+    for candidate in range(grown + len(LEFT_OVER)):
+        if candidate < grown:
+            window = windows[candidate]
+        elif LEFT_OVER[candidate - grown] <= left_over:
+            window = length - LEFT_OVER[candidate - grown]
+        else:
+            continue
         if window < SHORTEST:
             continue
         while taken < window:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator import reflex_shapes, validity
-from impedance_estimator.change_detection import find_change
+from impedance_estimator.change_detection import LEAST_OLDER, LEFT_OVER, find_change
 from impedance_estimator.compilation import part
 from impedance_estimator.joint_memory import sum_memory, sum_recent
 from impedance_estimator.joint_regression import (
@@ -54,7 +54,7 @@ def forget(s: State) -> None:
     c = s.counters[0]
     s.sums[:] = 0.0
     s.totals[:] = 0.0
-    c.filled = c.length = c.blocks = c.batches = c.finished = 0
+    c.filled = c.length = c.left_over = c.blocks = c.batches = c.finished = 0
     c.model = FIRST_MODEL
     c.variance = np.nan
     c.dispersion = 1.0
@@ -172,7 +172,7 @@ def detect_change(p: Plan, s: State) -> None:
         s.ring[c.model],
         c.newest,
         c.length,
-        c.length < p.memory_blocks and c.length < c.blocks,
+        c.left_over if c.length < p.memory_blocks else 0,
         p.windows,
         s.matrices[6],
         s.tangent,
@@ -197,6 +197,8 @@ def detect_change(p: Plan, s: State) -> None:
         width = DEVIATIONS[c.deviation] * c.gain * p.typical[j]
         known = 2.0 * c.variance * s.covariance[PARAMETERS + j, PARAMETERS + j] / width**2 + DEVIATION_DRIFT**2
         s.deviation[2, j] = min(np.sqrt(known), 1.0)
+    forgotten = c.length - window
+    c.left_over = LEFT_OVER[0] if forgotten >= LEAST_OLDER else c.left_over - forgotten
     c.length = window
     for model in range(s.ring.shape[0]):
         sum_memory(s, model)

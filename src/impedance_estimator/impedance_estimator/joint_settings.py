@@ -23,12 +23,12 @@ class JointSettings(EstimatorSettings):
         "on", CHANGE_DETECTION_CHOICES, "'on' forgets what was before a change; 'off' always uses the full memory, rise time 0.8 memory."
     )
     change_threshold: float = number(
-        100.0,
+        200.0,
         "1",
         15.0,
         1000.0,
-        "Of the likelihood ratio. Without a change it stays below 30 in simulation and below 90 on real ankles, which are no perfect "
-        "spring, damper and mass; a jump of K by 5 % within a second reaches it.",
+        "Of the likelihood ratio. Without a change it stays below 30 in simulation, and below 200 on two real ankles, which are no perfect "
+        "spring, damper and mass; at 100 one of them restarted its memory every second.",
     )
     rest_velocity: float = number(
         0.005,

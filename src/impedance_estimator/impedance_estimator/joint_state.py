@@ -7,12 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 COUNTERS = np.dtype(
-    [(name, np.int64) for name in ("index", "filled", "blocks", "newest", "length", "model", "deviation", "batches", "finished")]
+    [
+        (name, np.int64)
+        for name in ("index", "filled", "blocks", "newest", "length", "left_over", "model", "deviation", "batches", "finished")
+    ]
     + [(name, np.float64) for name in ("variance", "gain", "vaf_intrinsic", "vaf_total", "dispersion")]
 )
 """Counters: newest raw sample, decimated samples in the present block, blocks so far, newest block in the ring, blocks in the
-memory, noise model, width of the deviation's prior, batches of scores, whether a block is complete. Noise variance [N²m²],
-G₀ [N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
+memory, how many of the oldest of them may be from before the last change, noise model, width of the deviation's prior, batches of
+scores, whether a block is complete. Noise variance [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
 
 
 class Plan(NamedTuple):

@@ -26,14 +26,14 @@ def solved(normal, size, precision, mean, count):
 
 
 @njit
-def changed(ring, length, restarted, windows, total):
+def changed(ring, length, left_over, windows, total):
     # One basis function whose coordinate is one: the four signals are the four regressors.
     tangent = np.zeros((1, 4))
     tangent[0, 0] = 1.0
     matrices, vectors = np.zeros((6, 9, 9)), np.zeros((3, 8))
     sums, projection = np.zeros(ring.shape[1]), np.zeros((5, 9))
     return find_change(
-        ring, len(ring) - 1, length, restarted, windows, total, tangent, JUMP_PRECISION, BLOCK, matrices, sums, projection, vectors
+        ring, len(ring) - 1, length, left_over, windows, total, tangent, JUMP_PRECISION, BLOCK, matrices, sums, projection, vectors
     )
 
 
@@ -80,7 +80,7 @@ def test_a_singular_system_is_refused():
 def test_a_change_is_placed_where_it_was(since):
     blocks = 60
     ring, total = memory(since, blocks - since, blocks)
-    window, d = changed(ring, blocks, False, candidate_windows(blocks), total)
+    window, d = changed(ring, blocks, 0, candidate_windows(blocks), total)
     assert window == since
     # Expected D: the jump over its standard error, squared, within the window.
     assert d > 0.5 * np.sum((AFTER - BEFORE) ** 2) / NOISE**2 * since * BLOCK * (blocks - since) / blocks
@@ -90,7 +90,7 @@ def test_without_a_change_the_statistic_stays_low():
     largest = []
     for seed in range(200):
         ring, total = memory(seed, 60, 60)
-        largest.append(changed(ring, 60, False, candidate_windows(60), total)[1])
+        largest.append(changed(ring, 60, 0, candidate_windows(60), total)[1])
     # Chi-square with four degrees of freedom has 1 % above 13; the largest of eight dependent windows a little more.
     assert np.percentile(largest, 50) < 13.0
     assert max(largest) < 40.0
@@ -100,13 +100,14 @@ def test_without_a_change_the_statistic_stays_low():
 def test_what_is_left_over_from_before_a_change_is_found(left):
     blocks = 30
     ring, total = memory(left, left, blocks)
-    window, d = changed(ring, blocks, True, candidate_windows(320), total)
+    window, d = changed(ring, blocks, LEFT_OVER[0], candidate_windows(320), total)
     assert window == blocks - left
     assert d > 100.0
-    # Too short to count as an older part otherwise.
+    # No more than may be left over; and too short to count as an older part otherwise.
+    assert changed(ring, blocks, left - 1, candidate_windows(320), total)[0] != blocks - left
     assert left < LEAST_OLDER
     assert left in LEFT_OVER
-    assert changed(ring, blocks, False, candidate_windows(320), total)[0] != blocks - left
+    assert changed(ring, blocks, 0, candidate_windows(320), total)[0] != blocks - left
 
 
 @pytest.mark.parametrize("omega", [8.0, 15.0, 30.0])
