@@ -15,8 +15,10 @@ import aiohttp
 
 from biofeedback.server import SEEN
 
-CORRECTION = 0.6
-"""Part of the error that is corrected each second: the estimate answers within two to three seconds, so more would swing."""
+PUSH_CORRECTION = 0.5
+"""Part of the torque's error that is corrected each second: the shown torque answers within one."""
+FEEDBACK_CORRECTION = 0.1
+"""The same for K or G: an estimate that remembers up to 20 s answers late, and who corrects faster swings."""
 LONGEST_SILENCE = 30.0
 """[s]"""
 LIMITS = {"excitability": (0.02, 1.0), "cocontraction": (0.0, 1.0)}
@@ -107,10 +109,10 @@ class ScriptedSession:
         person, target = state["person"], state["target"]
         if person is None or frame["quality"] != "valid":
             return
-        changed = {"push": round(min(max(person["push"] + CORRECTION * (frame["y"] - target["torque"]), -20.0), 20.0), 3)}
+        changed = {"push": round(min(max(person["push"] + PUSH_CORRECTION * (frame["y"] - target["torque"]), -20.0), 20.0), 3)}
         if target["lower"] is not None and frame["x"] > 0.0:
             name = "excitability" if target["feedback"] == "G" else "cocontraction"
             ratio = 0.5 * (target["lower"] + target["upper"]) / frame["x"]
             lower, upper = LIMITS[name]
-            changed[name] = round(min(max(max(person[name], 0.02) * ratio**CORRECTION, lower), upper), 4)
+            changed[name] = round(min(max(max(person[name], 0.02) * ratio**FEEDBACK_CORRECTION, lower), upper), 4)
         await self._say(page, "person", **changed)
