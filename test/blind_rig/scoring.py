@@ -1,7 +1,8 @@
 """What a diagnosis got right, once the seal is open.
 
 Every rate comes with its counts. A verdict's named set is, for each effect that it states, the effect's
-name with its ``set``: the names that fit about equally well. A set counts when it holds at most three names.
+name with its ``set``: the names that fit about equally well. A set counts when it holds at most three names. A
+tentative name that is wrong does not make a right one beside it wrong; alone it does.
 """
 
 from __future__ import annotations
@@ -90,12 +91,12 @@ def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, A
     effects = stated_effects(verdict)
     names = [str(effect.get("name")) for effect in effects]
     found = [h for h in hidden if any(_accepts(h, name) for name in names)]
-    foreign = [name for name in names if not any(_accepts(h, name) for h in hidden)]
+    foreign = [str(e.get("name")) for e in effects if not e.get("tentative") and not any(_accepts(h, str(e.get("name"))) for h in hidden)]
     if len(found) == len(hidden) and not foreign:
         return "right"
     sets = [s for s in (named_set(effect) for effect in effects) if len(s) <= LARGEST_SET]
     in_set = [h for h in hidden if h in found or any(_accepts(h, name) for s in sets for name in s)]
-    strange = [e for e in effects if not any(_accepts(h, n) for h in hidden for n in named_set(e))]
+    strange = [e for e in effects if not e.get("tentative") and not any(_accepts(h, n) for h in hidden for n in named_set(e))]
     if len(in_set) == len(hidden) and not strange:
         return "set"
     return "partial" if in_set else "wrong_name"

@@ -177,8 +177,8 @@ def _conclude(
 ) -> Verdict:
     word, closed = kind(found, after, findings, strange, Scores(base.vaf, final.vaf, ceiling[1]))
     effects = [
-        effect_entry(effect, found.final, size_of(fitter, found.final, effect.trial.name, base_map.onsets), closed)
-        for effect in found.effects
+        effect_entry(effect, found.final, size_of(fitter, found.final, effect.trial.name, base_map.onsets), place == 0, after.share)
+        for place, effect in enumerate(found.effects)
     ]
     effects += [finding_entry(finding) for finding in findings]
     reasons = separating_measurements(effects)

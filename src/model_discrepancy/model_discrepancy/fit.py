@@ -17,7 +17,7 @@ from scipy.optimize import least_squares, lsq_linear
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.block_bootstrap import bootstrap_errors
-from model_discrepancy.columns import Column, Columns
+from model_discrepancy.columns import FOOT_IMPEDANCE, Column, Columns
 from model_discrepancy.rows import Rows
 
 Start = Mapping[str, Mapping[str, float]]
@@ -71,6 +71,13 @@ class Fit:
 def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
     """The nonlinear fitted parameters of these terms, with the term's name."""
     return [(name, p) for name in names for p in term_library()[name].parameters if p.fitted and not p.linear]
+
+
+def searched(names: Sequence[str]) -> list[tuple[str, Parameter]]:
+    """What a fit searches for: the nonlinear parameters, and the foot's impedance where a compliant fixation filters by it."""
+    coupled = any(issubclass(term_library()[name], CompliantCoupling) for name in names)
+    foot = [(name, p) for name in names if coupled and name in FOOT_IMPEDANCE for p in term_library()[name].parameters if p.linear]
+    return nonlinear(names) + foot
 
 
 def to_unit(parameter: Parameter, value: float) -> float:
@@ -151,42 +158,40 @@ class Fitter:
         """
         mask = self.rows.used if mask is None else mask & self.rows.used
         values = self.start_values(names, start)
-        free = nonlinear(names)
+        free = searched(names)
         if free:
-            for _ in range(self._passes(values)):
-                problem = _Projection(self, values, free, mask)
-                first = np.array([min(max(to_unit(p, values[name][p.symbol]), 2 * _STEP), 1 - 2 * _STEP) for name, p in free])
-                found = least_squares(
-                    problem.residual,
-                    first,
-                    jac=problem.jacobian,
-                    bounds=(0.0, 1.0),
-                    x_scale=1.0,
-                    max_nfev=evaluations,
-                    ftol=tolerance,
-                    xtol=10.0 * tolerance,
-                )
-                values = self.solve(problem.values_at(found.x), mask).values
+            problem = _Projection(self, values, free, mask)
+            first = np.array([min(max(to_unit(p, values[name][p.symbol]), 2 * _STEP), 1 - 2 * _STEP) for name, p in free])
+            found = least_squares(
+                problem.residual,
+                first,
+                jac=problem.jacobian,
+                bounds=(0.0, 1.0),
+                x_scale=1.0,
+                max_nfev=evaluations,
+                ftol=tolerance,
+                xtol=10.0 * tolerance,
+            )
+            values = problem.values_at(found.x)
         return self.solve(values, mask)
 
-    def _passes(self, values: Start) -> int:
-        """A fixation filters by the foot's own impedance, which is known only after a fit; then it takes several."""
-        return 3 if any(issubclass(term_library()[name], CompliantCoupling) for name in values) else 1
-
     def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:
-        """The fit with these nonlinear parameters; only the linear ones are solved for."""
+        """The fit with these values of what is searched for; only the other, linear parameters are solved for."""
         mask = self.rows.used if mask is None else mask & self.rows.used
         spectra = self.columns.spectra(values)
         order = list(spectra)
         matrix = self.whitened(spectra.values())
-        amplitudes = bounded(matrix[mask], self.target[mask], *ranges(order))
+        amplitudes = np.array([float(values[name][symbol]) for name, symbol in order])
+        given = {(name, p.symbol) for name, p in searched(list(values))}
+        open_ = np.array([column not in given for column in order])
+        rest = self.target - matrix[:, ~open_] @ amplitudes[~open_]
+        amplitudes[open_] = bounded(matrix[mask][:, open_], rest[mask], *ranges(c for c in order if c not in given))
         residual = self.target - matrix @ amplitudes
         left = self.columns.target - sum(a * spectra[c] for a, c in zip(amplitudes, order, strict=True))
         filled = {name: dict(given) for name, given in values.items()}
         for amplitude, (name, symbol) in zip(amplitudes, order, strict=True):
             filled[name][symbol] = float(amplitude)
-        free = nonlinear(list(values))
-        size = len(free) + len(order)
+        size = len(nonlinear(list(values))) + len(order)
         return Fit(filled, residual, left, self.rows, float(residual[mask] @ residual[mask]), size, at_bounds=_bounds(filled))
 
     def evaluate(self, values: Start) -> Fit:
@@ -198,13 +203,12 @@ class Fitter:
     def derivatives(self, fit: Fit, plain: bool = False) -> tuple[np.ndarray, list[Column]]:
         """Columns and derivatives by the nonlinear parameters per unit of the scaled range, shape (count, size), whitened or plain."""
         spectra = self.columns.spectra(fit.values)
-        blocks = [np.column_stack([self.rows.plain(s) for s in spectra.values()]) if plain else self.whitened(spectra.values())]
-        labels: list[Column] = list(spectra)
         amplitudes = {(n, symbol): fit.values[n][symbol] for n, symbol in spectra}
-        for name, parameter in nonlinear(fit.terms):
-            blocks.append(self.slope(fit.values, name, parameter, amplitudes, spectra, plain)[:, None])
-            labels.append((name, parameter.symbol))
-        return np.hstack(blocks), labels
+        found = {c: self.rows.plain(s) if plain else self.whitened([s])[:, 0] for c, s in spectra.items()}
+        for name, parameter in searched(fit.terms):
+            slope = self.slope(fit.values, name, parameter, amplitudes, spectra, plain)
+            found[name, parameter.symbol] = slope / _stretch(parameter, fit.values[name][parameter.symbol]) if parameter.linear else slope
+        return np.column_stack(list(found.values())), list(found)
 
     def room(self, fit: Fit, labels: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
         """How far each parameter may go down and up; nonlinear ones on their scaled range, where the fit is linear enough."""
@@ -223,7 +227,7 @@ class Fitter:
     def slope(
         self, values: Start, name: str, parameter: Parameter, amplitudes: Mapping[Column, float], here: Spectra, plain: bool = False
     ) -> np.ndarray:
-        """Derivative of the model torque, whitened or plain, by a nonlinear parameter per unit of its scaled range, shape (count,).
+        """Derivative of the model torque, whitened or plain, by a searched parameter per unit of its scaled range, shape (count,).
 
         One-sided difference.
 
@@ -236,9 +240,11 @@ class Fitter:
         """
         unit = to_unit(parameter, values[name][parameter.symbol])
         step = _STEP if unit + _STEP <= 1.0 else -_STEP
-        moved = self.columns.spectra(_moved(values, name, parameter, unit + step))
+        moved = _moved(values, name, parameter, unit + step)
         # Columns that the parameter does not touch come back as the very same arrays.
-        change = sum(amplitudes[c] * (s - here[c]) for c, s in moved.items() if s is not here[c])
+        change = sum(amplitudes[c] * (s - here[c]) for c, s in self.columns.spectra(moved).items() if s is not here[c])
+        if parameter.linear:
+            change = change + (moved[name][parameter.symbol] - amplitudes[name, parameter.symbol]) * here[name, parameter.symbol]
         rows = self.rows.plain if plain else self.rows.whitened
         return np.zeros(self.rows.count) if isinstance(change, int) else rows(change) / step
 
@@ -290,7 +296,8 @@ class _Projection:
         amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}
         slopes = np.column_stack([self._fitter.slope(values, name, p, amplitudes, spectra) for name, p in self._free])[self._mask]
         # Columns at a bound do not follow, so they are not projected out.
-        inside = [s for (n, symbol), s in spectra.items() if f"{n}.{symbol}" not in self._fit.at_bounds]
+        own = {(name, p.symbol) for name, p in self._free}
+        inside = [s for (n, symbol), s in spectra.items() if (n, symbol) not in own and f"{n}.{symbol}" not in self._fit.at_bounds]
         if inside:
             basis = orthonormal(self._fitter.whitened(inside)[self._mask])
             slopes = slopes - basis @ (basis.T @ slopes)

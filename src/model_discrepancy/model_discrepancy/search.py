@@ -8,15 +8,17 @@ Deciding by the plain error would never stop: voluntary torque is autocorrelated
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
+from model_discrepancy.columns import Columns
 from model_discrepancy.effect_size import torque_share
-from model_discrepancy.fit import Fit, Fitter, Start, bounded
+from model_discrepancy.fit import Fit, Fitter, Start, bounded, orthonormal
 from model_discrepancy.halves import interleaved
+from model_discrepancy.rows import Rows
 from model_discrepancy.screening import Point, Screened, candidates, grid, screen, with_term, without_term
 
 ACCEPTED = 0.03
@@ -28,7 +30,7 @@ RIVAL_EXCESS = 0.03
 RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
 # Share of the mismatch. A term that takes off less corrects the equation of a larger one, as far as anyone can tell.
-REFINEMENT = 0.02
+REFINEMENT = 0.05
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less is below any instrument's own errors.
 MATERIAL = 1e-3
 # Of the whitened residual that a candidate promises, to be refitted at all.
@@ -43,9 +45,16 @@ REFITTED = 4
 CLOSE = 0.6
 # Of those, so many are scored on unseen rows: the best, and one that may generalise better.
 JUDGED = 3
+# Of the candidates for slow effects, so many are refitted: half of the plain error is voluntary torque, which no order survives well.
+SLOW_REFITTED = 5
 # Whitened gains within this ratio are too near to choose by: which of two comes first depends on what is still missing.
 EQUAL = 0.5
-MOST_TERMS = 6
+MOST_TERMS = 9
+# Weight of the plain error beside the whitened one (both as logarithms) where they are judged together: slow torque has about a quarter as
+# many independent values as rows, and what acts slowly, a reflex, shows there.
+PLAIN_WEIGHT = 0.25
+# A term that keeps off so much of the error, by a linear refit of the others, is not tried without: no refit makes up for that.
+NEEDED = 0.1
 # Starts of the base fit: its delay and muscle speed have several minima.
 BASE_STARTS = tuple({"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0))
 
@@ -62,6 +71,7 @@ class Trial:
         gain: share of the whitened sum of squares that it takes off.
         held_out: the same on unseen rows, in both directions; 0 for candidates far behind the best.
         bic: change of BIC; negative is better.
+        slow: whether it was found by what it gains in the plain error.
     """
 
     name: str
@@ -69,6 +79,7 @@ class Trial:
     gain: float
     held_out: tuple[float, float]
     bic: float
+    slow: bool = False
 
     @property
     def accepted(self) -> bool:
@@ -176,19 +187,7 @@ def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, prog
     found = Found(base, base)
     grids = _Grids(library)
     yardstick = fitter.rows.gain()
-    current = base
-    while len(found.effects) < MOST_TERMS:
-        progress(f"looking for term {len(found.effects) + 1}: screening")
-        trials = _step(fitter, current, grids, progress)
-        good = [t for t in trials if t.accepted] or [t for t in trials if t.tentative]
-        if not good:
-            found.near = trials[:3]
-            break
-        best = _chosen(fitter, good)
-        fitter.whiten_by(best.fit)
-        current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
-        found.effects.append(Effect(best, _error(current, yardstick), tentative=not best.accepted))
-        current = _drop_superfluous(fitter, found, current, progress)
+    current = _add_terms(fitter, found, base, grids, yardstick, progress)
     current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
     _settle_alignment(fitter, found, current, yardstick)
     found.final = current
@@ -201,6 +200,23 @@ def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, prog
     found.final = fitter.with_errors(current)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
+
+
+def _add_terms(fitter: Fitter, found: Found, current: Fit, grids: _Grids, yardstick: np.ndarray, progress: Progress) -> Fit:
+    """The model with as many further terms as are worth it; they are noted in `found`."""
+    while len(found.effects) < MOST_TERMS:
+        progress(f"looking for term {len(found.effects) + 1}: screening")
+        trials = _step(fitter, current, grids, progress)
+        good = [t for t in trials if t.accepted] or [t for t in trials if t.tentative] or _slow_step(fitter, current, grids, progress)
+        if not good:
+            found.near = trials[:3]
+            break
+        best = _chosen(fitter, good)
+        fitter.whiten_by(best.fit)
+        current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
+        found.effects.append(Effect(best, _error(current, yardstick), tentative=not best.accepted))
+        current = _drop_superfluous(fitter, found, current, progress)
+    return current
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
@@ -249,6 +265,28 @@ def _step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> li
     return judged
 
 
+def _slow_step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> list[Trial]:
+    """The candidate that gains most in the plain error, if it gains in the whitened error too; none or one."""
+    progress("looking for slow terms")
+    plain = Fitter(Columns(fitter.columns.motion, Rows(len(fitter.columns.motion.position), fitter.columns.motion.rate)))
+    screened = screen(plain, plain.evaluate(current.values), grids.best(current))
+    found: list[tuple[float, Trial]] = []
+    for s in screened[:SLOW_REFITTED]:
+        if s.share < ACCEPTED:
+            continue
+        trial = _try(fitter, current, s.name, {**current.values, s.name: s.start})
+        gains, together = _gains(fitter, current, trial.fit)
+        if min(gains) > 0.0 and together >= TENTATIVE and trial.bic < -BIC_FALL:
+            found.append((together, replace(trial, held_out=gains, slow=True)))
+    return [max(found, key=lambda entry: entry[0])[1]] if found else []
+
+
+def _gains(fitter: Fitter, old: Fit, new: Fit) -> tuple[tuple[float, float], float]:
+    """Gain on unseen rows: whitened, in both directions, and together with the plain one, in the worse direction."""
+    white, plain = (halves_gain(halves_errors(fitter, old, kind), halves_errors(fitter, new, kind)) for kind in (False, True))
+    return white, min(w + PLAIN_WEIGHT * p for w, p in zip(white, plain, strict=True))
+
+
 def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int = 12) -> Trial:
     fit = fitter.fit(with_term(current.terms, name), start, evaluations=evaluations)
     gain = 1.0 - fit.score / current.score
@@ -283,12 +321,25 @@ def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Prog
     """Remove earlier terms that the later ones made superfluous."""
     for effect in list(found.effects[:-1]):
         name = effect.trial.name
+        if _promised_loss(fitter, current, name) > NEEDED:
+            continue
         without = fitter.fit(without_term(current.terms, name), current.values, evaluations=20)
-        if 1.0 - current.score / without.score < TENTATIVE:
+        if 1.0 - current.score / without.score < TENTATIVE and _gains(fitter, without, current)[1] < TENTATIVE:
             progress(f"{name} is superfluous now")
             found.effects.remove(effect)
             current = without
     return current
+
+
+def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
+    """Share of the whitened error that one term keeps off, as far as a linear refit of the others tells."""
+    left = without_term(current.terms, name)
+    used = fitter.rows.used
+    derivatives, labels = fitter.derivatives(current)
+    basis = orthonormal(derivatives[used][:, [k for k, (term, _) in enumerate(labels) if term in left]])
+    residual = fitter.evaluate({term: current.values[term] for term in left}).residual[used]
+    residual = residual - basis @ (basis.T @ residual)
+    return 1.0 - current.score / float(residual @ residual)
 
 
 def _weigh(fitter: Fitter, found: Found, before: float) -> None:
@@ -297,14 +348,15 @@ def _weigh(fitter: Fitter, found: Found, before: float) -> None:
     whole = before - found.effects[-1].error
     effects, found.effects = found.effects, []
     for effect in effects:
-        small = before - effect.error < REFINEMENT * abs(whole) or torque_share(fitter, final, effect.trial.name) ** 2 < MATERIAL
+        small = before - effect.error < REFINEMENT * abs(whole) and not effect.trial.slow
+        small = small or torque_share(fitter, final, effect.trial.name) ** 2 < MATERIAL
         before = min(before, effect.error)
         (found.refinements if small else found.effects).append(effect)
     for effect in found.effects:
         name = effect.trial.name
         effect.without = fitter.fit(without_term(final.terms, name), final.values, evaluations=15)
         gain = 1.0 - final.score / effect.without.score
-        effect.trial = Trial(name, final, gain, effect.trial.held_out, bic_change(fitter, effect.without, final))
+        effect.trial = replace(effect.trial, fit=final, gain=gain, bic=bic_change(fitter, effect.without, final))
 
 
 def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> None:
