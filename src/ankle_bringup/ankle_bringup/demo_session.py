@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from contextlib import AsyncExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -17,8 +18,12 @@ from biofeedback.system_browser import ARGUMENTS, MISSING, find_browser
 from session_analysis.console import report_validation
 from session_analysis.errors import AnalysisError
 
+if TYPE_CHECKING:
+    from playwright.async_api import Page
+
 LONGEST = 420.0  # s; the session lasts 150 s on an idle machine
 SCREENSHOT_AT = ("hold", 2)  # the hold at -5 N.m
+SETTLED = 3.0  # s in front before a page is photographed
 
 
 def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str]:
@@ -83,7 +88,7 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
         async def take_pictures(kind: str, hold: int) -> None:
             # Beside the session: a browser that is slow must not keep the subject waiting.
             if (kind, hold) == SCREENSHOT_AT:
-                taking.extend(asyncio.create_task(page.screenshot(path=out / f"{name}.png")) for name, page in pages.items())
+                taking.append(asyncio.create_task(_photograph(pages, out)))
 
         session = ScriptedSession(url, take_pictures, lambda sentence: console.print(f"  {sentence}"))
         try:
@@ -94,6 +99,14 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
             str(found).splitlines()[0] for found in await asyncio.gather(*taking, return_exceptions=True) if isinstance(found, Exception)
         ]
         return state, f"not made: {failed[0]}" if failed else pictures
+
+
+async def _photograph(pages: dict[str, Page], out: Path) -> None:
+    """One page after the other: a browser hardly serves a page that is not in front."""
+    for name, page in pages.items():
+        await page.bring_to_front()
+        await page.wait_for_timeout(1000.0 * SETTLED)
+        await page.screenshot(path=out / f"{name}.png")
 
 
 def hold_shares(log: list[dict]) -> str:

@@ -25,7 +25,7 @@ def test_settings_reach_the_command_line():
 def test_an_option_adds_its_nodes_and_a_graph_without_it_says_so():
     rig = load_graph("rig")
     names = {node.name for node in rig.with_options([]).nodes}
-    assert names == {"impedance_estimator", "ankle_actuator_driver", "perturbation_generator"}
+    assert names == {"biofeedback", "impedance_estimator", "ankle_actuator_driver", "perturbation_generator"}
     assert {node.name for node in rig.with_options(["emulator"]).nodes} - names == {"rig_emulator"}
     with pytest.raises(GraphError, match="no option 'emulator'"):
         load_graph("simulated").with_options(["emulator"])
