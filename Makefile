@@ -5,14 +5,16 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/set-up
 LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
 
-.PHONY: setup demo test test-slow lint bench clean help
+.PHONY: setup demo test test-slow lint bench bench-live bench-diagnosis clean help
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 5 minutes)"
 	@echo "make test    set up, lint, type-check and test (under 10 minutes)"
 	@echo "make test-slow   the long tests as well"
-	@echo "make bench   every benchmark of docs/performance.md"
+	@echo "make bench   the benchmarks of simulation, estimators, files and graph (4 minutes)"
+	@echo "make bench-live   those with a rig, a browser and EMG (20 minutes)"
+	@echo "make bench-diagnosis   those of the diagnosis (5 minutes)"
 
 setup: $(STAMP)
 
@@ -49,6 +51,14 @@ bench: setup
 	@$(BIN)/python benchmarks/estimators.py
 	@$(BIN)/python benchmarks/offline.py
 	@$(BIN)/python benchmarks/graph.py --seconds 60
+
+bench-live: setup
+	@$(BIN)/python benchmarks/rig.py --stops 30
+	@$(BIN)/python benchmarks/feedback_latency.py
+	@$(BIN)/python benchmarks/emg_graph.py --seconds 600
+
+bench-diagnosis: setup
+	@$(BIN)/python benchmarks/discrepancy_fit.py
 
 demo: setup
 	@$(BIN)/ankle demo
