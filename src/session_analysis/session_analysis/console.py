@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from session_analysis.correlation import LEAST_PAIRS
 from session_analysis.errors import AnalysisError
 from session_analysis.report import correlation_rows, write_report
 from session_analysis.validation import validate
@@ -35,11 +36,14 @@ def report_validation(
     found = validate([Path(bag) for _, _, bag in named], subjects, recompute=recompute, progress=progress)
     out.mkdir(parents=True, exist_ok=True)
     report = write_report(found, out, "Impedance estimates against EMG")
-    head, *rows = correlation_rows(found)
-    table = Table(*head)
-    for row in rows:
-        table.add_row(*(cell.replace("[", "\\[") for cell in row))
-    console.print(table)
+    if all(cell.correlation.n < LEAST_PAIRS for cell in found.cells):
+        console.print(f"{len(found.measures)} holds used: too few for a correlation, which needs {LEAST_PAIRS} of one torque target")
+    else:
+        head, *rows = correlation_rows(found)
+        table = Table(*head)
+        for row in rows:
+            table.add_row(*(cell.replace("[", "\\[") for cell in row))
+        console.print(table)
     for one in found.excluded:
         console.print(f"left out: {one.what}: {one.reason}", markup=False)
     console.print(f"report: {report.resolve()}", markup=False)
