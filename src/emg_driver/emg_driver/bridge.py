@@ -30,6 +30,8 @@ AGREE = 10.0
 """[s] A stream that has not come at its declared rate for `START` by then is refused; until then a busy computer may be the reason."""
 RUNNING = 30.0, 0.003
 """[s], [1] The same all the time, over a longer window."""
+LASTS = 2.0
+"""[s] A rate that is wrong for less than this is a computer, here or there, that was busy for a moment at one end of the window."""
 
 
 @dataclass
@@ -84,6 +86,7 @@ class EmgBridge:
         self._waiting: deque[Chunk] | None = deque()
         self._arrivals: deque[tuple[float, int]] = deque()
         self._received = 0
+        self._odd_since: float | None = None
         self._pending: np.ndarray = np.empty((0, 1 + len(MUSCLES)))
         self._recent: np.ndarray = np.empty((0, len(MUSCLES)))
         self._unjudged = 0
@@ -141,9 +144,13 @@ class EmgBridge:
             return not starting
         measured = (self._received - before) / elapsed
         if abs(measured / self.stream.rate - 1.0) <= limit + self._line_missing(elapsed):
+            self._odd_since = None
             return True
         if starting and self._waiting and chunk.arrival - self._waiting[0].arrival < AGREE:
             return False
+        self._odd_since = chunk.arrival if self._odd_since is None else self._odd_since
+        if not starting and chunk.arrival - self._odd_since < LASTS:
+            return True
         raise StreamRefused(f"{self.stream.title} declares {self.stream.rate:g} Hz and sends {measured:.1f} Hz")
 
     def _line_missing(self, elapsed: float) -> float:

@@ -18,6 +18,7 @@ import pylsl
 
 from ankle_node.node import AnkleNode, run
 from ankle_node.parameters import Parameter
+from emg_driver.clock_mapping import ClockDifference
 from emg_driver.muscles import SAMPLES_TOPIC
 from sample_blocks.block import Block
 from sample_blocks.continuity import Finding, sampling_rate
@@ -42,6 +43,7 @@ class EmgOutletNode(AnkleNode):
         self._outlet: pylsl.StreamOutlet | None = None
         self._first = 0.0
         self._sent = 0
+        self._ros_minus_lsl = ClockDifference(self.now, pylsl.local_clock)
         self.block_subscription(SAMPLES_TOPIC, (), self._take)
         self.get_logger().info("ready")
 
@@ -51,7 +53,7 @@ class EmgOutletNode(AnkleNode):
             self._outlet = self._open(block)
             self._first = float(block.time[0])
         drifted = block.time - self.number("drift") * (block.time - self._first)
-        stamps = drifted - (self.now() - pylsl.local_clock())
+        stamps = drifted - self._ros_minus_lsl()
         # An amplifier sends at regular intervals, so one stamp for the chunk's last sample says all; after a gap a new one.
         self._outlet.push_chunk(np.ascontiguousarray(MICROVOLTS * block.data[:, 1:], dtype=np.float32), float(stamps[-1]))
         self._sent += len(block.time)

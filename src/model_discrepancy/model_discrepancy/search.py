@@ -29,7 +29,7 @@ RIVAL_EXCESS = 0.03
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
 RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
-# Share of the mismatch. A term that takes off less corrects the equation of a larger one, as far as anyone can tell.
+# Share of the mismatch, whitened and plain. A term that takes off less of both corrects the equation of a larger one, it seems.
 REFINEMENT = 0.05
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less is below any instrument's own errors.
 MATERIAL = 1e-3
@@ -71,7 +71,6 @@ class Trial:
         gain: share of the whitened sum of squares that it takes off.
         held_out: the same on unseen rows, in both directions; 0 for candidates far behind the best.
         bic: change of BIC; negative is better.
-        slow: whether it was found by what it gains in the plain error.
     """
 
     name: str
@@ -79,7 +78,6 @@ class Trial:
     gain: float
     held_out: tuple[float, float]
     bic: float
-    slow: bool = False
 
     @property
     def accepted(self) -> bool:
@@ -98,14 +96,14 @@ class Effect:
 
     Attributes:
         trial: with the final model.
-        error: whitened error after it was added, as the base model's residual is whitened.
+        errors: whitened and plain error after it was added, as `_errors` gives them.
         tentative: whether it passed the weaker criteria only.
         rivals: those that would do instead.
         without: the final model without it.
     """
 
     trial: Trial
-    error: float
+    errors: np.ndarray
     tentative: bool = False
     rivals: list[Trial] = field(default_factory=list)
     without: Fit = field(init=False, repr=False)
@@ -195,7 +193,7 @@ def search(fitter: Fitter, base: Fit, library: Sequence[str] | None = None, prog
         # Otherwise what alignment alone gains would count as mismatch.
         found.base = fitter.fit(with_term(base.terms, ALIGNMENT), {**base.values, ALIGNMENT: current.values[ALIGNMENT]}, evaluations=20)
     if found.effects:
-        _weigh(fitter, found, _error(found.base, yardstick))
+        _weigh(fitter, found, _errors(found.base, yardstick))
         _rivals(fitter, found, grids, progress)
     found.final = fitter.with_errors(current)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
@@ -214,7 +212,7 @@ def _add_terms(fitter: Fitter, found: Found, current: Fit, grids: _Grids, yardst
         best = _chosen(fitter, good)
         fitter.whiten_by(best.fit)
         current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
-        found.effects.append(Effect(best, _error(current, yardstick), tentative=not best.accepted))
+        found.effects.append(Effect(best, _errors(current, yardstick), tentative=not best.accepted))
         current = _drop_superfluous(fitter, found, current, progress)
     return current
 
@@ -226,9 +224,9 @@ def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
     return equal[0] if len(equal) == 1 else min(equal, key=lambda t: sum(halves_errors(fitter, t.fit, plain=True)))
 
 
-def _error(fit: Fit, yardstick: np.ndarray) -> float:
-    """Sum of squares of the residual torque under a fixed whitening (its gain), over the fitted rows."""
-    return float(np.sum(fit.rows.filtered(fit.left, yardstick)[fit.rows.used] ** 2))
+def _errors(fit: Fit, yardstick: np.ndarray) -> np.ndarray:
+    """Sums of squares of the residual torque over the fitted rows: under a fixed whitening (its gain), and plain; shape (2,)."""
+    return np.array([np.sum(rows[fit.rows.used] ** 2) for rows in (fit.rows.filtered(fit.left, yardstick), fit.plain)])
 
 
 def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.ndarray) -> None:
@@ -240,7 +238,7 @@ def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.
         gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
         trial = Trial(ALIGNMENT, current, 1.0 - current.score / without.score, gains, bic_change(fitter, without, current))
         if trial.tentative:
-            found.effects.append(Effect(trial, _error(current, yardstick), tentative=not trial.accepted))
+            found.effects.append(Effect(trial, _errors(current, yardstick), tentative=not trial.accepted))
 
 
 def _step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> list[Trial]:
@@ -277,7 +275,7 @@ def _slow_step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) 
         trial = _try(fitter, current, s.name, {**current.values, s.name: s.start})
         gains, together = _gains(fitter, current, trial.fit)
         if min(gains) > 0.0 and together >= TENTATIVE and trial.bic < -BIC_FALL:
-            found.append((together, replace(trial, held_out=gains, slow=True)))
+            found.append((together, replace(trial, held_out=gains)))
     return [max(found, key=lambda entry: entry[0])[1]] if found else []
 
 
@@ -342,15 +340,15 @@ def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
     return 1.0 - current.score / float(residual @ residual)
 
 
-def _weigh(fitter: Fitter, found: Found, before: float) -> None:
+def _weigh(fitter: Fitter, found: Found, before: np.ndarray) -> None:
     """What each effect is worth; those that took off next to nothing of the mismatch, or move next to no torque, are refinements."""
     final = found.final
-    whole = before - found.effects[-1].error
+    whole = np.abs(before - found.effects[-1].errors)
     effects, found.effects = found.effects, []
     for effect in effects:
-        small = before - effect.error < REFINEMENT * abs(whole) and not effect.trial.slow
+        small = bool(np.all(before - effect.errors < REFINEMENT * whole))
         small = small or torque_share(fitter, final, effect.trial.name) ** 2 < MATERIAL
-        before = min(before, effect.error)
+        before = np.minimum(before, effect.errors)
         (found.refinements if small else found.effects).append(effect)
     for effect in found.effects:
         name = effect.trial.name
