@@ -18,8 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-DELAY_WINDOW = 1.0
-"""[s] One smallest delay per window: with 64 chunks a second one of them has not waited."""
+DELAY_WINDOW = 4.0
+"""[s] One smallest delay per window: of 256 chunks one has not waited, also on a busy computer; a crystal at 100e-6 moves by 0.4 ms."""
+SET_WINDOW = 1.0
+"""[s] The same after a clock was set: the chunk that the time was taken from may have waited, and is to be found out soon."""
 LARGEST_DRIFT = 500e-6
 """[1] Standard deviation of the drift that is expected before anything is known; crystals are within 100e-6."""
 DRIFT_WANDER = 0.1e-6
@@ -28,8 +30,10 @@ DELAY_NOISE = 0.5e-3
 """[s] Standard deviation of the smallest delays on a computer that does other things too."""
 LATE = 3.0
 """A smallest delay this many times `DELAY_NOISE` above expectation is a busy computer and no clock; it is left out."""
-PATIENCE = 20
+PATIENCE = 5
 """Windows left out in a row after which the latency itself has changed, and is learned anew."""
+READINGS = 20
+"""Readings of two clocks that are odd in a row after which they are believed."""
 LARGEST_STEP_OF_CORRECTION = 2e-3
 """[s] Two computers' crystals move apart by less than 1 ms in the seconds between two measurements."""
 LOOP = 0.02
@@ -70,14 +74,14 @@ class ClockDifference:
         self._kept = 0
 
     def __call__(self) -> float:
-        """The present difference [s]; the last one while `PATIENCE` looks in a row are interrupted."""
+        """The present difference [s]; the last one while `READINGS` looks in a row are interrupted."""
         looks = []
         for _ in range(LOOKS):
             before, now, after = self._second(), self._first(), self._second()
             looks.append((after - before, now - 0.5 * (before + after)))
         width, value = min(looks)
         self._kept = self._kept + 1 if width > TIGHT else 0
-        if self._kept == 0 or self._kept >= PATIENCE or math.isnan(self._value):
+        if self._kept == 0 or self._kept >= READINGS or math.isnan(self._value):
             self._value, self._kept = value, 0
         return self._value
 
@@ -94,9 +98,9 @@ class SteadyCorrection:
         self._odd = 0
 
     def measure(self, correction: float) -> None:
-        """Take in a reading [s]; one far from the last counts only after it has stayed for `PATIENCE` readings."""
+        """Take in a reading [s]; one far from the last counts only after it has stayed for `READINGS` readings."""
         self._odd = self._odd + 1 if abs(correction - self.value) > LARGEST_STEP_OF_CORRECTION else 0
-        if not 0 < self._odd < PATIENCE:
+        if not 0 < self._odd < READINGS:
             self.value, self._odd = correction, 0
 
 
@@ -251,7 +255,7 @@ class SampleLine:
     def _note_delay(self, delay: float, came: float) -> None:
         self._smallest = min(self._smallest, delay)
         passed = came - self._window_start
-        if passed < DELAY_WINDOW:
+        if passed < (SET_WINDOW if self._foreign else DELAY_WINDOW):
             return
         self.drift_filter.advance(passed)
         sooner = self.drift_filter.delay - self._smallest
