@@ -45,6 +45,7 @@ def test_the_same_movement_is_recognised_in_spite_of_another_start_and_rate():
     assert aligned(motion_of(early), motion_of(trial(steps=4, seconds=30.0)[0])) is None
 
 
+@pytest.mark.slow
 def test_another_stiffness_is_the_difference(tmp_path):
     result = compare(trial()[0], trial({"stiffness": {"K": 70.0}}, seed=2, steps=4)[0])
     assert result.verdict == "differ"

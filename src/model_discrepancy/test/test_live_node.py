@@ -118,6 +118,7 @@ def test_a_fixation_that_becomes_soft_is_warned_of(bench):
     assert bench.counters()["/ankle/samples missing samples"] == "0"
 
 
+@pytest.mark.slow
 def test_an_unchanged_session_stays_ok(bench):
     samples = session(soft=False)
     half = len(samples) // 2

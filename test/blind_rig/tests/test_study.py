@@ -49,6 +49,7 @@ def _quick_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "plan_cases", lambda n, seed: [p._replace(name=f"case_{k:03d}") for k, p in enumerate(plans[:n])])
 
 
+@pytest.mark.slow
 def test_study_from_seal_to_score_and_nothing_done_twice(laboratory: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     _quick_plans(monkeypatch)
     printed = io.StringIO()
