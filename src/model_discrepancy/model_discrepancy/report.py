@@ -40,7 +40,9 @@ def headline(diagnosis: Diagnosis) -> str:
     if verdict.verdict == "unexplained":
         partly = f" {names} account for a part of it only." if names else ""
         return f"The base model explains {numbers}; what is missing is not in the library.{partly}"
-    return f"The base model leaves out {names}: it explains {numbers}, with them {fit['augmented_vaf_holdout']:.1f} %."
+    sure, tentative = (", ".join(e["name"].replace("_", " ") for e in verdict.effects if e["tentative"] == kind) for kind in (False, True))
+    named = " and, tentatively, ".join(part for part in (sure, tentative) if part)
+    return f"The base model leaves out {named}: it explains {numbers}, with them {fit['augmented_vaf_holdout']:.1f} %."
 
 
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
