@@ -175,10 +175,11 @@ def _conclude(
     ceiling: tuple[float, float],
     baseline: Model | None,
 ) -> Verdict:
-    word, closed = kind(found, after, findings, strange, Scores(base.vaf, final.vaf, ceiling[1]))
+    word, closed = kind(found, after, findings, strange, Scores(base.vaf, final.vaf, *ceiling))
+    named = found.effects if word != "no_mismatch" else []
     effects = [
         effect_entry(effect, found.final, size_of(fitter, found.final, effect.trial.name, base_map.onsets), place == 0, after.share)
-        for place, effect in enumerate(found.effects)
+        for place, effect in enumerate(named)
     ]
     effects += [finding_entry(finding) for finding in findings]
     reasons = separating_measurements(effects)
@@ -186,6 +187,9 @@ def _conclude(
     reasons += [f"base model: {name} ran into its bound, a sign that it hides something else" for name in found.base.at_bounds]
     reasons.append(f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened residual on unseen data")
     reasons += strange.sentences
+    if named != found.effects:
+        names = ", ".join(effect.trial.name for effect in found.effects)
+        reasons.append(f"{names} would take something off the whitened error, and predict no torque on unseen data")
     if found.refinements:
         names = ", ".join(effect.trial.name for effect in found.refinements)
         reasons.append(f"the model holds {names} too: less than {100 * REFINEMENT:g} % of the mismatch each, corrections to the rest")

@@ -50,10 +50,11 @@ SEPARATED_BY = (
 
 @dataclass(frozen=True)
 class Scores:
-    """VAF on unseen data [%]: base model, augmented model, and the upper end of what is explainable."""
+    """VAF on unseen data [%]: base model, augmented model, that with generic regressors, and the upper end of what is explainable."""
 
     base: float
     augmented: float
+    generic: float
     ceiling: float
 
 
@@ -96,13 +97,16 @@ def kind(found: Found, remainder: Remainder, findings: list[Finding], strange: U
         remainder: what generic regressors predict of the residual that is left.
         findings: what the signals themselves show.
         strange: what no movement predicts.
-        scores: VAF on unseen data of base and augmented model, and the upper end of what is explainable [%].
+        scores: VAF on unseen data; tentative names that gain nothing there are no mismatch.
     """
     left = max(remainder.share, 0.0)
     material = scores.ceiling - scores.augmented > 100.0 * MATERIAL
     predictable = material and left > SIGNIFICANT_REMAINDER and remainder.worst > 0.5 * SIGNIFICANT_REMAINDER
-    if not found.effects:
-        if predictable or strange.sentences:
+    gained = scores.augmented > scores.base or not all(effect.tentative for effect in found.effects)
+    if not found.effects or not (gained or predictable or strange.sentences):
+        # A little of the whitened rows and nothing of the torque: the noise of the position, seen through the inertia.
+        felt = predictable and (scores.generic > scores.augmented or left > INCOMPLETE)
+        if felt or strange.sentences:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
     cut = 1.0 - found.final.score / found.base_score
