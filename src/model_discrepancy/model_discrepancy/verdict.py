@@ -105,7 +105,7 @@ def kind(found: Found, remainder: Remainder, findings: list[Finding], strange: U
     gained = scores.augmented > scores.base or not all(effect.tentative for effect in found.effects)
     if not found.effects or not (gained or predictable or strange.sentences):
         # A little of the whitened rows and nothing of the torque: the noise of the position, seen through the inertia.
-        felt = predictable and (scores.generic > scores.augmented or left > INCOMPLETE)
+        felt = predictable and (scores.generic > scores.augmented or left > 2.0 * SIGNIFICANT_REMAINDER)
         if felt or strange.sentences:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
