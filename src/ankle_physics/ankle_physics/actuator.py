@@ -100,7 +100,7 @@ class Actuator:
         if self.servo.ideal:
             return motion
         omega = 2.0 * math.pi * self.servo.bandwidth
-        return np.stack(self._dynamics.run_with_rates(motion[0], omega, self.servo.damping))
+        return self._dynamics.run_with_rates(motion[0], omega, self.servo.damping)
 
     def _between_positions(self, position: np.ndarray) -> np.ndarray:
         if self.servo.ideal:

@@ -69,16 +69,17 @@ class SecondOrder:
 
     def run(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
         """Response y of shape (n,)."""
-        return self.run_with_rates(x, omega, damping)[0]
+        return self._respond(x, omega, damping, 1)[0]
 
-    def run_with_rates(self, x: np.ndarray, omega: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Response and its first and second derivative, each of shape (n,)."""
+    def run_with_rates(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
+        """Response and its first and second derivative, shape (3, n)."""
+        return self._respond(x, omega, damping, 3)
+
+    def _respond(self, x: np.ndarray, omega: float, damping: float, rows: int) -> np.ndarray:
         if self._settings != (omega, damping):
             self._step = second_order_step(omega, damping, 1.0 / self._rate)
             self._settings = (omega, damping)
-        out = _second_order(np.ascontiguousarray(x, dtype=float), self._step, self._state)
-        y, rate = out[0], out[1]
-        return y, rate, omega**2 * (x - y) - 2.0 * damping * omega * rate
+        return _second_order(np.ascontiguousarray(x, dtype=float), omega, damping, self._step, self._state, rows)
 
 
 def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
@@ -95,8 +96,9 @@ def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _second_order(x: np.ndarray, step: np.ndarray, state: np.ndarray) -> np.ndarray:
-    out = np.empty((2, x.size))
+def _second_order(x: np.ndarray, omega: float, damping: float, step: np.ndarray, state: np.ndarray, rows: int) -> np.ndarray:
+    """Response alone (1 row), or with its first and second derivative (3 rows). Changes `state`."""
+    out = np.empty((rows, x.size))
     y, rate, last = state[0], state[1], state[2]
     for k in range(x.size):
         next_y = step[0, 0] * y + step[0, 1] * rate + step[0, 2] * last + step[0, 3] * x[k]
@@ -104,7 +106,9 @@ def _second_order(x: np.ndarray, step: np.ndarray, state: np.ndarray) -> np.ndar
         y = next_y
         last = x[k]
         out[0, k] = y
-        out[1, k] = rate
+        if rows == 3:
+            out[1, k] = rate
+            out[2, k] = omega**2 * (last - y) - 2.0 * damping * omega * rate
     state[0], state[1], state[2] = y, rate, last
     return out
 

@@ -34,40 +34,39 @@ class Sampler:
         self._sections = butter(FILTER_ORDER, FILTER_CORNER * rate / 2.0, fs=rate * factor, output="sos")
         self._state: np.ndarray | None = None
 
-    def run(self, signals: np.ndarray) -> np.ndarray:
-        """Samples of shape (n, m) from m internal signals, shape (m, n * factor)."""
+    def run(self, *signals: np.ndarray) -> np.ndarray:
+        """Samples of shape (n, m) from m internal signals, each of shape (n * factor,)."""
         if self._state is None:
             rest = sosfilt_zi(self._sections)
-            self._state = rest[None] * signals[:, 0][:, None, None]
-        return _filter_and_sample(np.ascontiguousarray(signals), self._sections, self._state, self._factor)
+            self._state = np.array([rest * signal[0] for signal in signals])
+        samples = np.empty((len(signals), len(signals[0]) // self._factor))
+        for signal, state, out in zip(signals, self._state, samples, strict=True):
+            _filter_and_sample(signal, self._sections, state, self._factor, out)
+        return samples.T
 
 
 @njit(cache=True)
-def _filter_and_sample(signals: np.ndarray, sections: np.ndarray, state: np.ndarray, factor: int) -> np.ndarray:
-    """Two second-order sections in transposed direct form II; every factor-th output is kept. Changes `state`."""
-    channels, total = signals.shape
-    out = np.empty((total // factor, channels))
+def _filter_and_sample(signal: np.ndarray, sections: np.ndarray, state: np.ndarray, factor: int, out: np.ndarray) -> None:
+    """Two second-order sections in transposed direct form II; every factor-th output is kept. Changes `state`, shape (2, 2), and `out`."""
     b0, b1, b2, a1, a2 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
     c0, c1, c2, d1, d2 = sections[1, 0], sections[1, 1], sections[1, 2], sections[1, 4], sections[1, 5]
-    for channel in range(channels):
-        p1, p2 = state[channel, 0, 0], state[channel, 0, 1]
-        q1, q2 = state[channel, 1, 0], state[channel, 1, 1]
-        k = 0
-        for row in range(total // factor):
-            z = 0.0
-            for _ in range(factor):
-                x = signals[channel, k]
-                k += 1
-                y = b0 * x + p1
-                p1 = b1 * x - a1 * y + p2
-                p2 = b2 * x - a2 * y
-                z = c0 * y + q1
-                q1 = c1 * y - d1 * z + q2
-                q2 = c2 * y - d2 * z
-            out[row, channel] = z
-        state[channel, 0, 0], state[channel, 0, 1] = p1, p2
-        state[channel, 1, 0], state[channel, 1, 1] = q1, q2
-    return out
+    p1, p2 = state[0, 0], state[0, 1]
+    q1, q2 = state[1, 0], state[1, 1]
+    k = 0
+    for row in range(out.size):
+        z = 0.0
+        for _ in range(factor):
+            x = signal[k]
+            k += 1
+            y = b0 * x + p1
+            p1 = b1 * x - a1 * y + p2
+            p2 = b2 * x - a2 * y
+            z = c0 * y + q1
+            q1 = c1 * y - d1 * z + q2
+            q2 = c2 * y - d2 * z
+        out[row] = z
+    state[0, 0], state[0, 1] = p1, p2
+    state[1, 0], state[1, 1] = q1, q2
 
 
 @dataclass(frozen=True)
@@ -114,5 +113,7 @@ class Noise:
         """Measured samples of shape (n, 3)."""
         measured = np.empty_like(clean)
         for channel, (stream, deviation) in enumerate(zip(self._streams, self._deviations, strict=True)):
-            measured[:, channel] = clean[:, channel] + deviation * stream.standard_normal(len(clean))
+            drawn = stream.standard_normal(len(clean))
+            drawn *= deviation
+            np.add(clean[:, channel], drawn, out=measured[:, channel])
         return measured

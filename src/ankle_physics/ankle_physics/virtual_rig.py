@@ -22,8 +22,8 @@ from ankle_physics.sensors import Noise, Sampler, SignalToNoise
 from ankle_physics.signals import Signals
 
 LOWEST_RATE, HIGHEST_RATE = 500.0, 10_000.0  # Hz
-# Reference samples that `simulate` takes at once: internal signals then stay in the processor's cache.
-STRETCH = 1024
+# Reference samples that `simulate` takes at once: few calls, and internal signals (128 kB each) that stay in the processor's cache.
+STRETCH = 4096
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class VirtualRig:
             self.model.entry(track.term).values[track.parameter.symbol] = track.values(time, self._before[track.key])
         signals = Signals(self.rate * factor, motion[0], motion[1], motion[2])
         self._run.torque(signals)
-        clean = self._sampler.run(np.stack([signals.measured_position, signals.velocity, signals.torque]))
+        clean = self._sampler.run(signals.measured_position, signals.velocity, signals.torque)
         at_samples = slice(factor - 1, None, factor)
         truth = {}
         for entry in self.model.entries:
@@ -184,7 +184,8 @@ def simulate(
         raise ModelError(f"the reference has {np.count_nonzero(~np.isfinite(reference).all(axis=1))} samples that are not finite")
     rig = VirtualRig(model, rate, servo, scenario, seed)
     total = len(reference)
-    clean = np.empty((total, 3))
+    # Each channel in one piece.
+    clean = np.empty((3, total)).T
     truth: dict[str, np.ndarray] = {}
     parts: dict[str, np.ndarray] = {}
     for start in range(0, total, STRETCH):
@@ -201,4 +202,6 @@ def simulate(
 
 def _collect(into: dict[str, np.ndarray], found: Mapping[str, np.ndarray], start: int, stop: int, total: int) -> None:
     for key, values in found.items():
-        into.setdefault(key, np.empty(total))[start:stop] = values
+        if key not in into:
+            into[key] = np.empty(total)
+        into[key][start:stop] = values

@@ -124,7 +124,7 @@ def test_anti_alias_filter_is_a_fourth_order_butterworth_settled_at_the_start():
     t = np.arange(4096 * factor) / (RATE * factor)
     corner, above = 0.9 * RATE / 2, 3500.0
     signals = np.stack([np.sin(2 * np.pi * corner * t), np.sin(2 * np.pi * above * t), np.full(len(t), 2.5)])
-    samples = Sampler(RATE, factor).run(signals)
+    samples = Sampler(RATE, factor).run(*signals)
     sections = butter(4, corner, fs=RATE * factor, output="sos")
     expected = sosfilt(sections, signals[:2], axis=1)[:, factor - 1 :: factor].T
     assert np.abs(samples[200:, :2] - expected[200:]).max() < 1e-9

@@ -15,6 +15,7 @@ from impedance_estimator.joint_regression import GAINS, PARAMETERS
 from impedance_estimator.joint_settings import JointSettings
 from impedance_estimator.joint_state import COUNTERS, Plan, State
 from impedance_estimator.joint_stream import ESTIMATES, advance, finish_block
+from impedance_estimator.memory_length import HORIZON, memory_lengths
 from impedance_estimator.settings import EstimatorSettings
 
 SMOOTHING = 0.0015
@@ -59,7 +60,7 @@ class Joint(Estimator):
         functions = reflex_shapes.basis(1.0 / slow, count)
         whitening = voluntary_torque_noise.whitening_filters(slow)
         block_samples = round(BLOCK * slow)
-        memory_blocks = max(round(s.memory * slow / block_samples), 1)
+        lengths = memory_lengths(s.memory, block_samples / slow, s.change_detection == "on")
         # After half the length of the basis 98 % of every reflex has come.
         settled = reflex_shapes.LENGTH / 2.0 + kernels.shape[1] / rate
         return Plan(
@@ -76,8 +77,10 @@ class Joint(Estimator):
             whitening=whitening,
             passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
             block_samples=block_samples,
-            memory_blocks=memory_blocks,
-            windows=candidate_windows(memory_blocks) if s.change_detection == "on" else np.zeros(0, dtype=np.int64),
+            memory_blocks=int(lengths[0]),
+            lengths=lengths,
+            horizon=round(HORIZON * slow / block_samples),
+            windows=candidate_windows(int(lengths[0])) if s.change_detection == "on" else np.zeros(0, dtype=np.int64),
             threshold=s.change_threshold,
             second=round(slow / block_samples),
             settling_samples=round(s.settling_time * rate),
@@ -91,6 +94,7 @@ class Joint(Estimator):
         count, lags = p.basis.shape
         size = count + 4
         unknowns = PARAMETERS + count
+        memories = len(p.lengths) + 1
         packed = size * (size + 1) // 2
         models = len(p.whitening)
         n = p.kernels.shape[1] // 2
@@ -106,7 +110,7 @@ class Joint(Estimator):
             whitened=np.zeros(size),
             filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, size)),
             sums=np.zeros((models, packed)),
-            ring=np.zeros((models, max(p.memory_blocks, BATCH * p.second) + 1, packed)),
+            ring=np.zeros((models, max(p.memory_blocks + memories, BATCH * p.second) + 1, packed)),
             totals=np.zeros((models, packed)),
             eta=np.zeros((3, reflex_shapes.SHAPES)),
             deviation=np.zeros((3, count)),
@@ -117,6 +121,8 @@ class Joint(Estimator):
             output=np.zeros((2, GAINS)),
             response=np.zeros(count),
             likelihood=np.zeros(models),
+            predictors=np.zeros((memories, size)),
+            predicted=np.zeros(memories),
             scatter=np.ones(GAINS),
             estimate=estimate,
             valid_response=np.full(count, np.nan),

@@ -7,7 +7,7 @@ import numpy as np
 from impedance_estimator import reflex_shapes, validity
 from impedance_estimator.change_detection import LEAST_OLDER, LEFT_OVER, find_change
 from impedance_estimator.compilation import part
-from impedance_estimator.joint_memory import sum_memory, sum_recent
+from impedance_estimator.joint_memory import sum_recent, use_chosen_memory
 from impedance_estimator.joint_regression import (
     GAINS,
     INTRINSIC,
@@ -54,13 +54,15 @@ def forget(s: State) -> None:
     c = s.counters[0]
     s.sums[:] = 0.0
     s.totals[:] = 0.0
-    c.filled = c.length = c.left_over = c.blocks = c.batches = c.finished = 0
+    c.filled = c.length = c.since = c.kept = c.memory = c.changed = c.left_over = c.blocks = c.batches = c.finished = 0
     c.model = FIRST_MODEL
     c.variance = np.nan
     c.dispersion = 1.0
     c.gain = 10.0 * LEAST_GAIN
     s.scatter[:] = 1.0
     s.likelihood[:] = 0.0
+    s.predictors[:] = 0.0
+    s.predicted[:] = 0.0
     s.prior[0] = 0.0
     s.prior[1] = UNKNOWN
     s.eta[0] = reflex_shapes.PRIOR_MEAN
@@ -124,20 +126,29 @@ def _prior(p: Plan, s: State, precision: np.ndarray, mean: np.ndarray) -> None:
 
 
 @part
-def fit(p: Plan, s: State, model: int, solution: np.ndarray, covariance: np.ndarray) -> float:
-    """Solve for all unknowns under a noise model over the memory; the noise variance, NaN where the data do not determine them."""
+def solve_memory(p: Plan, s: State, blocks: int, solution: np.ndarray, covariance: np.ndarray) -> float:
+    """Solve for all unknowns over `blocks` blocks, whose normal matrix is `s.matrices[0]`; the noise variance, NaN where the data do not
+    determine them."""
     c = s.counters[0]
     unknowns = solution.shape[0]
     normal, work = s.matrices[0], s.matrices[1:3]
     precision, mean = s.vectors[0], s.vectors[1]
-    unpack_sums(s.totals[model], s.tangent, normal, s.projection)
-    count = c.length * p.block_samples
+    count = blocks * p.block_samples
     variance = c.variance if np.isfinite(c.variance) else normal[unknowns, unknowns] / count
     _prior(p, s, precision, mean)
     precision *= variance
     if np.isnan(solve_with_prior(normal, unknowns, precision, mean, solution, covariance, work)):
         return np.nan
     return squared_residual(normal, unknowns, solution) / max(count - PARAMETERS, 1)
+
+
+@part
+def response(s: State, solution: np.ndarray, coordinates: np.ndarray) -> None:
+    """Reflex torque per basis function, shape (m,), from a solution of the linear problem."""
+    for j in range(coordinates.shape[0]):
+        coordinates[j] = solution[PARAMETERS + j]
+        for i in range(PARAMETERS - INTRINSIC):
+            coordinates[j] += solution[INTRINSIC + i] * s.tangent[j, i]
 
 
 @part
@@ -167,12 +178,12 @@ def choose_deviation(p: Plan, s: State) -> None:
 @part
 def detect_change(p: Plan, s: State) -> None:
     c = s.counters[0]
-    unpack_sums(s.totals[c.model], s.tangent, s.matrices[6], s.projection)
+    sum_recent(s, c.model, c.since, s.matrices[6], 0)
     window, d = find_change(
         s.ring[c.model],
         c.newest,
-        c.length,
-        c.left_over if c.length < p.memory_blocks else 0,
+        c.since,
+        c.left_over if c.since < p.memory_blocks else 0,
         p.windows,
         s.matrices[6],
         s.tangent,
@@ -197,11 +208,15 @@ def detect_change(p: Plan, s: State) -> None:
         width = DEVIATIONS[c.deviation] * c.gain * p.typical[j]
         known = 2.0 * c.variance * s.covariance[PARAMETERS + j, PARAMETERS + j] / width**2 + DEVIATION_DRIFT**2
         s.deviation[2, j] = min(np.sqrt(known), 1.0)
-    forgotten = c.length - window
+    forgotten = c.since - window
     c.left_over = LEFT_OVER[0] if forgotten >= LEAST_OLDER else c.left_over - forgotten
-    c.length = window
-    for model in range(s.ring.shape[0]):
-        sum_memory(s, model)
+    c.since = window
+    # All memories but the last now begin with the change: none of them has an advantage.
+    s.predicted[:-1] = np.max(s.predicted[:-1])
+    c.changed = 1
+    if s.predicted[-1] <= s.predicted[0] + LIKELIER * c.dispersion:
+        c.memory = 0
+    use_chosen_memory(p, s)
 
 
 @part
@@ -210,7 +225,7 @@ def choose_noise_model(p: Plan, s: State) -> None:
     c = s.counters[0]
     count = p.second * p.block_samples
     for model in range(s.ring.shape[0]):
-        sum_recent(s, model, p.second, s.matrices[0])
+        sum_recent(s, model, p.second, s.matrices[0], 0)
         squares = squared_residual(s.matrices[0], s.solution.shape[0], s.solution)
         s.likelihood[model] *= 1.0 - 1.0 / LIKELIHOOD_MEMORY
         if squares > 0.0:
@@ -250,7 +265,7 @@ def watch_scatter(p: Plan, s: State) -> None:
     c = s.counters[0]
     normal, weights, influence, fitted = s.matrices[0], s.vectors[0], s.vectors[1], s.vectors[2]
     unknowns = s.solution.shape[0]
-    sum_recent(s, c.model, BATCH * p.second, normal)
+    sum_recent(s, c.model, BATCH * p.second, normal, 0)
     weight = 1.0 / min(c.batches + 1.0, SCATTER_MEMORY)
     mean = 0.0
     for output in range(GAINS):

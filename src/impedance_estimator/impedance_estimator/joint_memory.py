@@ -32,14 +32,31 @@ def sum_memory(s: State, model: int) -> None:
 
 
 @part
+def used_blocks(p: Plan, s: State) -> int:
+    """Blocks in the chosen memory."""
+    c = s.counters[0]
+    return min(p.lengths[c.memory], c.since) if c.memory < p.lengths.shape[0] else c.kept
+
+
+@part
+def use_chosen_memory(p: Plan, s: State) -> None:
+    """Make the totals those of the chosen memory."""
+    s.counters[0].length = used_blocks(p, s)
+    for model in range(s.ring.shape[0]):
+        sum_memory(s, model)
+
+
+@part
 def store_block(p: Plan, s: State) -> None:
     c = s.counters[0]
     capacity = s.ring.shape[1]
     c.newest = (c.newest + 1) % capacity
-    full = c.length == p.memory_blocks
+    c.since = min(c.since + 1, p.memory_blocks)
+    c.kept = min(c.kept + 1, p.memory_blocks)
+    full = c.length == used_blocks(p, s)
     for model in range(s.ring.shape[0]):
         if full:
-            oldest = s.ring[model, (c.newest - p.memory_blocks) % capacity]
+            oldest = s.ring[model, (c.newest - c.length) % capacity]
             for k in range(oldest.shape[0]):
                 s.totals[model, k] -= oldest[k]
         for k in range(s.sums.shape[1]):
@@ -57,12 +74,12 @@ def store_block(p: Plan, s: State) -> None:
 
 
 @part
-def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray) -> None:
-    """Sums of products of the newest blocks under a noise model."""
+def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int) -> None:
+    """Sums of products of the newest blocks, but for the last `after`, under a noise model."""
     c = s.counters[0]
     ring = s.ring[model]
     s.packed[:] = 0.0
-    for back in range(blocks):
+    for back in range(after, after + blocks):
         block = ring[(c.newest - back) % ring.shape[0]]
         for k in range(block.shape[0]):
             s.packed[k] += block[k]

@@ -18,9 +18,13 @@ class JointSettings(EstimatorSettings):
         ValueError: a value out of its range, with name, value, unit and range.
     """
 
-    memory: float = number(20.0, "s", 1.0, 60.0, "Longest memory: a third of the paper's hold period of 60 s. Shorter only after a change.")
+    memory: float = number(
+        20.0, "s", 1.0, 60.0, "A third of the paper's hold period of 60 s. Shorter after changes and in drift."
+    )
     change_detection: str = choice(
-        "on", CHANGE_DETECTION_CHOICES, "'on' forgets what was before a change; 'off' always uses the full memory, rise time 0.8 memory."
+        "on",
+        CHANGE_DETECTION_CHOICES,
+        "'on' forgets what was before a change, and remembers less in a drift; 'off' always uses the full memory, rise time 0.8 memory.",
     )
     change_threshold: float = number(
         200.0,

@@ -9,13 +9,30 @@ import numpy as np
 COUNTERS = np.dtype(
     [
         (name, np.int64)
-        for name in ("index", "filled", "blocks", "newest", "length", "left_over", "model", "deviation", "batches", "finished")
+        for name in (
+            "index",
+            "filled",
+            "blocks",
+            "newest",
+            "length",
+            "since",
+            "kept",
+            "memory",
+            "changed",
+            "left_over",
+            "model",
+            "deviation",
+            "batches",
+            "finished",
+        )
     ]
     + [(name, np.float64) for name in ("variance", "gain", "vaf_intrinsic", "vaf_total", "dispersion")]
 )
 """Counters: newest raw sample, decimated samples in the present block, blocks so far, newest block in the ring, blocks in the
-memory, how many of the oldest of them may be from before the last change, noise model, width of the deviation's prior, batches of
-scores, whether a block is complete. Noise variance [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
+memory, blocks since the last change and since the last interruption (both at most the full memory), which memory is chosen, whether
+there was a change since the choice, how many of the blocks since the last change may be from before it, noise model, width of the
+deviation's prior, batches of scores, whether a block is complete. Noise variance [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of
+the scores [1]."""
 
 
 class Plan(NamedTuple):
@@ -41,6 +58,10 @@ class Plan(NamedTuple):
     """What brings signals whitened under the first noise model back to their size."""
     block_samples: int
     memory_blocks: int
+    lengths: np.ndarray
+    """Memories that can be chosen [blocks], falling; one more is the full memory whatever changed."""
+    horizon: int
+    """Blocks that every memory predicts before it is asked anew."""
     windows: np.ndarray
     """Candidates for a change; none: no detection."""
     threshold: float
@@ -91,6 +112,10 @@ class State(NamedTuple):
     """Reflex torque per basis function, shape (m,)."""
     likelihood: np.ndarray
     """Running ln L of the noise models, shape (models,)."""
+    predictors: np.ndarray
+    """K, B, I, reflex per basis function and -1 as each memory has them, shape (memories, m + 4)."""
+    predicted: np.ndarray
+    """Running ln L of the memories' predictions, shape (memories,)."""
     scatter: np.ndarray
     """Observed over expected variance of the scores of K, B, I and G, shape (4,)."""
     estimate: np.ndarray

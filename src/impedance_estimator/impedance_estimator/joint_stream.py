@@ -7,6 +7,7 @@
 5. has the ankle changed? forget what was before        `change_detection`
 6. K, B, I, G and the reflex's shape                    `joint_regression`, `joint_fit`
 7. every second: noise model, scatter of the scores     `joint_fit`
+8. twice a second: how long a memory?                   `memory_length`
 
 `advance` does 1 to 4 for a stretch of samples, `finish_block` the rest. The state is a tuple of arrays that it changes in place.
 """
@@ -26,17 +27,19 @@ from impedance_estimator.joint_fit import (
     choose_noise_model,
     detect_change,
     explained,
-    fit,
     forget,
     forget_shape,
     linearise,
     outputs,
+    response,
+    solve_memory,
     watch_scatter,
 )
 from impedance_estimator.joint_memory import accumulate, store_block
-from impedance_estimator.joint_regression import GAINS, INTRINSIC, PARAMETERS
+from impedance_estimator.joint_regression import GAINS, INTRINSIC, unpack_sums
 from impedance_estimator.joint_signals import decimated_signals, rectified_velocity, remember, restart_path
 from impedance_estimator.joint_state import Plan, State
+from impedance_estimator.memory_length import ask_memory, choose_memory
 
 ESTIMATES = 12
 SCATTERING = 5.0
@@ -152,22 +155,26 @@ def _compile(source: int) -> tuple[Any, Any]:
             detect_change(p, s)
         if c.blocks % p.second == 0:
             forget_shape(s)
-        variance = fit(p, s, c.model, s.vectors[3], s.covariance)
+        unpack_sums(s.totals[c.model], s.tangent, s.matrices[0], s.projection)
+        variance = solve_memory(p, s, c.length, s.vectors[3], s.covariance)
         if not np.isfinite(variance):
             k.intrinsic_fit = validity.COLLINEAR
             return
         k.intrinsic_fit = validity.VALID
         s.solution[:] = s.vectors[3]
         c.variance = variance
-        for j in range(s.response.shape[0]):
-            s.response[j] = s.solution[PARAMETERS + j]
-            for i in range(PARAMETERS - INTRINSIC):
-                s.response[j] += s.solution[INTRINSIC + i] * s.tangent[j, i]
+        response(s, s.solution, s.response)
         if c.blocks % p.second == 0:
             choose_noise_model(p, s)
             if c.length >= SCATTERING * p.second:
                 choose_deviation(p, s)
                 watch_scatter(p, s)
+        if p.lengths.shape[0] > 1:
+            after = c.blocks % p.horizon
+            if after == 0:
+                choose_memory(p, s)
+            if after < s.predictors.shape[0]:
+                ask_memory(p, s, after, after)
         outputs(p, s)
         explained(p, s)
         k.reflex_fit = validity.VALID if np.isfinite(c.vaf_total) else validity.NO_TORQUE

@@ -96,6 +96,22 @@ def test_no_change_is_seen_where_there_is_none(simulate):
     assert np.median(late(rows, 35.0)[:, 8]) < 0.7 * rows[rows[:, 0] < 12.0][:, 8].mean()
 
 
+def swing(simulate, seed, frequency):
+    """Root mean square error of K and G, where both swing by 30 %, over the amplitude [1]; the mean alone would have 0.71."""
+
+    def course(mean):
+        return lambda t: mean * (1.0 + 0.3 * np.sin(2.0 * np.pi * frequency * t))
+
+    rows = late(estimate(simulate(40.0 + max(1.0 / frequency, 50.0), seed=seed, K=course(100.0), G=course(10.0))))
+    errors = rows[:, [1, 4]] - np.column_stack([course(mean)(rows[:, 0]) for mean in (100.0, 10.0)])
+    return np.sqrt(np.mean(errors**2, axis=0)) / [30.0, 3.0]
+
+
+@pytest.mark.parametrize(("frequency", "most"), [(0.01, 0.15), (0.02, 0.3), (0.05, 0.25), (0.5, 0.85)])
+def test_drift_is_followed_and_what_is_too_fast_is_averaged(simulate, frequency, most):
+    assert np.all(swing(simulate, 71, frequency) < most)
+
+
 def test_a_reflex_that_is_absent_is_estimated_as_none(simulate):
     rows = late(estimate(simulate(60.0, seed=62, G=0.0)))
     assert abs(rows[:, 4].mean()) < 0.05
