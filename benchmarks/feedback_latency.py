@@ -128,7 +128,7 @@ def run(graph: Graph, folder: Path, settings: list[str], seconds: float) -> tupl
     protocol = folder / "protocol.yaml"
     protocol.write_text(yaml.safe_dump(PROTOCOL))
     common = [f"record.out={folder / 'bag'}", f"biofeedback.port={port}", f"biofeedback.state_file={folder / 'progress.json'}"]
-    common += [f"biofeedback.protocol={protocol}", "impedance_estimator.algorithm=joint"]
+    common += [f"biofeedback.protocol={protocol}"]
     with Processes(graph.with_settings([*common, *settings]), folder / "logs") as processes:
         wait_until_served(port, processes)
         shown = asyncio.run(watch(port, seconds))

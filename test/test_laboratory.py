@@ -11,8 +11,8 @@ from rosbags.highlevel import AnyReader
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import agreement, regenerate_by_replay
+from impedance_estimator.joint_settings import JointSettings
 from impedance_estimator.offline import estimate_bag
-from impedance_estimator.settings import Settings
 from session_recorder.bag_reader import BagReader
 
 SECONDS = 12.0
@@ -86,7 +86,7 @@ def test_the_bag_opens_with_other_tools(session):
 def test_replay_and_file_give_the_estimates_of_the_live_run(session):
     settings = ("impedance_estimator.settling_time=3.0",)
     regenerate_by_replay(session / "bag", session / "replayed", session / "logs", settings, patience=180.0)
-    estimate_bag(session / "bag", session / "estimated", settings=Settings(settling_time=3.0))
+    estimate_bag(session / "bag", session / "estimated", settings=JointSettings(settling_time=3.0))
     columns, live = BagReader(session / "bag").signal("/impedance/estimate")
     assert (live[:, columns.index("valid[1]")] == 1.0).any()
     for other in ("replayed", "estimated"):

@@ -20,17 +20,23 @@ ONSET_SPEED = 0.3  # of the fastest movement; a push is well above, the way betw
 LEAST_APART = 0.15  # s between onsets; the shortest way between two steps of the real trials is 0.2 s
 
 
-def live_run(columns: tuple[str, ...], estimates: np.ndarray, truth_columns: tuple[str, ...], truth: np.ndarray, path: Path) -> None:
-    """K and G over time against the true values of the simulation; shape (n, m) each, as recorded."""
+def live_run(
+    columns: tuple[str, ...], estimates: np.ndarray, paper: np.ndarray, truth_columns: tuple[str, ...], truth: np.ndarray, path: Path
+) -> None:
+    """K and G over time, as estimated live and with the paper's algorithm, against the true values of the simulation; shape (n, m) each."""
     figure, axes = plt.subplots(2, 1, figsize=(9, 6), sharex=True, constrained_layout=True)
     start = truth[0, 0]
     valid = estimates[:, columns.index("valid[1]")] == 1.0
     for axis, (symbol, unit, words) in zip(axes, (("K", "N.m/rad", "stiffness K"), ("G", "N.m.s/rad", "reflex gain G")), strict=True):
         name = f"{symbol}[{unit}]"
-        value = estimates[:, columns.index(name)]
         time = estimates[:, 0] - start
         axis.plot(truth[:, 0] - start, truth[:, truth_columns.index(name)], color=GREY, lw=2, label="true value in the simulation")
-        axis.plot(time, np.where(valid, value, np.nan), color=BLUE, lw=1.5, label="estimated online, valid")
+        for rows, color, label in (
+            (paper, ORANGE, "the paper's algorithm, from the same bag"),
+            (estimates, BLUE, "estimated online, valid"),
+        ):
+            shown = np.where(rows[:, columns.index("valid[1]")] == 1.0, rows[:, columns.index(name)], np.nan)
+            axis.plot(rows[:, 0] - start, shown, color=color, lw=1.5, label=label)
         axis.set_ylabel(f"{words} [{unit.replace('.', '·')}]")
         axis.set_ylim(bottom=0)
         axis.grid(alpha=0.3)

@@ -46,7 +46,6 @@ def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str
             f"biofeedback.port={port}",
             f"biofeedback.state_file={out / 'progress.json'}",
             "biofeedback.protocol=demonstration",
-            "impedance_estimator.algorithm=joint",
         ]
     )
     url = f"http://127.0.0.1:{port}"

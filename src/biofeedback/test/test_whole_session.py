@@ -27,7 +27,6 @@ def test_from_arm_to_report(browser, tmp_path, monkeypatch):
             f"biofeedback.port={port}",
             f"biofeedback.state_file={tmp_path / 'progress.json'}",
             "biofeedback.protocol=demonstration",
-            "impedance_estimator.algorithm=joint",
         ]
     )
     with Processes(graph, tmp_path / "logs") as processes:

@@ -18,7 +18,8 @@ ALGORITHMS: dict[str, type[Estimator]] = {
     )
 }
 
-DEFAULT = ConceptualExperimental.name
+DEFAULT = Joint.name
+"""``docs/estimators.md`` compares them."""
 
 
 def make_estimator(name: str, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> Estimator:

@@ -30,7 +30,7 @@ def estimate(
 ) -> None:
     """Estimate K, B, I and G from a recorded bag and show their medians over the valid time.
 
-    Example: estimate session_3 --out session_3_impedance --highpass all
+    Example: estimate session_3 --out session_3_impedance --algorithm CE --highpass all
     """
     console = Console()
     if algorithm not in ALGORITHMS:

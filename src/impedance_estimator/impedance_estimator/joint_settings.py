@@ -18,9 +18,7 @@ class JointSettings(EstimatorSettings):
         ValueError: a value out of its range, with name, value, unit and range.
     """
 
-    memory: float = number(
-        20.0, "s", 1.0, 60.0, "A third of the paper's hold period of 60 s. Shorter after changes and in drift."
-    )
+    memory: float = number(20.0, "s", 1.0, 60.0, "A third of the paper's hold period of 60 s. Shorter after changes and in drift.")
     change_detection: str = choice(
         "on",
         CHANGE_DETECTION_CHOICES,

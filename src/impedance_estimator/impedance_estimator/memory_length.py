@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
-from impedance_estimator.joint_fit import LIKELIER, LIKELIHOOD_MEMORY, response, solve_memory
+from impedance_estimator.joint_fit import LIKELIHOOD_MEMORY, MUCH_LIKELIER, response, solve_memory
 from impedance_estimator.joint_memory import sum_recent, use_chosen_memory
 from impedance_estimator.joint_regression import INTRINSIC
 from impedance_estimator.joint_state import Plan, State
@@ -24,6 +24,8 @@ SHORTEST_MEMORY = 1.25
 """[s] About two perturbations: fewer do not tell stiffness from reflex."""
 HORIZON = 0.5
 """[s] of torque that is predicted: most of a response to a perturbation. With 1 s, an ankle that swings at 0.2 Hz is no longer followed."""
+LARGEST_DISPERSION = 4.0
+"""Of the scores, as far as it slows the choice down: real ankles have 2 to 4; more is the drift, to which the memory is too long."""
 LEAST_BLOCKS = 6
 """Of a memory that may predict: 0.4 s, the length of a reflex response. Shorter ones predict what is estimated at present."""
 
@@ -78,7 +80,8 @@ def choose_memory(p: Plan, s: State) -> None:
             s.predicted[candidate] -= 0.5 * count * np.log(squares / count)
     c.changed = 0
     chosen = 0
-    while s.predicted[chosen] < np.max(s.predicted) - LIKELIER * c.dispersion:
+    margin = MUCH_LIKELIER * min(c.dispersion, LARGEST_DISPERSION)
+    while s.predicted[chosen] < np.max(s.predicted) - margin:
         chosen += 1
     if chosen != c.memory:
         c.memory = chosen

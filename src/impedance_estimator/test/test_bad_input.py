@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impedance_estimator.algorithms import make_estimator
+from impedance_estimator.algorithms import DEFAULT, make_estimator
 from impedance_estimator.offline import estimate_signal
 from impedance_estimator.settings import Settings
 from impedance_estimator.stream import EstimateStream
@@ -160,7 +160,7 @@ def test_change_of_the_sampling_rate_starts_anew_at_the_new_rate(simulate):
     stream.feed_samples(fast.samples(), True)
     due = stream.feed_samples(late, True)
     assert any("sampling rate is no longer 2048 Hz" in note for note in due.notes)
-    assert any("CE at 1000 Hz" in note for note in due.notes)
+    assert any(f"{DEFAULT} at 1000 Hz" in note for note in due.notes)
     assert due.rows[-1, VALID]
     assert due.rows[-1, 3] == pytest.approx(0.0137, rel=0.05)
 

@@ -29,7 +29,7 @@ def bag(minute, tmp_path):
 
 
 def test_bag_in_table_and_bag_out(bag, tmp_path):
-    done = call(bag, "--out", tmp_path / "impedance", "--highpass", "all")
+    done = call(bag, "--out", tmp_path / "impedance", "--algorithm", "CE", "--highpass", "all")
     assert done.returncode == 0, done.stderr
     assert "K[N.m/rad]" in done.stdout
     assert "I[kg.m^2]" in done.stdout
@@ -45,7 +45,8 @@ def test_bag_in_table_and_bag_out(bag, tmp_path):
     [
         (("nowhere",), "no bag at nowhere"),
         (("nowhere", "--algorithm", "XY"), "algorithm 'XY' is not known; allowed: CE"),
-        (("nowhere", "--highpass", "none"), "'highpass' = 'none' is refused"),
+        (("nowhere", "--algorithm", "CE", "--highpass", "none"), "'highpass' = 'none' is refused"),
+        (("nowhere", "--highpass", "all"), "algorithm 'joint' has no --highpass"),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):

@@ -100,10 +100,10 @@ def blocks_of(samples):
 
 
 def test_node_gives_the_numbers_of_the_file(start, minute):
-    laboratory = start("settling_time:=3.0", "highpass:=all")
+    laboratory = start("algorithm:=CE", "settling_time:=3.0", "highpass:=all")
     samples = minute.samples()[: 32 * 400]
     laboratory.send(blocks_of(samples))
-    expected = estimate_signal(*samples.T, settings=Settings(settling_time=3.0, highpass="all"))
+    expected = estimate_signal(*samples.T, "CE", Settings(settling_time=3.0, highpass="all"))
     rows = np.concatenate([block.data for block in laboratory.estimates])
     assert laboratory.estimates[0].columns == ESTIMATE_COLUMNS
     np.testing.assert_array_equal(rows, expected.rows)
@@ -114,7 +114,7 @@ def test_node_gives_the_numbers_of_the_file(start, minute):
 
 
 def test_parameters_reasons_and_bad_blocks_at_run_time(start, minute):
-    laboratory = start("settling_time:=3.0")
+    laboratory = start("algorithm:=CE", "settling_time:=3.0")
     samples = minute.samples()[: 32 * 400]
     bad = Block(("t[s]", "position[rad]", "force[N]"), samples[:32, :3])
     laboratory.publisher.publish(pack(bad))

@@ -33,7 +33,7 @@ def trial(request):
 
 
 def estimate(signals, rate, highpass):
-    return estimate_signal(np.arange(len(signals)) / rate, signals[:, 0], None, signals[:, 1], settings=Settings(highpass=highpass))
+    return estimate_signal(np.arange(len(signals)) / rate, signals[:, 0], None, signals[:, 1], "CE", Settings(highpass=highpass))
 
 
 @pytest.mark.parametrize("highpass", ["torque", "all"])

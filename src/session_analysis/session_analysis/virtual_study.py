@@ -24,6 +24,7 @@ from ankle_sim.virtual_subject import draw_subject
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from emg_driver.offline import MOTION_TOPIC, REFERENCE_TOPIC
 from emg_driver.processor import EmgProcessor
+from impedance_estimator.conceptual_experimental import ConceptualExperimental
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
 from impedance_estimator.stream import EstimateStream
 from perturbation_generator.pulse_step import PulseStep
@@ -149,7 +150,8 @@ class _Recorder:
     def __init__(self, writer: BagWriter) -> None:
         self._writer = writer
         self._store = typestore()
-        self._estimates = EstimateStream()
+        # The paper's, as table III is the paper's.
+        self._estimates = EstimateStream(ConceptualExperimental.name)
         self._responses = EmgProcessor()
         for topic in (REFERENCE_TOPIC, MOTION_TOPIC, SAMPLES_TOPIC, ESTIMATE_TOPIC, RESPONSE_TOPIC):
             writer.add_topic(topic)
