@@ -39,6 +39,7 @@ def validate(
     bags: Annotated[list[str], typer.Argument(help="Recorded sessions, each as BAG or as SUBJECT=BAG.")],
     out: Out = Path("validation"),
     recompute: Annotated[bool, typer.Option("--recompute", help="Estimates and EMG responses from the samples, not as recorded.")] = False,
+    algorithm: Annotated[str, typer.Option(help="Of estimates from the samples, as the estimator node's parameter of that name.")] = "",
 ) -> None:
     """Correlate K and G with EMG over the hold periods of recorded sessions: the paper's Table III and figures 4, 5, 8.
 
@@ -46,10 +47,11 @@ def validate(
 
     Example: ankle validate anna=monday_1 anna=monday_2 ben=tuesday_1 --out validation
     """
+    from impedance_estimator.algorithms import DEFAULT
     from session_analysis.console import report_validation
 
     with steps() as step:
-        report_validation(bags, out, recompute, step, console)
+        report_validation(bags, out, recompute, step, console, algorithm or DEFAULT)
 
 
 @verbs.command("virtual-study")

@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from impedance_estimator.algorithms import DEFAULT
 from session_analysis.correlation import LEAST_PAIRS
 from session_analysis.errors import AnalysisError
 from session_analysis.report import correlation_rows, write_report
@@ -15,7 +16,12 @@ from session_analysis.validation import validate
 
 
 def report_validation(
-    bags: Sequence[str], out: Path, recompute: bool, progress: Callable[[str, float], None] | None, console: Console
+    bags: Sequence[str],
+    out: Path,
+    recompute: bool,
+    progress: Callable[[str, float], None] | None,
+    console: Console,
+    algorithm: str = DEFAULT,
 ) -> None:
     """Validate sessions, write the report and print Table III.
 
@@ -33,7 +39,7 @@ def report_validation(
     subjects = [subject for subject, equals, _ in named if equals]
     if subjects and len(subjects) != len(bags):
         raise AnalysisError("either every bag is given as SUBJECT=BAG or none")
-    found = validate([Path(bag) for _, _, bag in named], subjects, recompute=recompute, progress=progress)
+    found = validate([Path(bag) for _, _, bag in named], subjects, recompute=recompute, progress=progress, algorithm=algorithm)
     out.mkdir(parents=True, exist_ok=True)
     report = write_report(found, out, "Impedance estimates against EMG")
     if all(cell.correlation.n < LEAST_PAIRS for cell in found.cells):

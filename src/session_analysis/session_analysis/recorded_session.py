@@ -12,6 +12,7 @@ from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_node.session_event import SessionEvent, SessionEventError, parse
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC
 from emg_driver.offline import respond_bag
+from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
 from impedance_estimator.offline import estimate_bag
 from sample_blocks.block import unpack
@@ -49,7 +50,11 @@ class RecordedSession:
 
 
 def read_session(
-    path: Path, subject: str = "", recompute: bool = False, progress: Callable[[float], None] | None = None
+    path: Path,
+    subject: str = "",
+    recompute: bool = False,
+    progress: Callable[[float], None] | None = None,
+    algorithm: str = DEFAULT,
 ) -> RecordedSession:
     """Read a bag.
 
@@ -57,6 +62,7 @@ def read_session(
         subject: whose; else what the bag's custom data say, else the bag's name.
         recompute: estimates and responses from the samples, also where they were recorded.
         progress: called with the fraction done.
+        algorithm: of estimates that come from the samples.
 
     Raises:
         BagError: no such bag, or it lacks the samples that are needed.
@@ -87,7 +93,7 @@ def read_session(
     if ESTIMATE_TOPIC in rows:
         estimates = np.concatenate(rows[ESTIMATE_TOPIC])
     else:
-        computed = estimate_bag(path, progress=progress)
+        computed = estimate_bag(path, algorithm=algorithm, progress=progress)
         estimates = computed.rows
         notes += [f"{path}: {note}" for note in computed.notes]
     if RESPONSE_TOPIC in rows:

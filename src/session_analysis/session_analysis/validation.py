@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from emg_driver.muscles import BACKGROUND, MUSCLES, REFLEX
+from impedance_estimator.algorithms import DEFAULT
 from session_analysis.errors import AnalysisError
 from session_analysis.excerpts import Excerpt, read_excerpt
 from session_analysis.hold_measures import HoldMeasures, measure_hold
@@ -39,7 +40,13 @@ class Validation:
 
 
 def validate(
-    bags: Sequence[Path], subjects: Sequence[str] = (), *, seed: int = 0, recompute: bool = False, progress: Progress | None = None
+    bags: Sequence[Path],
+    subjects: Sequence[str] = (),
+    *,
+    seed: int = 0,
+    recompute: bool = False,
+    progress: Progress | None = None,
+    algorithm: str = DEFAULT,
 ) -> Validation:
     """Correlate impedance estimates with EMG over the holds of all sessions.
 
@@ -49,6 +56,7 @@ def validate(
         seed: of the bootstrap.
         recompute: estimates and responses from the samples, also where they were recorded.
         progress: called with what is done and the fraction.
+        algorithm: of estimates that come from the samples.
 
     Raises:
         BagError: a bag that cannot be read, or lacks the samples that are needed.
@@ -60,7 +68,7 @@ def validate(
     sessions: list[RecordedSession] = []
     for number, bag in enumerate(bags):
         subject = subjects[number] if subjects else ""
-        session = read_session(bag, subject, recompute, _named(progress, f"reading {bag}"))
+        session = read_session(bag, subject, recompute, _named(progress, f"reading {bag}"), algorithm)
         sessions.append(session)
         notes += session.notes
         excluded += [Excluded(f"{session.subject}, {one.what}", one.reason) for one in session.excluded]
