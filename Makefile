@@ -9,7 +9,7 @@ LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 5 minutes)"
+	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 6 minutes)"
 	@echo "make test    set up, lint, type-check and test (under 10 minutes)"
 	@echo "make test-slow   the long tests as well"
 	@echo "make bench   the benchmarks of simulation, estimators, files and graph (4 minutes)"

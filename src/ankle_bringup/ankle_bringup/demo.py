@@ -160,7 +160,9 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
     """Import the real trials to bags, estimate them, and draw measured against predicted torque."""
     files = sorted(trials.glob("*.npz")) if trials.is_dir() else []
     if not files:
-        console.print(f"No real trials in {trials}. {WHERE_REAL_TRIALS_COME_FROM} Then: ankle demo --trials FOLDER. Going on without.")
+        console.print(
+            f"No real trials in {trials}. {WHERE_REAL_TRIALS_COME_FROM} Then: ankle demo --trials FOLDER. Going on without.", markup=False
+        )
         result.add("real trials", "none here", f"looked in {trials}")
         return
     for number, file in enumerate(files, start=1):

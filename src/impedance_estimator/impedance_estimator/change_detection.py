@@ -84,8 +84,8 @@ def find_change(
     sums: np.ndarray,
     projection: np.ndarray,
     vectors: np.ndarray,
-) -> tuple[int, float]:
-    """The window with the largest D, and that D; (0, 0) where the memory is too short.
+) -> tuple[int, float, float]:
+    """The window with the largest D, that D, and the noise variance beside it; zeros where the memory is too short.
 
     Args:
         ring: packed sums of every block, shape (capacity, packed).
@@ -99,12 +99,12 @@ def find_change(
         samples: in one block.
         matrices: shape (6, n, n), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3, >= 4); overwritten.
     """
-    best, largest = 0, 0.0
+    best, largest, noise = 0, 0.0, 0.0
     recent, older = matrices[0], matrices[1]
     together, solution, prior = vectors[0], vectors[1], vectors[2]
     prior[:] = 1e-12
     if np.isnan(solve_with_prior(total, GAINS, prior, prior, together, matrices[3], matrices[4:])):
-        return best, largest
+        return best, largest, noise
     sums[:] = 0.0
     taken = 0
     grown = 0
@@ -140,5 +140,5 @@ def find_change(
             prior[i] = variance * precision[i]
         d = split_statistic(recent, older, together, prior, variance, matrices[3:], solution)
         if d > largest:
-            best, largest = window, d
-    return best, largest
+            best, largest, noise = window, d, variance
+    return best, largest, noise

@@ -119,6 +119,7 @@ class Joint(Estimator):
             solution=np.zeros(unknowns),
             covariance=np.zeros((unknowns, unknowns)),
             output=np.zeros((2, GAINS)),
+            held=np.zeros(GAINS),
             response=np.zeros(count),
             likelihood=np.zeros(models),
             predictors=np.zeros((memories, size)),

@@ -47,6 +47,11 @@ choice costs more: 5 was passed by chance in 2 of 30 simulated runs of three min
 trial (G fell to a quarter)."""
 LIKELIHOOD_MEMORY = 15.0
 """Seconds in the running sum of ln L: a subject who starts to push is noticed within seconds."""
+CONSISTENT = 4.0
+"""Noise variance since a change over that before it, up to which the new estimate is believed in full. What is left of the change in the
+whitening filters makes it a hundred times as large, and K and G of the first half second then anything."""
+LEAST_BELIEVED = 10
+"""Blocks since a change (0.6 s) before the new estimate is believed at all: fewer fit one response and predict no other."""
 BATCH = 2
 """[s] of scores in a batch"""
 SCATTER_MEMORY = 60.0
@@ -58,7 +63,7 @@ def forget(s: State) -> None:
     c = s.counters[0]
     s.sums[:] = 0.0
     s.totals[:] = 0.0
-    c.filled = c.length = c.since = c.kept = c.memory = c.changed = c.left_over = c.blocks = c.batches = c.finished = 0
+    c.filled = c.length = c.since = c.kept = c.memory = c.changed = c.unsettled = c.left_over = c.blocks = c.batches = c.finished = 0
     c.model = FIRST_MODEL
     c.variance = np.nan
     c.dispersion = 1.0
@@ -183,7 +188,7 @@ def choose_deviation(p: Plan, s: State) -> None:
 def detect_change(p: Plan, s: State) -> None:
     c = s.counters[0]
     sum_recent(s, c.model, c.since, s.matrices[6], 0)
-    window, d = find_change(
+    window, d, noise = find_change(
         s.ring[c.model],
         c.newest,
         c.since,
@@ -200,6 +205,10 @@ def detect_change(p: Plan, s: State) -> None:
     )
     if d < p.threshold * c.dispersion:
         return
+    if not c.unsettled:
+        c.unsettled = 1
+        c.noise_before = noise
+        s.held[:] = s.output[0]
     for i in range(GAINS):
         s.prior[0, i] = s.solution[i]
         s.prior[1, i] = JUMP[i]
@@ -252,6 +261,7 @@ def _output_weights(p: Plan, s: State, output: int, weights: np.ndarray) -> None
 @part
 def outputs(p: Plan, s: State) -> None:
     """K, B, I, G and, in units of the noise variance, their variances."""
+    c = s.counters[0]
     weights = s.vectors[0]
     for output in range(GAINS):
         _output_weights(p, s, output, weights)
@@ -261,6 +271,12 @@ def outputs(p: Plan, s: State) -> None:
             for j in range(weights.shape[0]):
                 variance += weights[i] * weights[j] * s.covariance[i, j]
         s.output[0, output], s.output[1, output] = value, variance
+    if c.unsettled:
+        # Between the estimate before the change and the new one, as far as the new one is believed.
+        believed = min(CONSISTENT * c.noise_before / c.variance, 1.0) if c.since >= LEAST_BELIEVED else 0.0
+        c.unsettled = believed < 1.0
+        for output in range(GAINS):
+            s.output[0, output] = s.held[output] + believed * (s.output[0, output] - s.held[output])
 
 
 @part

@@ -32,16 +32,17 @@ def sum_memory(s: State, model: int) -> None:
 
 
 @part
-def used_blocks(p: Plan, s: State) -> int:
-    """Blocks in the chosen memory."""
+def blocks_of(p: Plan, s: State, memory: int) -> int:
+    """Blocks in one of the memories that `memory_length` chooses from."""
     c = s.counters[0]
-    return min(p.lengths[c.memory], c.since) if c.memory < p.lengths.shape[0] else c.kept
+    return min(p.lengths[memory], c.since) if memory < p.lengths.shape[0] else c.kept
 
 
 @part
 def use_chosen_memory(p: Plan, s: State) -> None:
     """Make the totals those of the chosen memory."""
-    s.counters[0].length = used_blocks(p, s)
+    c = s.counters[0]
+    c.length = blocks_of(p, s, c.memory)
     for model in range(s.ring.shape[0]):
         sum_memory(s, model)
 
@@ -53,7 +54,7 @@ def store_block(p: Plan, s: State) -> None:
     c.newest = (c.newest + 1) % capacity
     c.since = min(c.since + 1, p.memory_blocks)
     c.kept = min(c.kept + 1, p.memory_blocks)
-    full = c.length == used_blocks(p, s)
+    full = c.length == blocks_of(p, s, c.memory)
     for model in range(s.ring.shape[0]):
         if full:
             oldest = s.ring[model, (c.newest - c.length) % capacity]

@@ -19,6 +19,7 @@ COUNTERS = np.dtype(
             "kept",
             "memory",
             "changed",
+            "unsettled",
             "left_over",
             "model",
             "deviation",
@@ -26,13 +27,13 @@ COUNTERS = np.dtype(
             "finished",
         )
     ]
-    + [(name, np.float64) for name in ("variance", "gain", "vaf_intrinsic", "vaf_total", "dispersion")]
+    + [(name, np.float64) for name in ("variance", "noise_before", "gain", "vaf_intrinsic", "vaf_total", "dispersion")]
 )
 """Counters: newest raw sample, decimated samples in the present block, blocks so far, newest block in the ring, blocks in the
 memory, blocks since the last change and since the last interruption (both at most the full memory), which memory is chosen, whether
-there was a change since the choice, how many of the blocks since the last change may be from before it, noise model, width of the
-deviation's prior, batches of scores, whether a block is complete. Noise variance [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of
-the scores [1]."""
+there was a change since the choice, whether the estimate since the change is not yet believed in full, how many of the blocks since the
+last change may be from before it, noise model, width of the deviation's prior, batches of scores, whether a block is complete. Noise
+variance now and before the last change [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
 
 
 class Plan(NamedTuple):
@@ -108,6 +109,8 @@ class State(NamedTuple):
     """Over the noise variance, shape (m + 7, m + 7)."""
     output: np.ndarray
     """K, B, I, G; their variances over the noise variance; shape (2, 4)."""
+    held: np.ndarray
+    """K, B, I, G before the last change, shape (4,)."""
     response: np.ndarray
     """Reflex torque per basis function, shape (m,)."""
     likelihood: np.ndarray

@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from impedance_estimator.change_detection import SHORTEST
 from impedance_estimator.compilation import part
 from impedance_estimator.joint_fit import LIKELIHOOD_MEMORY, MUCH_LIKELIER, response, solve_memory
-from impedance_estimator.joint_memory import sum_recent, use_chosen_memory
+from impedance_estimator.joint_memory import blocks_of, sum_recent, use_chosen_memory
 from impedance_estimator.joint_regression import INTRINSIC
 from impedance_estimator.joint_state import Plan, State
 
@@ -26,8 +27,6 @@ HORIZON = 0.5
 """[s] of torque that is predicted: most of a response to a perturbation. With 1 s, an ankle that swings at 0.2 Hz is no longer followed."""
 LARGEST_DISPERSION = 4.0
 """Of the scores, as far as it slows the choice down: real ankles have 2 to 4; more is the drift, to which the memory is too long."""
-LEAST_BLOCKS = 6
-"""Of a memory that may predict: 0.4 s, the length of a reflex response. Shorter ones predict what is estimated at present."""
 
 
 def memory_lengths(seconds: float, block: float, changes: bool) -> np.ndarray:
@@ -40,13 +39,12 @@ def memory_lengths(seconds: float, block: float, changes: bool) -> np.ndarray:
 
 @part
 def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
-    """Ask one memory, as it was `after` blocks ago, for its parameters."""
-    c = s.counters[0]
-    blocks = (min(p.lengths[candidate], c.since) if candidate < p.lengths.shape[0] else c.kept) - after
+    """Ask one memory, as it was `after` blocks ago, for its parameters; one shorter than a response has those that are estimated now."""
+    blocks = blocks_of(p, s, candidate) - after
     solution = s.vectors[3]
     solution[:] = s.solution
-    if blocks >= LEAST_BLOCKS:
-        sum_recent(s, c.model, blocks, s.matrices[0], after)
+    if blocks >= SHORTEST:
+        sum_recent(s, s.counters[0].model, blocks, s.matrices[0], after)
         if np.isnan(solve_memory(p, s, blocks, solution, s.matrices[5])):
             solution[:] = s.solution
     predictor = s.predictors[candidate]

@@ -76,6 +76,18 @@ def test_jump_is_followed_within_seconds(simulate):
         assert np.all(ours < np.array([rise_times(estimate(recording, baseline)) for recording in recordings])), baseline
 
 
+def test_a_jump_is_shown_late_rather_than_wildly(simulate):
+    """The first half second after a change says little; what a subject sees meanwhile is the old value, not any value."""
+    for seed in range(46, 50):
+        after = estimate(jump(simulate, seed))
+        after = after[after[:, 0] >= AT]
+        for column, low, high in ((1, 50.0, 150.0), (4, 5.0, 15.0)):
+            share = (after[:, column] - low) / (high - low)
+            assert share.min() > -0.5
+            assert share.max() < 2.5
+            assert np.all(np.abs(share[after[:, 0] > AT + 3.0] - 1.0) < 0.1)
+
+
 @pytest.mark.parametrize("voluntary", VOLUNTARY.values(), ids=VOLUNTARY.keys())
 def test_better_than_ce_in_every_respect_under_voluntary_torque(simulate, voluntary):
     """The automatic setting varies less than either baseline and is faster; a fixed memory as fast as they are varies less."""

@@ -34,7 +34,7 @@ def changed(ring, length, left_over, windows, total):
     sums, projection = np.zeros(ring.shape[1]), np.zeros((5, 9))
     return find_change(
         ring, len(ring) - 1, length, left_over, windows, total, tangent, JUMP_PRECISION, BLOCK, matrices, sums, projection, vectors
-    )
+    )[:2]
 
 
 def regression(random, count, truth):

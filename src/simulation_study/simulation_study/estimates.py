@@ -18,6 +18,8 @@ IGNORED = 30.0
 """[s] at the start. van 't Veld et al. 2018, section III-A."""
 SNAPSHOT = 30.0
 """[s] between the estimates that are kept with their standard errors: more than any memory, so that they are independent."""
+STAYED = 2.0
+"""[s] within 10 % of a jump that count as having arrived: three perturbations."""
 GAINS = ("K", "B", "I", "G")
 VALUES = [ESTIMATE_COLUMNS.index(name) for name in ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")]
 ERRORS = [ESTIMATE_COLUMNS.index(name) for name in ("se_K[N.m/rad]", "se_B[N.m.s/rad]", "se_I[kg.m^2]", "se_G[N.m.s/rad]")]
@@ -80,8 +82,8 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
     Returns:
         ``mean`` and ``sd`` of K, B, I, G after `IGNORED` (within the trial), ``invalid``: share of the time without valid
         estimate; without a course ``snapshots``: estimates, their standard errors and the truth every `SNAPSHOT`;
-        with a jump ``rise_time``: of K and G [s], NaN where a level is never reached; with any course ``tracking_error``: root mean
-        square error of K and G over half of their range [1].
+        with a jump ``rise_time`` and ``arrival`` of K and G [s], NaN where there is none; with any course ``tracking_error``: root
+        mean square error of K and G over half of their range [1].
     """
     rows = rows[rows[:, 0] > IGNORED]
     after = rows[rows[:, VALID] > 0.0]
@@ -109,9 +111,9 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
         ]
         out["tracking_error"] = error
         if course.kind == "jump":
-            out["rise_time"] = [
-                rise_time(after[:, 0], after[:, VALUES[i]], levels, course.at) for i, levels in ((0, course.K), (3, course.G))
-            ]
+            moved = [(after[:, VALUES[i]], levels) for i, levels in ((0, course.K), (3, course.G))]
+            out["rise_time"] = [rise_time(after[:, 0], values, levels, course.at) for values, levels in moved]
+            out["arrival"] = [arrival(after[:, 0], values, levels, course.at) for values, levels in moved]
     return out
 
 
@@ -133,3 +135,22 @@ def rise_time(time: np.ndarray, values: np.ndarray, levels: tuple[float, float],
     if not ended.any():
         return float("nan")
     return float(time[np.argmax(ended)] - time[np.argmax(begun)])
+
+
+def arrival(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float) -> float:
+    """Time [s] from a jump until the values stay within 10 % of it about the new level for `STAYED`; NaN where they never do.
+
+    Unlike the rise time it counts the delay before an estimate moves, and what it overshoots.
+
+    Args:
+        time: [s], ascending, shape (n,).
+        values: shape (n,).
+        levels: before and after the jump.
+        at: when [s].
+    """
+    low, high = levels
+    within = (np.abs(values - high) <= 0.1 * abs(high - low)) & (time >= at)
+    for k in np.flatnonzero(within):
+        if within[k : np.searchsorted(time, time[k] + STAYED)].all():
+            return float(time[k] - at)
+    return float("nan")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulation_study.estimates import carry_out, rise_time
+from simulation_study.estimates import arrival, carry_out, rise_time
 from simulation_study.intrinsic_prediction import WINDOW, accuracy, after_stretch, motion, true_torque
 from simulation_study.rigs import RIGS, intrinsic_torque, record
 from simulation_study.trial import INERTIA, VISCOSITY, Ankle, Course, Trial
@@ -46,6 +46,15 @@ def test_a_sinusoid_keeps_its_range():
     recording = record(trial(course=Course("sinusoid", K=(70.0, 130.0), G=(7.0, 13.0), frequency=0.2)))
     G = recording.truth["reflex.G[N.m.s/rad]"]
     assert (G.min(), G.max()) == pytest.approx((7.0, 13.0), rel=1e-3)
+
+
+def test_arrival_counts_delay_and_overshoot():
+    time = np.arange(0.0, 30.0, 0.01)
+    late = np.where(time < 12.0, 50.0, 145.0)
+    assert arrival(time, late, (50.0, 150.0), at=10.0) == pytest.approx(2.0, abs=0.02)
+    overshoot = np.where((time > 13.0) & (time < 14.0), 200.0, late)
+    assert arrival(time, overshoot, (50.0, 150.0), at=10.0) == pytest.approx(4.0, abs=0.02)
+    assert np.isnan(arrival(time, np.minimum(late, 130.0), (50.0, 150.0), at=10.0))
 
 
 def test_rise_time_is_from_10_to_90_percent_of_the_jump():
