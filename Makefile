@@ -36,11 +36,16 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 	@ln -sf ../../install/lib/ankle_bringup/ankle $(BIN)/ankle
 	@touch $@
 
-test: setup lint
+# Compiling the estimators takes longest; the checks are made meanwhile.
+test: setup
+	@$(MAKE) --no-print-directory -j 3 compiled-joint compiled-CE lint
 	@$(BIN)/python -m pytest -q -m "not slow"
 
 test-slow: setup
 	@$(BIN)/python -m pytest -q -m slow
+
+compiled-%: setup
+	@$(BIN)/python -c 'from impedance_estimator.stream import compile_estimator; compile_estimator("$*")'
 
 lint: setup
 	@$(BIN)/ruff check .
