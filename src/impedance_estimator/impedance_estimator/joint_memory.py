@@ -79,9 +79,12 @@ def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int
     """Sums of products of the newest blocks, but for the last `after`, under a noise model."""
     c = s.counters[0]
     ring = s.ring[model]
-    s.packed[:] = 0.0
-    for back in range(after, after + blocks):
-        block = ring[(c.newest - back) % ring.shape[0]]
-        for k in range(block.shape[0]):
-            s.packed[k] += block[k]
+    if after == 0 and blocks == c.length:
+        s.packed[:] = s.totals[model]
+    else:
+        s.packed[:] = 0.0
+        for back in range(after, after + blocks):
+            block = ring[(c.newest - back) % ring.shape[0]]
+            for k in range(block.shape[0]):
+                s.packed[k] += block[k]
     unpack_sums(s.packed, s.tangent, normal, s.projection)

@@ -41,10 +41,15 @@ def memory_lengths(seconds: float, block: float, changes: bool) -> np.ndarray:
 def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
     """Ask one memory, as it was `after` blocks ago, for its parameters; one shorter than a response has those that are estimated now."""
     blocks = blocks_of(p, s, candidate) - after
+    c = s.counters[0]
+    if candidate == p.lengths.shape[0] and c.since == c.kept and not c.changed:
+        # Nothing was taken for a change: this is the full memory, which was asked first.
+        s.predictors[candidate] = s.predictors[0]
+        return
     solution = s.vectors[3]
     solution[:] = s.solution
     if blocks >= SHORTEST:
-        sum_recent(s, s.counters[0].model, blocks, s.matrices[0], after)
+        sum_recent(s, c.model, blocks, s.matrices[0], after)
         if np.isnan(solve_memory(p, s, blocks, solution, s.matrices[5])):
             solution[:] = s.solution
     predictor = s.predictors[candidate]

@@ -20,6 +20,8 @@ from sample_blocks.units import split_column
 
 TOPIC = "/ankle/samples"
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
+COMPILED = 2.0
+"""[s] of samples that go through everything once: a block of the joint estimator is complete after half a second."""
 RESPONSE_RATE = 2.0
 """[Hz] Reflex impulse responses per second."""
 
@@ -141,8 +143,9 @@ class EstimateStream:
 
 def compile_estimator(algorithm: str) -> None:
     """Compile, or load from the cache on disk, everything that an algorithm needs, for samples with and without velocity."""
-    for measured_velocity in (True, False):
-        stream = EstimateStream(algorithm)
-        samples = np.zeros((2 * RATE_WINDOW, 4 if measured_velocity else 3))
-        samples[:, 0] = np.arange(len(samples)) / 1000.0
-        stream.feed_samples(samples, measured_velocity)
+    time = np.arange(0.0, COMPILED, 1e-3)
+    # Moving, as what still samples leave out would be compiled while a subject waits.
+    position = 0.02 * np.sin(2.0 * np.pi * time)
+    velocity = np.gradient(position, time)
+    for columns in ([time, position, velocity, 100.0 * position], [time, position, 100.0 * position]):
+        EstimateStream(algorithm).feed_samples(np.column_stack(columns), len(columns) == 4)
