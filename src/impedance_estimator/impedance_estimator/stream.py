@@ -20,6 +20,8 @@ from sample_blocks.units import split_column
 
 TOPIC = "/ankle/samples"
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
+RIG_RATE = 2048.0
+"""[Hz] van 't Veld et al. 2018, section III-B.1."""
 COMPILED = 2.0
 """[s] of samples that go through everything once: a block of the joint estimator is complete after half a second."""
 RESPONSE_RATE = 2.0
@@ -143,7 +145,8 @@ class EstimateStream:
 
 def compile_estimator(algorithm: str) -> None:
     """Compile, or load from the cache on disk, everything that an algorithm needs, for samples with and without velocity."""
-    time = np.arange(0.0, COMPILED, 1e-3)
+    # At the rig's rate: tables that depend on it are then ready, too.
+    time = np.arange(0.0, COMPILED, 1.0 / RIG_RATE)
     # Moving, as what still samples leave out would be compiled while a subject waits.
     position = 0.02 * np.sin(2.0 * np.pi * time)
     velocity = np.gradient(position, time)
