@@ -25,6 +25,9 @@ from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, REFERENCE, SAM
 from ankle_bringup.processes import Processes
 from session_recorder.bag_reader import BagReader
 
+STARTING = 64
+"""Estimates of the first second, in which five processes start at once."""
+
 
 def processor_seconds(pid: int) -> float:
     """User and system time of a process so far [s]."""
@@ -78,6 +81,7 @@ def main() -> int:
         ("samples missing here", f"{monitor.missing}"),
         ("estimates received", f"{len(estimate)}"),
         ("latency, block complete to estimate here", figures(estimate)),
+        ("the same after a second", figures(estimate[STARTING:])),
         ("peer: generator's block to here", figures(reference)),
         ("ratio of medians", f"{np.median(estimate) / np.median(reference):.2f}"),
     ]
