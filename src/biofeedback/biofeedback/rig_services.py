@@ -36,6 +36,7 @@ class RigServices:
         self._clients: dict[str, Client] = {}
         self._name: str | None = None
         self._problem = NONE_FOUND
+        self._unanswered: set[str] = set()
         self._state = ""
         node.create_subscription(String, STATE_TOPIC, self._hear_state, WORKED_OFF_QOS)
 
@@ -65,8 +66,11 @@ class RigServices:
                     self._node.destroy_client(client)
                 self._clients = {action: self._node.create_client(Trigger, f"/{rigs[0]}/{action}") for action in sorted(offered[rigs[0]])}
             self._name, self._problem = rigs[0], ""
+            for action in sorted(self._unanswered):
+                self._send(action)
             return
         self._name = None
+        self._unanswered.clear()
         if rigs:
             self._problem = f"{len(rigs)} rig drivers ({', '.join(sorted(rigs))}): set the parameter rig to the one that is meant"
         else:
@@ -91,11 +95,17 @@ class RigServices:
             raise CommandError(f"{self._name} refuses to {action.replace('_', ' ')}: {response.message}")
 
     def tell(self, action: str) -> None:
-        """Call a service without waiting; says in the log where the rig refuses."""
-        if not self.present:
-            return
+        """Call a service without waiting, again at every look until it answers; says in the log where the rig refuses.
 
+        A service that was found a moment ago may not hear its first call yet, and a stop must not be lost.
+        """
+        if self.present:
+            self._unanswered.add(action)
+            self._send(action)
+
+    def _send(self, action: str) -> None:
         def done(future: Future) -> None:
+            self._unanswered.discard(action)
             response = future.result()
             if not response.success:
                 self._node.get_logger().error(f"{self._name} refuses to {action}: {response.message}")
