@@ -52,6 +52,9 @@ CONSISTENT = 4.0
 whitening filters makes it a hundred times as large, and K and G of the first half second then anything."""
 LEAST_BELIEVED = 10
 """Blocks since a change (0.6 s) before the new estimate is believed at all: fewer fit one response and predict no other."""
+MOST_DOUBTED = 32
+"""Blocks since a change (2 s, three perturbations) from which the new estimate is believed whatever its noise: the subject may have become
+less steady with the change, and the old value must not stay in the estimate."""
 BATCH = 2
 """[s] of scores in a batch"""
 SCATTER_MEMORY = 60.0
@@ -273,7 +276,11 @@ def outputs(p: Plan, s: State) -> None:
         s.output[0, output], s.output[1, output] = value, variance
     if c.unsettled:
         # Between the estimate before the change and the new one, as far as the new one is believed.
-        believed = min(CONSISTENT * c.noise_before / c.variance, 1.0) if c.since >= LEAST_BELIEVED else 0.0
+        believed = 0.0
+        if c.since >= MOST_DOUBTED:
+            believed = 1.0
+        elif c.since >= LEAST_BELIEVED:
+            believed = min(CONSISTENT * c.noise_before / c.variance, 1.0)
         c.unsettled = believed < 1.0
         for output in range(GAINS):
             s.output[0, output] = s.held[output] + believed * (s.output[0, output] - s.held[output])
