@@ -38,6 +38,7 @@ class RigServices:
         self._problem = NONE_FOUND
         self._unanswered: set[str] = set()
         self._state = ""
+        self._look_now = node.create_guard_condition(self.look)
         node.create_subscription(String, STATE_TOPIC, self._hear_state, WORKED_OFF_QOS)
 
     def _hear_state(self, message: String) -> None:
@@ -70,7 +71,6 @@ class RigServices:
                 self._send(action)
             return
         self._name = None
-        self._unanswered.clear()
         if rigs:
             self._problem = f"{len(rigs)} rig drivers ({', '.join(sorted(rigs))}): set the parameter rig to the one that is meant"
         else:
@@ -93,15 +93,19 @@ class RigServices:
         response = await answered
         if not response.success:
             raise CommandError(f"{self._name} refuses to {action.replace('_', ' ')}: {response.message}")
+        self._unanswered.clear()
 
     def tell(self, action: str) -> None:
         """Call a service without waiting, again at every look until it answers; says in the log where the rig refuses.
 
-        A service that was found a moment ago may not hear its first call yet, and a stop must not be lost.
+        A stop must not be lost: a rig that is not found yet is told once it is, and one that was found a moment ago may not hear its
+        first call. What an operator calls afterwards, and the rig agrees to, takes the place of what is unanswered.
         """
+        self._unanswered.add(action)
         if self.present:
-            self._unanswered.add(action)
             self._send(action)
+        else:
+            self._look_now.trigger()
 
     def _send(self, action: str) -> None:
         def done(future: Future) -> None:

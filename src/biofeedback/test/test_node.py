@@ -159,6 +159,21 @@ def test_a_session_survives_a_crash_of_the_node_in_the_middle(graph, tmp_path):
             process.kill()
 
 
+def test_a_stop_said_before_the_rig_is_found_reaches_it(tmp_path):
+    process = start(tmp_path)
+    made = None
+    try:
+        say(port_of(process), "stop")
+        made = Graph()
+        until(lambda: made.called == ["stop"], "the rig is stopped", PATIENCE)
+        time.sleep(2.5)  # two looks later it has not been told again
+        assert made.called == ["stop"]
+    finally:
+        process.kill()
+        if made is not None:
+            made.close()
+
+
 def test_a_session_of_yesterday_is_not_gone_on_with(tmp_path):
     short_protocol(tmp_path)
     saved = {"protocol": "x", "state": "running", "index": 2, "saved_at[s]": time.time() - 90_000.0}
