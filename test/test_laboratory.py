@@ -15,6 +15,8 @@ from impedance_estimator.joint_settings import JointSettings
 from impedance_estimator.offline import estimate_bag
 from session_recorder.bag_reader import BagReader
 
+pytestmark = pytest.mark.live
+
 SECONDS = 12.0
 SAMPLES = round(SECONDS * 2048)
 # topic: type, columns, messages a second (DESIGN of the graph)

@@ -24,7 +24,7 @@ from sample_blocks.block import unpack
 from sample_blocks.continuity import Continuity
 
 PATIENCE = 240.0  # s; the first start compiles, and a busy machine takes a minute to start a process
-pytestmark = pytest.mark.timeout(1500)
+pytestmark = [pytest.mark.live, pytest.mark.timeout(1500)]
 DRIVER = "ankle_actuator_driver.ankle_actuator_driver_node"
 EMULATOR = "ankle_actuator_driver.rig_emulator"
 GENERATOR = "perturbation_generator.perturbation_generator_node"

@@ -12,6 +12,8 @@ from ankle_node.parameters import ParameterError
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
+pytestmark = pytest.mark.live
+
 RATE = 2048.0
 OFF_WITHIN = 0.25  # s after the last valid packet
 

@@ -6,6 +6,8 @@ from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.graph import Graph, NodeDescription, known_graphs, load_graph
 from ankle_bringup.processes import Processes, node_command
 
+pytestmark = pytest.mark.live
+
 
 @pytest.mark.parametrize("name", known_graphs())
 def test_every_graph_names_executables_that_exist(name):

@@ -10,6 +10,8 @@ import pytest
 
 from ankle_node.parameters import Parameter, ParameterError
 
+pytestmark = pytest.mark.live
+
 PROGRAM = """
 import sys
 from ankle_node.node import AnkleNode, run

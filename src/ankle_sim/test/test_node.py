@@ -23,6 +23,8 @@ from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 from sample_blocks.block import Block, pack, unpack
 
+pytestmark = pytest.mark.live
+
 RATE = 2048.0
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
 PATIENCE = 60.0  # s; the first start compiles

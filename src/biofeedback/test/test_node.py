@@ -24,6 +24,8 @@ from ankle_node.session_event import parse
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from sample_blocks.block import Block, pack
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 90.0
 RATE = 2048.0
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)

@@ -3,6 +3,8 @@
 import pytest
 from laboratory import close_to, until
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 60_000  # ms
 
 

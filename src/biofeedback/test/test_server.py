@@ -15,6 +15,8 @@ from biofeedback.connection_limit import LIMIT
 from biofeedback.errors import AccessError
 from biofeedback.protocol import PAPER, load_protocol
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 30.0
 
 

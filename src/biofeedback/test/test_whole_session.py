@@ -12,6 +12,8 @@ from session_analysis.recorded_session import read_session
 from session_analysis.report import write_report
 from session_analysis.validation import validate
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 240_000  # ms
 
 

@@ -11,6 +11,8 @@ import pytest
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from emg_driver.processor import EmgProcessor
 
+pytestmark = pytest.mark.live
+
 RATE, SIZE = 2048, 32
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

@@ -7,7 +7,7 @@ import pytest
 
 RATE = 2048
 # Fourteen streams at once and their readers need a core of their own for half a minute.
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.live, pytest.mark.slow]
 
 
 def pulse_errors(data):

@@ -21,6 +21,8 @@ from impedance_estimator.offline import estimate_signal
 from impedance_estimator.settings import Settings
 from sample_blocks.block import Block, pack, unpack
 
+pytestmark = pytest.mark.live
+
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
 COMMAND = [sys.executable, "-c", "from impedance_estimator.impedance_estimator_node import main; main()"]
 LIMIT = 90.0  # s; compiling on a busy machine

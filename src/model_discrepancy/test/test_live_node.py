@@ -21,6 +21,8 @@ from perturbation_generator.random_steps import RandomSteps
 from perturbation_generator.settings import Settings
 from sample_blocks.block import Block, pack
 
+pytestmark = pytest.mark.live
+
 RATE = 1024.0
 WINDOW = 20.0  # s
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")

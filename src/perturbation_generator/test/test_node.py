@@ -22,6 +22,8 @@ from perturbation_generator.settings import Settings
 from sample_blocks.block import unpack
 from sample_blocks.continuity import Continuity
 
+pytestmark = pytest.mark.live
+
 DOMAIN = 1 + os.getpid() % 100
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
 PROGRAM = "import sys; from perturbation_generator.perturbation_generator_node import main; sys.exit(main())"

@@ -14,6 +14,8 @@ from session_recorder.bag_reader import BagReader
 from session_recorder.recording import Recording
 from session_recorder.recovery import recover
 
+pytestmark = pytest.mark.live
+
 # Sends blocks of 32 samples at 2048 Hz, a latched event and a best-effort text; says when it is done.
 SOURCE = """
 import sys, threading, time

@@ -10,6 +10,8 @@ from session_recorder.errors import BagError
 from session_recorder.flow_control import WINDOW, Flow
 from session_recorder.replaying import Replay, choose_topics
 
+pytestmark = pytest.mark.live
+
 
 class Queue:
     """A reader with a queue of 64 that forgets the oldest, as DDS with keep-last 64, and works off one message at a time."""
