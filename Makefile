@@ -39,7 +39,7 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 # Compiling the estimators takes longest; the checks are made meanwhile.
 test: setup
 	@$(MAKE) --no-print-directory -j 3 compiled-joint compiled-CE lint
-	@$(BIN)/python -m pytest -q -m "not slow" -n 2 --dist loadgroup
+	@$(BIN)/python -m pytest -q -m "not slow" -n 2
 
 test-slow: setup
 	@$(BIN)/python -m pytest -q -m slow

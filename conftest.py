@@ -1,16 +1,33 @@
 """Shares the tests between two processes: the live ones one by one in the first, the rest beside them, with less right to the cores."""
 
 import os
+from functools import cache
+from pathlib import Path
 
-import pytest
+from xdist.scheduler import LoadScopeScheduling
 
 BESIDE = 10  # niceness: a computation must not make a graph late that runs in real time
 
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Before NumPy is loaded: matrix products in two threads wait for each other where the other process has the second core.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-def pytest_collection_modifyitems(items):
-    """Live tests are one group; any other module is one of its own, so that its fixtures are made once."""
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group("live" if item.get_closest_marker("live") else str(item.path)))
+
+@cache
+def is_live(path):
+    return "pytest.mark.live" in Path(path).read_text()
+
+
+class LiveTogether(LoadScopeScheduling):
+    """Hands out modules whole, so that their fixtures are made once; all live ones are one."""
+
+    def _split_scope(self, nodeid):
+        path = nodeid.split("::")[0]
+        return "live" if is_live(path) else path
+
+
+def pytest_xdist_make_scheduler(config, log):
+    return LiveTogether(config, log)
 
 
 def pytest_runtest_setup(item):

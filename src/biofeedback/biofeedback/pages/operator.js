@@ -157,7 +157,8 @@ function showPerson(person) {
   by("person").hidden = !person;
   if (!person) return;
   for (const input of by("person").querySelectorAll("input")) {
-    if (document.activeElement !== input || !input.dataset.dragged) input.value = person[input.name];
+    const held = (document.activeElement === input && input.dataset.dragged) || (wanted && input.name in wanted);
+    if (!held) input.value = person[input.name];
     put(input.nextElementSibling, input.name === "push" ? `${person.push.toFixed(1)} N·m` : person[input.name].toFixed(2));
   }
 }
@@ -217,14 +218,18 @@ by("note").addEventListener("submit", (event) => {
   field.blur();
 });
 
-let waiting = null;
+let wanted = null; // what sliders say and was not sent yet: a state that comes in between must not take its place
 by("person").addEventListener("input", ({ target }) => {
   target.dataset.dragged = "1";
   // Ten a second while a slider is dragged, the last position always.
-  waiting ??= setTimeout(() => {
-    waiting = null;
-    connection.command("person", { [target.name]: Number(target.value) });
-  }, 100);
+  if (!wanted) {
+    wanted = {};
+    setTimeout(() => {
+      connection.command("person", wanted);
+      wanted = null;
+    }, 100);
+  }
+  wanted[target.name] = Number(target.value);
 });
 by("person").addEventListener("change", ({ target }) => delete target.dataset.dragged);
 
