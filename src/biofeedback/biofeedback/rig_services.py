@@ -93,13 +93,12 @@ class RigServices:
         response = await answered
         if not response.success:
             raise CommandError(f"{self._name} refuses to {action.replace('_', ' ')}: {response.message}")
-        self._unanswered.clear()
 
     def tell(self, action: str) -> None:
         """Call a service without waiting, again at every look until it answers; says in the log where the rig refuses.
 
         A stop must not be lost: a rig that is not found yet is told once it is, and one that was found a moment ago may not hear its
-        first call. What an operator calls afterwards, and the rig agrees to, takes the place of what is unanswered.
+        first call. Only its answer ends this: a start that the rig agrees to meanwhile must not take a stop's place.
         """
         self._unanswered.add(action)
         if self.present:
