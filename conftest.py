@@ -1,4 +1,6 @@
-"""Shares the tests between two processes: the live ones one by one in the first, the rest beside them, with less right to the cores."""
+"""Shares the tests between two processes: the live ones one by one in the first, the rest beside
+them, with less right to the cores.
+"""
 
 import os
 from functools import cache
@@ -9,7 +11,8 @@ from xdist.scheduler import LoadScopeScheduling
 BESIDE = 10  # niceness: a computation must not make a graph late that runs in real time
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    # Before NumPy is loaded: matrix products in two threads wait for each other where the other process has the second core.
+    # Before NumPy is loaded: matrix products in two threads wait for each other where the other
+    # process has the second core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -31,6 +34,8 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_runtest_setup(item):
-    """Step back for the live tests; not to be taken back, and not needed again: their group is the largest and so the first."""
+    """Step back for the live tests; not to be taken back, and not needed again: their group is the
+    largest and so the first.
+    """
     if "PYTEST_XDIST_WORKER" in os.environ and not item.get_closest_marker("live"):
         os.setpriority(os.PRIO_PROCESS, 0, BESIDE)

@@ -1,7 +1,9 @@
-"""The fit of the discrepancy engine against `scipy.optimize.least_squares` on the same model without variable projection.
+"""The fit of the discrepancy engine against `scipy.optimize.least_squares` on the same model
+without variable projection.
 
-Both fit the same terms to the same recording (simulated: a compliant fixation and a Maxwell element beside the paper's
-model) from the same typical values, on the same whitened rows, with the same bounds. Printed: time and whitened sum of squares.
+Both fit the same terms to the same recording (simulated: a compliant fixation and a Maxwell element
+beside the paper's model) from the same typical values, on the same whitened rows, with the same
+bounds. Printed: time and whitened sum of squares.
 
     python benchmarks/discrepancy_fit.py
 """
@@ -15,13 +17,13 @@ from scipy.optimize import least_squares
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import term_library
-from model_discrepancy.columns import Columns
 from model_discrepancy.diagnose import diagnose
-from model_discrepancy.fit import Fitter, from_unit, to_unit
-from model_discrepancy.motion import motion_of
-from model_discrepancy.planted_trials import simulate_trial
-from model_discrepancy.rows import Rows
-from model_discrepancy.search import fit_base
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter, from_unit, to_unit
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.search.term_search import fit_base
+from simulation_study.planted_trials import simulate_trial
 
 MODELS = {
     "paper": PAPER_TERMS,
@@ -33,7 +35,9 @@ EVALUATIONS = 30
 
 
 def plain_least_squares(fitter: Fitter, names: tuple[str, ...]) -> tuple[float, float]:
-    """All parameters searched alike, by `scipy.optimize.least_squares`: seconds and whitened sum of squares."""
+    """All parameters searched alike, by `scipy.optimize.least_squares`: seconds and whitened sum of
+    squares.
+    """
     values = fitter.start_values(names)
     free = [(name, p) for name in names for p in term_library()[name].parameters if p.fitted]
     used = fitter.rows.used
@@ -43,33 +47,52 @@ def plain_least_squares(fitter: Fitter, names: tuple[str, ...]) -> tuple[float, 
             values[name][parameter.symbol] = from_unit(parameter, float(unit))
         return fitter.evaluate(values).residual[used]
 
-    first = np.array([min(max(to_unit(p, values[name][p.symbol]), 1e-3), 1.0 - 1e-3) for name, p in free])
+    first = np.array(
+        [min(max(to_unit(p, values[name][p.symbol]), 1e-3), 1.0 - 1e-3) for name, p in free]
+    )
     begin = time.perf_counter()
-    found = least_squares(residual, first, bounds=(0.0, 1.0), max_nfev=EVALUATIONS, ftol=1e-4, xtol=1e-3)
+    found = least_squares(
+        residual, first, bounds=(0.0, 1.0), max_nfev=EVALUATIONS, ftol=1e-4, xtol=1e-3
+    )
     return time.perf_counter() - begin, 2.0 * float(found.cost)
 
 
 def main() -> None:
     """Print the table."""
-    recording = simulate_trial({"torque_sensor_mode": {}, "maxwell_relaxation": {}}, seed=3, protocol="random")
+    recording = simulate_trial(
+        {"torque_sensor_mode": {}, "maxwell_relaxation": {}}, seed=3, protocol="random"
+    )
     motion = motion_of(recording)
     fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
     fit_base(fitter)
-    print(f"{recording.duration:g} s at {recording.rate:g} Hz, {int(fitter.rows.used.sum())} rows, from typical values")
-    print("| model | projection | sum of squares | without projection | sum of squares | ratio of times |")
+    print(
+        f"{recording.duration:g} s at {recording.rate:g} Hz, {int(fitter.rows.used.sum())} rows, "
+        "from typical values"
+    )
+    print(
+        "| model | projection | sum of squares | without projection | sum of squares | ratio of "
+        "times |"
+    )
     print("| --- | --- | --- | --- | --- | --- |")
     for title, names in MODELS.items():
         begin = time.perf_counter()
         fit = fitter.fit(names, evaluations=EVALUATIONS)
         ours = time.perf_counter() - begin
         peer, error = plain_least_squares(fitter, names)
-        print(f"| {title} | {ours:.2f} s | {fit.score:.0f} | {peer:.2f} s | {error:.0f} | {peer / ours:.0f} |", flush=True)
+        print(
+            f"| {title} | {ours:.2f} s | {fit.score:.0f} | {peer:.2f} s | {error:.0f} | "
+            f"{peer / ours:.0f} |",
+            flush=True,
+        )
     for seconds in (60.0, 120.0):
-        trial = simulate_trial({"fixation_compliance": {}, "maxwell_relaxation": {}}, seed=4, duration=seconds)
+        trial = simulate_trial(
+            {"fixation_compliance": {}, "maxwell_relaxation": {}}, seed=4, duration=seconds
+        )
         begin = time.process_time()
         names = [effect["name"] for effect in diagnose(trial).verdict.effects]
         print(
-            f"whole diagnosis of {seconds:g} s at {trial.rate:g} Hz: {time.process_time() - begin:.0f} s; found {', '.join(names)}",
+            f"whole diagnosis of {seconds:g} s at {trial.rate:g} Hz: "
+            f"{time.process_time() - begin:.0f} s; found {', '.join(names)}",
             flush=True,
         )
 

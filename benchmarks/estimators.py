@@ -1,10 +1,11 @@
-"""Each online estimator per block of samples, against the same algorithm in plain SciPy and recursive least squares of padasip.
+"""Each online estimator per block of samples, against the same algorithm in plain SciPy and
+recursive least squares of padasip.
 
     .venv/bin/python benchmarks/estimators.py
 
-One core, after compilation, the paper's CE condition. Processor times of `process`, the Python call included.
-`padasip.filters.FilterRLS` gets the joint estimator's regressors (position, velocity, acceleration, twelve basis functions) ready-made,
-and only the decimated ones.
+One core, after compilation, the paper's CE condition. Processor times of `process`, the Python call
+included. `padasip.filters.FilterRLS` gets the joint estimator's regressors (position, velocity,
+acceleration, twelve basis functions) ready-made, and only the decimated ones.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ import padasip
 
 from ankle_physics.virtual_rig import Recording, simulate
 from impedance_estimator.algorithms import ALGORITHMS, make_estimator
-from impedance_estimator.joint_regression import INTRINSIC
-from impedance_estimator.joint_settings import JointSettings
 from impedance_estimator.settings import Settings as CorrelationSettings
+from impedance_estimator.simultaneous.regression import INTRINSIC
+from impedance_estimator.simultaneous.settings import JointSettings
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
@@ -46,8 +47,12 @@ def samples_of(simulated: Recording) -> np.ndarray:
     return np.column_stack([simulated.time, simulated.measured])
 
 
-def block_times(process: Callable[[np.ndarray], object], samples: np.ndarray, block: int, rate: float) -> np.ndarray:
-    """Processor time of each block once memories are full [s]; other work on the machine does not count."""
+def block_times(
+    process: Callable[[np.ndarray], object], samples: np.ndarray, block: int, rate: float
+) -> np.ndarray:
+    """Processor time of each block once memories are full [s]; other work on the machine does not
+    count.
+    """
     spent = []
     for start in range(0, len(samples) - block + 1, block):
         piece = np.ascontiguousarray(samples[start : start + block])
@@ -60,7 +65,11 @@ def block_times(process: Callable[[np.ndarray], object], samples: np.ndarray, bl
 def row(what: str, times: np.ndarray, against: float | None = None) -> None:
     """Print median and 99th percentile [us], and the ratio to another median."""
     ratio = f"   {np.median(times) / against:7.1f} x" if against else ""
-    print(f"{what:58s} median {np.median(times) * 1e6:8.1f} us   p99 {np.percentile(times, 99) * 1e6:8.1f} us{ratio}", flush=True)
+    print(
+        f"{what:58s} median {np.median(times) * 1e6:8.1f} us   p99 "
+        f"{np.percentile(times, 99) * 1e6:8.1f} us{ratio}",
+        flush=True,
+    )
 
 
 def recursive_least_squares(samples: np.ndarray) -> np.ndarray:
@@ -93,12 +102,27 @@ def main() -> None:
         ours[name] = float(np.median(times))
         row(name, times)
     plain = ScipyCE(RATE)
-    row("peer: CE in plain SciPy, ratio to CE", block_times(plain.process, samples, BLOCK, RATE), ours["CE"])
+    row(
+        "peer: CE in plain SciPy, ratio to CE",
+        block_times(plain.process, samples, BLOCK, RATE),
+        ours["CE"],
+    )
     unbiased = make_estimator("CE", RATE, True, CorrelationSettings(highpass="all"))
     rows = unbiased.process(samples)
-    print(f"  same numbers: K {plain.parameters[0]:.3f} and {rows[-1, 1]:.3f}, G {plain.G:.4f} and {rows[-1, 4]:.4f}")
-    row("peer: part of joint in plain SciPy, ratio to joint", block_times(ScipyJoint(RATE).process, samples, BLOCK, RATE), ours["joint"])
-    row("peer: padasip RLS, regressors given, ratio to joint", recursive_least_squares(samples), ours["joint"])
+    print(
+        f"  same numbers: K {plain.parameters[0]:.3f} and {rows[-1, 1]:.3f}, G {plain.G:.4f} and "
+        f"{rows[-1, 4]:.4f}"
+    )
+    row(
+        "peer: part of joint in plain SciPy, ratio to joint",
+        block_times(ScipyJoint(RATE).process, samples, BLOCK, RATE),
+        ours["joint"],
+    )
+    row(
+        "peer: padasip RLS, regressors given, ratio to joint",
+        recursive_least_squares(samples),
+        ours["joint"],
+    )
 
     print("Block size at 2048 Hz: median per block, and per sample")
     for block in (8, 32, 128, 512, 2048):
@@ -110,12 +134,19 @@ def main() -> None:
         signal = samples_of(recording(rate))
         for name in ("CE", "joint"):
             times = block_times(make_estimator(name, rate, True).process, signal, BLOCK, rate)
-            row(f"{name}, {rate:.0f} Hz, {100.0 * np.mean(times) * rate / BLOCK:.2f} % of real time", times)
+            row(
+                f"{name}, {rate:.0f} Hz, {100.0 * np.mean(times) * rate / BLOCK:.2f} % of real "
+                "time",
+                times,
+            )
     print("Functions in the joint estimator's reflex basis, blocks of 32 samples at 2048 Hz")
     for count in (6, 9, 12, 16, 20):
         estimator = make_estimator("joint", RATE, True, JointSettings(basis_functions=float(count)))
         times = block_times(estimator.process, samples, BLOCK, RATE)
-        row(f"joint, {count} functions, {100.0 * np.mean(times) * RATE / BLOCK:.2f} % of real time", times)
+        row(
+            f"joint, {count} functions, {100.0 * np.mean(times) * RATE / BLOCK:.2f} % of real time",
+            times,
+        )
 
 
 if __name__ == "__main__":

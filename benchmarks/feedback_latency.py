@@ -1,14 +1,17 @@
-"""How late the subject's screen is, and how smooth, with every node on this computer and a real Chromium.
+"""How late the subject's screen is, and how smooth, with every node on this computer and a real
+Chromium.
 
     .venv/bin/python benchmarks/feedback_latency.py
 
-Latency: the simulated reflex gain G steps between 5 and 15 N.m.s/rad. For each step and each level between, the time at which an
-estimate crosses the level (the time of the last sample that the estimate is made from) is compared with the time at which the cursor's
-pixels, read back from the canvas, cross the same level. So transport, estimator's computing, frame rate, cursor and drawing all count;
-the estimator's own rise does not. Not in it: the display's own refresh, half a frame of 60 Hz on average.
+Latency: the simulated reflex gain G steps between 5 and 15 N.m.s/rad. For each step and each level
+between, the time at which an estimate crosses the level (the time of the last sample that the
+estimate is made from) is compared with the time at which the cursor's pixels, read back from the
+canvas, cross the same level. So transport, estimator's computing, frame rate, cursor and drawing
+all count; the estimator's own rise does not. Not in it: the display's own refresh, half a frame of
+60 Hz on average.
 
-Frame rate: new frames drawn by the subject's page in each second, while a recorder, the EMG processing and an operator's page with all
-traces run as well.
+Frame rate: new frames drawn by the subject's page in each second, while a recorder, the EMG
+processing and an operator's page with all traces run as well.
 """
 
 from __future__ import annotations
@@ -30,9 +33,9 @@ import yaml
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.processes import Processes
-from biofeedback.server import SEEN
-from biofeedback.system_browser import ARGUMENTS, MISSING, find_browser
-from sample_blocks.block import unpack
+from ankle_interfaces.block import unpack
+from biofeedback.web.server import SEEN
+from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 from session_recorder.bag_reader import BagReader
 
 LEVELS = (0.2, 0.35, 0.5, 0.65, 0.8)  # parts of the step
@@ -76,7 +79,9 @@ WATCH = """() => {
 
 
 async def watch(port: int, seconds: float) -> dict:
-    """Run the session with an operator's and a subject's page open, and give what the subject's page showed."""
+    """Run the session with an operator's and a subject's page open, and give what the subject's
+    page showed.
+    """
     from playwright.async_api import async_playwright
 
     path = find_browser()
@@ -101,19 +106,31 @@ async def watch(port: int, seconds: float) -> dict:
 
             for number, command in enumerate(("arm", "start")):
                 await page.send_json({"id": number, "command": command})
-                await until(lambda message, number=number: message["type"] == "answer" and message["id"] == number)
+                await until(
+                    lambda message, number=number: (
+                        message["type"] == "answer" and message["id"] == number
+                    )
+                )
             # The estimator compiles itself at its very first start; nothing moves before.
-            await until(lambda message: message["type"] == "frame" and message["torque_quality"] == "valid")
+            await until(
+                lambda message: message["type"] == "frame" and message["torque_quality"] == "valid"
+            )
         width, height, offset = await subject.evaluate(WATCH)
         began = time.monotonic()
         while (left := seconds - (time.monotonic() - began)) > 0:
             await asyncio.sleep(min(left, 10.0))
-            print(f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load {os.getloadavg()[0]:.1f}", file=sys.stderr, flush=True)
+            print(
+                f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load "
+                f"{os.getloadavg()[0]:.1f}",
+                file=sys.stderr,
+                flush=True,
+            )
         seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
         await browser.close()
     left, wide = 0.15 * height, width - 0.21 * height
     seen = np.array(seen).reshape(-1, 2)
-    # The browser's clock is monotonic from its start; the difference to the system's clock is taken out.
+    # The browser's clock is monotonic from its start; the difference to the system's clock is taken
+    # out.
     return {
         "time": (seen[:, 0] - offset) / 1e3,
         "G": 20.0 * (seen[:, 1] - left) / wide,
@@ -127,8 +144,12 @@ def run(graph: Graph, folder: Path, settings: list[str], seconds: float) -> tupl
     port = free_port()
     protocol = folder / "protocol.yaml"
     protocol.write_text(yaml.safe_dump(PROTOCOL))
-    common = [f"record.out={folder / 'bag'}", f"biofeedback.port={port}", f"biofeedback.state_file={folder / 'progress.json'}"]
-    common += [f"biofeedback.protocol={protocol}"]
+    common = [
+        f"record.out={folder / 'bag'}",
+        f"biofeedback.port={port}",
+        f"biofeedback.state_file={folder / 'progress.json'}",
+    ]
+    common += [f"biofeedback.session.protocol={protocol}"]
     with Processes(graph.with_settings([*common, *settings]), folder / "logs") as processes:
         wait_until_served(port, processes)
         shown = asyncio.run(watch(port, seconds))
@@ -136,19 +157,31 @@ def run(graph: Graph, folder: Path, settings: list[str], seconds: float) -> tupl
     return shown, BagReader(folder / "bag")
 
 
-def crossing(time: np.ndarray, value: np.ndarray, after: float, level: float, rising: bool) -> float:
-    """First time after `after` at which a value is beyond a level, NaN without one within a step."""
+def crossing(
+    time: np.ndarray, value: np.ndarray, after: float, level: float, rising: bool
+) -> float:
+    """First time after `after` at which a value is beyond a level, NaN without one within a step."""  # noqa: E501
     beyond = (value >= level) if rising else (value <= level)
     found = np.flatnonzero(beyond & (time > after) & (time < after + SPACING - 1.0))
     return float(time[found[0]]) if len(found) else float("nan")
 
 
 def latencies(shown: dict, bag: BagReader) -> tuple[np.ndarray, np.ndarray]:
-    """Pixel less estimate, and arrival of that estimate at the recorder less estimate [ms], shape (steps, levels) each."""
-    blocks = [(stamp, unpack(message)) for _, stamp, message in bag.messages(["/impedance/estimate"])]
+    """Pixel less estimate, and arrival of that estimate at the recorder less estimate [ms], shape
+    (steps, levels) each.
+    """
+    blocks = [
+        (stamp, unpack(message)) for _, stamp, message in bag.messages(["/impedance/estimate"])
+    ]
     columns = blocks[0][1].columns
     rows = np.array(
-        [[*block.data[-1, [0, columns.index("G[N.m.s/rad]"), columns.index("valid[1]")]], stamp / 1e9] for stamp, block in blocks]
+        [
+            [
+                *block.data[-1, [0, columns.index("G[N.m.s/rad]"), columns.index("valid[1]")]],
+                stamp / 1e9,
+            ]
+            for stamp, block in blocks
+        ]
     )
     rows = rows[rows[:, 2] == 1.0]
     truth_columns, truth = bag.signal("/ankle/truth")
@@ -157,9 +190,18 @@ def latencies(shown: dict, bag: BagReader) -> tuple[np.ndarray, np.ndarray]:
     for index in np.flatnonzero(np.abs(np.diff(G)) > 1.0):
         at, rising = truth[index, 0], bool(G[index + 1] > G[index])
         levels = [G[index] + part * (G[index + 1] - G[index]) for part in LEVELS]
-        pixel = np.array([crossing(shown["time"], shown["G"], at, level, rising) for level in levels])
-        estimate = np.array([crossing(rows[:, 0], rows[:, 1], at, level, rising) for level in levels])
-        arrived = np.array([rows[np.searchsorted(rows[:, 0], t), 3] if np.isfinite(t) else np.nan for t in estimate])
+        pixel = np.array(
+            [crossing(shown["time"], shown["G"], at, level, rising) for level in levels]
+        )
+        estimate = np.array(
+            [crossing(rows[:, 0], rows[:, 1], at, level, rising) for level in levels]
+        )
+        arrived = np.array(
+            [
+                rows[np.searchsorted(rows[:, 0], t), 3] if np.isfinite(t) else np.nan
+                for t in estimate
+            ]
+        )
         pixels.append(1e3 * (pixel - estimate))
         arrivals.append(1e3 * (arrived - estimate))
     return np.array(pixels), np.array(arrivals)
@@ -167,8 +209,12 @@ def latencies(shown: dict, bag: BagReader) -> tuple[np.ndarray, np.ndarray]:
 
 def main() -> int:
     """Run, print a table, exit with 1 where a limit is not kept."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--rate-seconds", type=float, default=60.0, help="length of the frame rate's run")
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument(
+        "--rate-seconds", type=float, default=60.0, help="length of the frame rate's run"
+    )
     rate_seconds = options.parse_args().rate_seconds
     os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -176,29 +222,60 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         changes = [{"at[s]": 0, "reflex.G[N.m.s/rad]": STEP[0]}]
-        changes += [{"at[s]": FIRST + k * SPACING, "reflex.G[N.m.s/rad]": STEP[(k + 1) % 2]} for k in range(STEPS)]
+        changes += [
+            {"at[s]": FIRST + k * SPACING, "reflex.G[N.m.s/rad]": STEP[(k + 1) % 2]}
+            for k in range(STEPS)
+        ]
         scenario = folder / "steps.yaml"
         scenario.write_text(yaml.safe_dump({"scenario": "steps of G", "changes": changes}))
         (folder / "steps").mkdir()
         (folder / "rate").mkdir()
         load = [os.getloadavg()[0]]
-        steps, bag = run(graph, folder / "steps", ["ankle_sim.subject=0", f"ankle_sim.scenario={scenario}"], FIRST + STEPS * SPACING)
+        steps, bag = run(
+            graph,
+            folder / "steps",
+            ["ankle_sim.subject=0", f"ankle_sim.scenario={scenario}"],
+            FIRST + STEPS * SPACING,
+        )
         late, arrived = latencies(steps, bag)
         load.append(os.getloadavg()[0])
         smooth, _ = run(graph, folder / "rate", [], rate_seconds)
         load.append(os.getloadavg()[0])
     drawn = smooth["drawn"]
-    rates = np.array([np.count_nonzero((drawn >= t) & (drawn < t + 1.0)) for t in np.arange(drawn[0] + 2.0, drawn[-1] - 1.0)])
+    rates = np.array(
+        [
+            np.count_nonzero((drawn >= t) & (drawn < t + 1.0))
+            for t in np.arange(drawn[0] + 2.0, drawn[-1] - 1.0)
+        ]
+    )
     known = late[np.isfinite(late)]
-    print(f"steps of G found on the screen          {len(late)} of {STEPS}, {np.isnan(late).sum()} of {late.size} levels not reached")
-    print(f"latency, estimate to pixel              median {np.median(known):.0f} ms, worst {known.max():.0f} ms (limit {LIMIT:g} ms)")
+    print(
+        f"steps of G found on the screen          {len(late)} of {STEPS}, {np.isnan(late).sum()} "
+        f"of {late.size} levels not reached"
+    )
+    print(
+        f"latency, estimate to pixel              median {np.median(known):.0f} ms, worst "
+        f"{known.max():.0f} ms (limit {LIMIT:g} ms)"
+    )
     there = arrived[np.isfinite(arrived)]
-    print(f"peer: the same estimate at the recorder  median {np.median(there):.0f} ms, worst {there.max():.0f} ms")
-    print(f"of it, frame made to frame in the canvas median {np.median(steps['way']):.0f} ms, worst {steps['way'].max():.0f} ms")
+    print(
+        f"peer: the same estimate at the recorder  median {np.median(there):.0f} ms, worst "
+        f"{there.max():.0f} ms"
+    )
+    print(
+        f"of it, frame made to frame in the canvas median {np.median(steps['way']):.0f} ms, worst "
+        f"{steps['way'].max():.0f} ms"
+    )
     for part, column in zip(LEVELS, late.T, strict=True):
         column = column[np.isfinite(column)]
-        print(f"  at {100 * part:.0f} % of the step                        median {np.median(column):.0f} ms, worst {column.max():.0f} ms")
-    print(f"frames drawn in a second                median {np.median(rates):.0f}, least {rates.min()} (limit {LEAST_RATE:g})")
+        print(
+            f"  at {100 * part:.0f} % of the step                        median "
+            f"{np.median(column):.0f} ms, worst {column.max():.0f} ms"
+        )
+    print(
+        f"frames drawn in a second                median {np.median(rates):.0f}, least "
+        f"{rates.min()} (limit {LEAST_RATE:g})"
+    )
     print(f"load average before, between, after     {', '.join(f'{value:.1f}' for value in load)}")
     return 0 if np.median(known) <= LIMIT and np.median(rates) >= LEAST_RATE else 1
 

@@ -1,11 +1,12 @@
-"""The four-process graph under the clock: lost samples, latency of the estimate, load of each process.
+"""The four-process graph under the clock: lost samples, latency of the estimate, load of each
+process.
 
     .venv/bin/python benchmarks/graph.py --seconds 60      # a look
     .venv/bin/python benchmarks/graph.py --seconds 600     # the figures of docs/performance.md
 
-Latency is from the time of the last sample in a block (its ROS time; the generator sends a block when
-that time is reached) to the arrival of the estimate in this process. As a peer in the same run, the
-same path without our computing: the generator's block straight to this process.
+Latency is from the time of the last sample in a block (its ROS time; the generator sends a block
+when that time is reached) to the arrival of the estimate in this process. As a peer in the same
+run, the same path without our computing: the generator's block straight to this process.
 """
 
 from __future__ import annotations
@@ -37,12 +38,17 @@ def processor_seconds(pid: int) -> float:
 
 def figures(milliseconds: np.ndarray) -> str:
     """Median, 99th percentile and worst of latencies [ms]."""
-    return f"median {np.median(milliseconds):.2f} ms, p99 {np.percentile(milliseconds, 99):.2f} ms, worst {milliseconds.max():.2f} ms"
+    return (
+        f"median {np.median(milliseconds):.2f} ms, p99 {np.percentile(milliseconds, 99):.2f} "
+        f"ms, worst {milliseconds.max():.2f} ms"
+    )
 
 
 def main() -> int:
     """Run, print a table, exit with 1 where a sample was lost."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--seconds", type=float, default=60.0)
     seconds = options.parse_args().seconds
     os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
@@ -60,24 +66,42 @@ def main() -> int:
                 processes.ended("perturbation_generator")
                 monitor.spin(0.2)
             pids = processes.pids
-            began, used = time.monotonic(), {name: processor_seconds(pid) for name, pid in pids.items()}
+            began, used = (
+                time.monotonic(),
+                {name: processor_seconds(pid) for name, pid in pids.items()},
+            )
             reported = began
             while not processes.ended("perturbation_generator"):
                 monitor.spin(0.5)
                 if time.monotonic() - reported > 10.0:
                     reported = time.monotonic()
-                    print(f"{reported - began:5.0f} s of {seconds:.0f}: {monitor.missing} samples missing", file=sys.stderr, flush=True)
-                load = {name: processor_seconds(pid) - used[name] for name, pid in pids.items() if name in processes.names}
+                    print(
+                        f"{reported - began:5.0f} s of {seconds:.0f}: {monitor.missing} samples "
+                        "missing",
+                        file=sys.stderr,
+                        flush=True,
+                    )
+                load = {
+                    name: processor_seconds(pid) - used[name]
+                    for name, pid in pids.items()
+                    if name in processes.names
+                }
                 elapsed = time.monotonic() - began
             monitor.spin(1.0)
             processes.stop()
         bag = BagReader(f"{folder}/bag")
         recorded = {topic: len(bag.signal(topic)[1]) for topic in (REFERENCE, SAMPLES)}
-    estimate, reference = np.array(monitor.latencies) * 1e3, np.array(monitor.reference_latencies) * 1e3
+    estimate, reference = (
+        np.array(monitor.latencies) * 1e3,
+        np.array(monitor.reference_latencies) * 1e3,
+    )
     rows = [
         ("samples sent by the generator", f"{monitor.streams[REFERENCE].samples}"),
         ("samples received here", f"{monitor.streams[SAMPLES].samples}"),
-        ("samples in the bag (reference / measured)", f"{recorded[REFERENCE]} / {recorded[SAMPLES]}"),
+        (
+            "samples in the bag (reference / measured)",
+            f"{recorded[REFERENCE]} / {recorded[SAMPLES]}",
+        ),
         ("samples missing here", f"{monitor.missing}"),
         ("estimates received", f"{len(estimate)}"),
         ("latency, block complete to estimate here", figures(estimate)),
@@ -85,10 +109,17 @@ def main() -> int:
         ("peer: generator's block to here", figures(reference)),
         ("ratio of medians", f"{np.median(estimate) / np.median(reference):.2f}"),
     ]
-    rows += [(f"load of {name}", f"{100 * spent / elapsed:.1f} % of a core") for name, spent in load.items()]
+    rows += [
+        (f"load of {name}", f"{100 * spent / elapsed:.1f} % of a core")
+        for name, spent in load.items()
+    ]
     for what, value in rows:
         print(f"{what:44s} {value}")
-    lost = monitor.missing or recorded[REFERENCE] != recorded[SAMPLES] or recorded[SAMPLES] != monitor.streams[SAMPLES].samples
+    lost = (
+        monitor.missing
+        or recorded[REFERENCE] != recorded[SAMPLES]
+        or recorded[SAMPLES] != monitor.streams[SAMPLES].samples
+    )
     return 1 if lost else 0
 
 

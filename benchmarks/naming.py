@@ -1,8 +1,10 @@
-"""Naming by sparse regression on the residual (`pysindy`) on the cases of a blind study whose seal is open: both scores.
+"""Naming by sparse regression on the residual (`pysindy`) on the cases of a blind study whose seal
+is open: both scores.
 
-The peer gets the same base fit and the same residual, and one regressor for each term of the library that has one
-with fixed constants. Sequentially thresholded least squares chooses among them, the threshold by the error on the other half of the
-recording; regressors that take less than 3 % off unseen data name nothing, so that it may say "no mismatch" as well.
+The peer gets the same base fit and the same residual, and one regressor for each term of the
+library that has one with fixed constants. Sequentially thresholded least squares chooses among
+them, the threshold by the error on the other half of the recording; regressors that take less than
+3 % off unseen data name nothing, so that it may say "no mismatch" as well.
 
     pip install -r requirements-bench.txt
     ankle blind --cases 100 --seed 7 --out study
@@ -13,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -23,17 +24,15 @@ import pysindy
 from rich.progress import track
 from scipy.signal import lfilter
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
-from blind_rig.scoring import CaseScore, score_case, summarise
-
-from model_discrepancy.columns import Columns
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit import Fitter
-from model_discrepancy.halves import interleaved
-from model_discrepancy.motion import ACTIVATION_HZ, Motion, motion_of
-from model_discrepancy.recording import Recording
-from model_discrepancy.rows import LOW_PASS_HZ, Rows
-from model_discrepancy.search import ACCEPTED, fit_base
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
+from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.search.term_search import ACCEPTED, fit_base
+from simulation_study.blind.scoring import CaseScore, score_case, summarise
 
 THRESHOLDS = np.geomspace(0.003, 0.3, 7)
 REFLEX_DELAY_S, LATE_DELAY_S, RELAXATION_S, MUSCLE_S = 0.04, 0.09, 0.1, 0.05
@@ -42,12 +41,21 @@ REFLEX_DELAY_S, LATE_DELAY_S, RELAXATION_S, MUSCLE_S = 0.04, 0.09, 0.1, 0.05
 def regressors(motion: Motion, model: np.ndarray, slow: np.ndarray) -> dict[str, np.ndarray]:
     """One regressor for each term, by the term's name, each of shape (n,), at the motion's rate.
 
-    Args:
-        motion: of the recording.
-        model: torque of the base model [N.m], shape (n,).
-        slow: slow part of the torque [N.m], shape (n,).
+    Parameters
+    ----------
+    motion
+        Of the recording.
+    model
+        Torque of the base model [N.m], shape (n,).
+    slow
+        Slow part of the torque [N.m], shape (n,).
     """
-    x, v, a, rate = motion.position - np.mean(motion.position), motion.velocity, motion.acceleration, motion.rate
+    x, v, a, rate = (
+        motion.position - np.mean(motion.position),
+        motion.velocity,
+        motion.acceleration,
+        motion.rate,
+    )
 
     def later(signal: np.ndarray, delay: float) -> np.ndarray:
         shift = int(delay * rate)
@@ -101,30 +109,53 @@ def sparse_verdict(bag: Path) -> dict[str, Any]:
     for threshold in THRESHOLDS:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            chosen = pysindy.STLSQ(threshold=threshold, alpha=1e-3).fit(matrix[train], target[train]).coef_[0]
+            chosen = (
+                pysindy.STLSQ(threshold=threshold, alpha=1e-3)
+                .fit(matrix[train], target[train])
+                .coef_[0]
+            )
         gain = 1.0 - np.sum((target[test] - matrix[test] @ chosen) ** 2) / np.sum(target[test] ** 2)
         if gain > best and chosen.any():
             best, kept = gain, chosen
-    names = [name for name, size in sorted(zip(columns, np.abs(kept), strict=True), key=lambda pair: -pair[1]) if size > 0]
+    names = [
+        name
+        for name, size in sorted(zip(columns, np.abs(kept), strict=True), key=lambda pair: -pair[1])
+        if size > 0
+    ]
     effects = [{"name": name, "probability": 1.0} for name in names]
     return {"verdict": "explained" if effects else "no_mismatch", "effects": effects}
 
 
 def best_name(score: CaseScore, verdict: dict[str, Any], truth: dict[str, Any]) -> str:
-    """Outcome when only the largest regressor counts: a peer that adds small ones is not punished for them."""
-    return score_case(truth, {**verdict, "effects": verdict.get("effects", [])[:1]}).outcome if verdict.get("effects") else score.outcome
+    """Outcome when only the largest regressor counts: a peer that adds small ones is not punished
+    for them.
+    """
+    return (
+        score_case(truth, {**verdict, "effects": verdict.get("effects", [])[:1]}).outcome
+        if verdict.get("effects")
+        else score.outcome
+    )
 
 
 def main() -> None:
     """Score both on every case of a study."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("study", type=Path, help="folder of a finished `ankle blind`")
     folder = parser.parse_args().study
     cases = json.loads((folder / "result.json").read_text())["cases"]
     engine, peer, first = [], [], []
     for case in track(cases, "sparse regression"):
         truth, verdict = case["truth"], sparse_verdict(folder / "bags" / case["case"])
-        engine.append(score_case(truth, json.loads((folder / "verdicts" / case["case"] / "diagnosis" / "verdict.json").read_text())))
+        engine.append(
+            score_case(
+                truth,
+                json.loads(
+                    (folder / "verdicts" / case["case"] / "diagnosis" / "verdict.json").read_text()
+                ),
+            )
+        )
         peer.append(score_case(truth, verdict))
         first.append(peer[-1]._replace(outcome=best_name(peer[-1], verdict, truth)))
     print("| | diagnosis | sparse regression | its largest regressor alone |\n|---|---|---|---|")
@@ -138,7 +169,11 @@ def main() -> None:
     }
     summaries = [summarise(scores) for scores in (engine, peer, first)]
     for label, rate in rows.items():
-        print(f"| {label} | " + " | ".join(f"{rate(s)['hits']} of {rate(s)['of']}" for s in summaries) + " |")
+        print(
+            f"| {label} | "
+            + " | ".join(f"{rate(s)['hits']} of {rate(s)['of']}" for s in summaries)
+            + " |"
+        )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """The estimators' algorithms once more in plain NumPy and SciPy, block by block: peers for speed.
 
-`ScipyCE` is the whole of algorithm CE (``highpass`` = ``all``) except validity, standard errors and VAF; it gives the same K and G.
-`ScipyJoint` is the part of the joint estimator that every block needs: smoothing and derivatives, reflex basis, whitening under every
-noise model, sums of products, and one solution per memory block. It does not look for changes, choose models, or follow the shape.
+`ScipyCE` is the whole of algorithm CE (``highpass`` = ``all``) except validity, standard errors and
+VAF; it gives the same K and G. `ScipyJoint` is the part of the joint estimator that every block
+needs: smoothing and derivatives, reflex basis, whitening under every noise model, sums of products,
+and one solution per memory block. It does not look for changes, choose models, or follow the shape.
 """
 
 from __future__ import annotations
@@ -10,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg, signal
 
-from impedance_estimator.correlation_estimator import AVERAGE_ORDER, LOWPASS_ORDER
-from impedance_estimator.differences import backward_difference
+from impedance_estimator.correlation.correlation_estimator import AVERAGE_ORDER, LOWPASS_ORDER
+from impedance_estimator.correlation.differences import backward_difference
+from impedance_estimator.correlation.reflex_response import decimation, lags
+from impedance_estimator.correlation.separation import REFLEX_EVERY
 from impedance_estimator.digital_filters import butterworth_lowpass, highpass
-from impedance_estimator.joint import Joint
-from impedance_estimator.reflex_response import decimation, lags
-from impedance_estimator.separation import REFLEX_EVERY
 from impedance_estimator.settings import Settings
+from impedance_estimator.simultaneous.simultaneous_estimator import Joint
 
 
 class _Filter:
@@ -36,7 +37,9 @@ class _Filter:
 
 
 class ScipyCE:
-    """Algorithm CE for a stream with measured velocity; the block's length must be a multiple of the decimation."""
+    """Algorithm CE for a stream with measured velocity; the block's length must be a multiple of
+    the decimation.
+    """
 
     def __init__(self, rate: float) -> None:
         s = Settings(highpass="all")
@@ -46,8 +49,12 @@ class ScipyCE:
         self._weights = backward_difference(4, rate)
         self._difference_state: np.ndarray | None = None
         self._highpass = _Filter(highpass(s.highpass_cutoff, rate))
-        self._average = _Filter(butterworth_lowpass(AVERAGE_ORDER, s.intrinsic_average_cutoff, slow), from_rest=True)
-        self._reflex_average = _Filter(butterworth_lowpass(AVERAGE_ORDER, s.reflex_average_cutoff, slow), from_rest=True)
+        self._average = _Filter(
+            butterworth_lowpass(AVERAGE_ORDER, s.intrinsic_average_cutoff, slow), from_rest=True
+        )
+        self._reflex_average = _Filter(
+            butterworth_lowpass(AVERAGE_ORDER, s.reflex_average_cutoff, slow), from_rest=True
+        )
         self._lags = lags(s.reflex_first_lag, s.reflex_last_lag, slow)
         self._ridge = s.reflex_ridge
         self._rectified = np.zeros(self._lags[-1] + 1)
@@ -62,9 +69,13 @@ class ScipyCE:
         if self._difference_state is None:
             self._difference_state = signal.lfilter_zi(self._weights, 1.0) * v[0]
         a, self._difference_state = signal.lfilter(self._weights, 1.0, v, zi=self._difference_state)
-        torque, rectified, x, v, a = self._highpass(np.column_stack([torque, np.maximum(v, 0.0), x, v, a])).T
+        torque, rectified, x, v, a = self._highpass(
+            np.column_stack([torque, np.maximum(v, 0.0), x, v, a])
+        ).T
         regressors = np.column_stack([x, v, a])
-        products = np.column_stack([regressors[:, i] * regressors[:, j] for i in range(3) for j in range(i, 3)])
+        products = np.column_stack(
+            [regressors[:, i] * regressors[:, j] for i in range(3) for j in range(i, 3)]
+        )
         products = np.column_stack([products, regressors * torque[:, None]])
         decimated = products.reshape(-1, self._every, 9).sum(axis=1)
         averages = self._average(decimated)
@@ -75,10 +86,14 @@ class ScipyCE:
             self._intrinsic(sums)
 
     def _intrinsic(self, sums: np.ndarray) -> None:
-        normal = np.array([[sums[0], sums[1], sums[2]], [sums[1], sums[3], sums[4]], [sums[2], sums[4], sums[5]]])
+        normal = np.array(
+            [[sums[0], sums[1], sums[2]], [sums[1], sums[3], sums[4]], [sums[2], sums[4], sums[5]]]
+        )
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         try:
-            self.parameters = np.linalg.solve(normal / np.outer(scale, scale), sums[6:] / scale) / scale
+            self.parameters = (
+                np.linalg.solve(normal / np.outer(scale, scale), sums[6:] / scale) / scale
+            )
         except np.linalg.LinAlgError:
             return
 
@@ -87,7 +102,12 @@ class ScipyCE:
         self._rectified[0] = rectified
         count = len(self._lags)
         correlations = self._reflex_average(
-            np.concatenate([self._rectified[0] * self._rectified[:count], residual * self._rectified[self._lags]])[None]
+            np.concatenate(
+                [
+                    self._rectified[0] * self._rectified[:count],
+                    residual * self._rectified[self._lags],
+                ]
+            )[None]
         )[0]
         self._chunks += 1
         if self._chunks % REFLEX_EVERY == 0 and correlations[0] > 0.0:
@@ -118,13 +138,17 @@ class ScipyJoint:
         known = np.vstack([self._history, samples[:, 1:]])
         self._history = known[-2 * width :]
         smooth, first = self._kernels[0, ::-1], self._kernels[1, ::-1]
-        low = np.column_stack([np.convolve(column, smooth, "valid") for column in known.T])[-len(samples) :: p.decimation]
+        low = np.column_stack([np.convolve(column, smooth, "valid") for column in known.T])[
+            -len(samples) :: p.decimation
+        ]
         acceleration = np.convolve(known[:, 1], first, "valid")[-len(samples) :: p.decimation]
         rectified = np.where(low[:, 1] > p.rest_velocity, low[:, 1], 0.0)
         stretch = np.concatenate([self._rectified, rectified])
         self._rectified = stretch[-len(self._rectified) :]
         windows = np.lib.stride_tricks.sliding_window_view(stretch, len(p.lags))[:, ::-1]
-        signals = np.column_stack([low[:, 0], low[:, 1], acceleration, windows @ self._basis, low[:, 2]])
+        signals = np.column_stack(
+            [low[:, 0], low[:, 1], acceleration, windows @ self._basis, low[:, 2]]
+        )
         for model, whiten in enumerate(self._whitening):
             whitened = whiten(signals)
             self._sums[model] += whitened.T @ whitened

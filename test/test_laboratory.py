@@ -1,4 +1,6 @@
-"""The real graph: four processes over DDS, their topics, their bag, and estimates made again from it."""
+"""The real graph: four processes over DDS, their topics, their bag, and estimates made again from
+it.
+"""
 
 import os
 
@@ -11,8 +13,8 @@ from rosbags.highlevel import AnyReader
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import agreement, regenerate_by_replay
-from impedance_estimator.joint_settings import JointSettings
-from impedance_estimator.offline import estimate_bag
+from impedance_estimator.offline.recorded_estimates import estimate_bag
+from impedance_estimator.simultaneous.settings import JointSettings
 from session_recorder.bag_reader import BagReader
 
 pytestmark = pytest.mark.live
@@ -21,7 +23,11 @@ SECONDS = 12.0
 SAMPLES = round(SECONDS * 2048)
 # topic: type, columns, messages a second (DESIGN of the graph)
 TOPICS = {
-    "/perturbation/reference": ("Float64MultiArray", "t[s],position[rad],velocity[rad/s],acceleration[rad/s^2]", 64),
+    "/perturbation/reference": (
+        "Float64MultiArray",
+        "t[s],position[rad],velocity[rad/s],acceleration[rad/s^2]",
+        64,
+    ),
     "/ankle/samples": ("Float64MultiArray", "t[s],position[rad],velocity[rad/s],torque[N.m]", 64),
     "/ankle/joint_states": ("JointState", None, 64),
     "/ankle/truth": ("Float64MultiArray", "t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m]", 64),
@@ -41,8 +47,14 @@ def session(tmp_path_factory):
     os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
     folder = tmp_path_factory.mktemp("laboratory")
     # A short settling time, so that there are estimates to compare within the test's few seconds.
-    settings = [f"record.out={folder / 'bag'}", f"perturbation_generator.duration={SECONDS}", "impedance_estimator.settling_time=3.0"]
-    with Processes(load_graph("simulated_recorded").with_settings(settings), folder / "logs") as processes:
+    settings = [
+        f"record.out={folder / 'bag'}",
+        f"perturbation_generator.duration={SECONDS}",
+        "impedance_estimator.settling_time=3.0",
+    ]
+    with Processes(
+        load_graph("simulated_recorded").with_settings(settings), folder / "logs"
+    ) as processes:
         processes.wait_for_end("perturbation_generator", 180.0)
         codes = processes.stop()
     assert codes == dict.fromkeys(codes, 0)
@@ -73,7 +85,10 @@ def test_the_bag_opens_with_other_tools(session):
     bag = BagReader(session / "bag")
     with open(next((session / "bag").glob("*.mcap")), "rb") as stream:
         decoded = [
-            (c.topic, m.log_time) for _, c, m, _ in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+            (c.topic, m.log_time)
+            for _, c, m, _ in make_reader(
+                stream, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages()
         ]
     assert len(decoded) == bag.count
     with AnyReader([session / "bag"]) as reader:
@@ -87,7 +102,9 @@ def test_the_bag_opens_with_other_tools(session):
 @pytest.mark.timeout(240)
 def test_replay_and_file_give_the_estimates_of_the_live_run(session):
     settings = ("impedance_estimator.settling_time=3.0",)
-    regenerate_by_replay(session / "bag", session / "replayed", session / "logs", settings, patience=180.0)
+    regenerate_by_replay(
+        session / "bag", session / "replayed", session / "logs", settings, patience=180.0
+    )
     estimate_bag(session / "bag", session / "estimated", settings=JointSettings(settling_time=3.0))
     columns, live = BagReader(session / "bag").signal("/impedance/estimate")
     assert (live[:, columns.index("valid[1]")] == 1.0).any()

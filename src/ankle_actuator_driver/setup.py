@@ -14,12 +14,11 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="Bridge to a rig's real-time controller: protocol, limits, watchdog, safe stop; and an emulator of the controller.",
+    description="Bridge to a rig's real-time controller: protocol, limits, watchdog, safe stop.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
             "ankle_actuator_driver = ankle_actuator_driver.ankle_actuator_driver_node:main",
-            "rig_emulator = ankle_actuator_driver.rig_emulator:main",
         ],
     },
 )

@@ -14,6 +14,7 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="What every node shares: declared parameters, blocks in and out, diagnostics, start and stop.",
+    description="What every node shares: declared parameters, blocks in and out, diagnostics, "
+    "start and stop.",
     license="Apache-2.0",
 )

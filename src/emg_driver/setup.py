@@ -14,7 +14,8 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="EMG from any Lab Streaming Layer amplifier to background and reflex activity for every stretch.",
+    description="EMG from any Lab Streaming Layer amplifier to background and reflex activity for "
+    "every stretch.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

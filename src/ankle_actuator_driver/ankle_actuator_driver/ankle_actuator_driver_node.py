@@ -11,8 +11,9 @@
 | ~/arm, ~/start, ~/stop, ~/disarm, ~/reset_fault | service | std_srvs/Trigger | | docs/safety.md |
 | ~/change_state and others | service | lifecycle_msgs | | managed life cycle |
 
-Parameters: `ankle_actuator_driver.settings`. Everything that decides is in `bridge` and `safety_states`.
-"""
+Parameters: `ankle_actuator_driver.settings`. Everything that decides is in `bridge` and
+`safety_states`.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -27,17 +28,17 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_actuator_driver import settings
-from ankle_actuator_driver.bridge import Bridge
-from ankle_actuator_driver.limits import LIMIT_PARAMETERS, hard_limits_from, limits_from
-from ankle_actuator_driver.rig_session import News, RigSession
-from ankle_actuator_driver.safety_states import State
-from ankle_actuator_driver.transport import UdpTransport, address_towards
+from ankle_actuator_driver.link.rig_session import News, RigSession
+from ankle_actuator_driver.link.transport import UdpTransport, address_towards
+from ankle_actuator_driver.safety.bridge import Bridge
+from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, hard_limits_from, limits_from
+from ankle_actuator_driver.safety.states import State
+from ankle_interfaces.block import Block
+from ankle_interfaces.continuity import Finding
 from ankle_node import session_event
 from ankle_node.managed_node import ManagedNode
 from ankle_node.node import ERROR, WARN, WORKED_OFF_QOS, run
 from ankle_node.parameters import ParameterError, Value
-from sample_blocks.block import Block
-from sample_blocks.continuity import Finding
 
 REFERENCE, SAMPLES = "/perturbation/reference", "/ankle/samples"
 MOTION = ("position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
@@ -59,7 +60,9 @@ class ActuatorDriverNode(ManagedNode):
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._reported = 0.0
-        self._samples = self.block_publisher(SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"))
+        self._samples = self.block_publisher(
+            SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
+        )
         self._joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
         self._state = self.create_publisher(String, "/rig/state", WORKED_OFF_QOS)
         self._events = self.create_publisher(String, session_event.TOPIC, 10)
@@ -81,9 +84,16 @@ class ActuatorDriverNode(ManagedNode):
         local = (self.text("local_address") or address_towards(rig), int(self.number("local_port")))
         line = UdpTransport(local, rig)
         number = secrets.randbelow(2**32 - 1) + 1
-        bridge = Bridge(limits_from(self._values()), self.number("soft_start"), self.number("reference_delay"), number)
+        bridge = Bridge(
+            limits_from(self._values()),
+            self.number("soft_start"),
+            self.number("reference_delay"),
+            number,
+        )
         self._session = RigSession(bridge, line, self.now, self._tell, self._fail)
-        self.get_logger().info(f"the rig is at {rig[0]}:{rig[1]}, this side at {line.local[0]}:{line.local[1]}")
+        self.get_logger().info(
+            f"the rig is at {rig[0]}:{rig[1]}, this side at {line.local[0]}:{line.local[1]}"
+        )
 
     def activate(self) -> None:
         """Begin to talk to the rig; it stays off."""
@@ -113,8 +123,12 @@ class ActuatorDriverNode(ManagedNode):
         super().work_off(executor)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Limits hold from the next block on, and never beyond the hard ones; the soft start from the next start on."""
-        wanted = limits_from({p.name: values.get(p.name, self.value(p.name)) for p in LIMIT_PARAMETERS})
+        """Limits hold from the next block on, and never beyond the hard ones; the soft start from
+        the next start on.
+        """
+        wanted = limits_from(
+            {p.name: values.get(p.name, self.value(p.name)) for p in LIMIT_PARAMETERS}
+        )
         wanted.require_within(self._hard)
         soft_start = float(values.get("soft_start", self.number("soft_start")))
 
@@ -124,9 +138,14 @@ class ActuatorDriverNode(ManagedNode):
         if self._session is not None:
             self._session.change(apply)
 
-    def _command(self, name: str, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _command(
+        self, name: str, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
         if self._session is None:
-            response.success, response.message = name == "stop", f"{name}: the node is not configured, it drives no rig"
+            response.success, response.message = (
+                name == "stop",
+                f"{name}: the node is not configured, it drives no rig",
+            )
         else:
             answer = self._session.operate(name)
             response.success, response.message = answer.done, answer.sentence
@@ -155,7 +174,13 @@ class ActuatorDriverNode(ManagedNode):
         for state, reason in news.changes:
             text = f"{state.value}: {reason}" if reason else state.value
             self._state.publish(String(data=text))
-            self._events.publish(String(data=session_event.SessionEvent(f"rig {state.value}", news.ros, {"reason": reason}).line()))
+            self._events.publish(
+                String(
+                    data=session_event.SessionEvent(
+                        f"rig {state.value}", news.ros, {"reason": reason}
+                    ).line()
+                )
+            )
             self.get_logger().info(f"rig {text}")
         if time.monotonic() - self._reported > REPORT_PERIOD:
             self._reported = time.monotonic()
@@ -164,7 +189,9 @@ class ActuatorDriverNode(ManagedNode):
     def _publish(self, block: np.ndarray) -> None:
         self._samples(block)
         position, velocity, torque = (float(value) for value in block[-1, 1:])
-        state = JointState(name=["ankle"], position=[position], velocity=[velocity], effort=[torque])
+        state = JointState(
+            name=["ankle"], position=[position], velocity=[velocity], effort=[torque]
+        )
         state.header.stamp = Time(nanoseconds=round(block[-1, 0] * 1e9)).to_msg()
         self._joint.publish(state)
 
@@ -174,7 +201,11 @@ class ActuatorDriverNode(ManagedNode):
             return
         bridge, states = session.bridge, session.bridge.states
         if states.state in (State.FAULT, State.DISABLED):
-            self.health("state", ERROR if states.state is State.FAULT else WARN, f"{states.state.value}: {states.reason}")
+            self.health(
+                "state",
+                ERROR if states.state is State.FAULT else WARN,
+                f"{states.state.value}: {states.reason}",
+            )
         for what, value in {
             "state": states.state.value,
             "drift of the rig's clock [ppm]": f"{1e6 * bridge.clock.drift:.2f}",

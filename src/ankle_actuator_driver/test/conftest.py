@@ -1,4 +1,6 @@
-"""Driver and emulated controller in virtual time: two clocks, a line that can fail, no sockets and no waiting."""
+"""Driver and emulated controller in virtual time: two clocks, a line that can fail, no sockets and
+no waiting.
+"""
 
 import importlib.util
 import sys

@@ -1,7 +1,8 @@
-"""Commands, packets and faults in any order: no reference beyond a limit reaches the rig, and nothing moves for long without a driver.
+"""Commands, packets and faults in any order: no reference beyond a limit reaches the rig, and
+nothing moves for long without a driver.
 
-A hypothesis state machine over driver and emulated controller in virtual time. After every step all servo samples since the last
-step are looked at.
+A hypothesis state machine over driver and emulated controller in virtual time. After every step all
+servo samples since the last step are looked at.
 """
 
 import copy
@@ -11,11 +12,25 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    rule,
+    run_state_machine_as_test,
+)
 
-from ankle_actuator_driver.bridge import Bridge
-from ankle_actuator_driver.faults import Faults
-from ankle_actuator_driver.packet import DeviceState, Heartbeat, Reference, Refusal, Wanted, build, parse
+from ankle_actuator_driver.link.packet import (
+    DeviceState,
+    Heartbeat,
+    Reference,
+    Refusal,
+    Wanted,
+    build,
+    parse,
+)
+from ankle_actuator_driver.safety.bridge import Bridge
+from rig_emulator.faults import Faults
 
 RATE = 2048.0
 AFTER_LAST_PACKET = 0.25  # s
@@ -35,7 +50,13 @@ class AlwaysMoving:
         motion = np.zeros((n, 3))
         for amplitude, frequency in ((0.04, 7.0), (0.02, 11.9)):
             omega = 2 * np.pi * frequency
-            motion += amplitude * np.column_stack([np.sin(omega * time), omega * np.cos(omega * time), -(omega**2) * np.sin(omega * time)])
+            motion += amplitude * np.column_stack(
+                [
+                    np.sin(omega * time),
+                    omega * np.cos(omega * time),
+                    -(omega**2) * np.sin(omega * time),
+                ]
+            )
         return motion
 
 
@@ -99,7 +120,13 @@ class AnyOrder(RuleBasedStateMachine):
     def everything_is_repaired_and_brought_up(self):
         lab = self.lab
         lab.down.faults = lab.up.faults = Faults()
-        lab.talking, lab.sending, lab.scale, lab.plant.torque, lab.plant.position = True, True, 1.0, None, None
+        lab.talking, lab.sending, lab.scale, lab.plant.torque, lab.plant.position = (
+            True,
+            True,
+            1.0,
+            None,
+            None,
+        )
         lab.device.press_emergency_stop(False, lab.rig_time)
         lab.bridge.limits = lab.limits
         # A clock that was set is measured anew for a second.
@@ -117,7 +144,11 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(
         ahead=st.sampled_from([-1.0, 0.0, 0.05, 0.1, 0.5, 5.0, float("nan")]),
-        values=st.lists(st.floats(-10, 10) | st.sampled_from([float("nan"), float("inf"), 0.17, 1e300]), min_size=3, max_size=3),
+        values=st.lists(
+            st.floats(-10, 10) | st.sampled_from([float("nan"), float("inf"), 0.17, 1e300]),
+            min_size=3,
+            max_size=3,
+        ),
         count=st.sampled_from([0, 1, 2, 32, 300]),
         slope=st.booleans(),
     )
@@ -130,9 +161,18 @@ class AnyOrder(RuleBasedStateMachine):
         lab.bridge.reference(time, motion, lab.now, lab.ros)
         lab.send()
 
-    @rule(drop=PARTS, duplicate=PARTS, reorder=PARTS, corrupt=PARTS, burst=st.sampled_from([0.0, 0.05, 0.3]), freeze=PARTS)
+    @rule(
+        drop=PARTS,
+        duplicate=PARTS,
+        reorder=PARTS,
+        corrupt=PARTS,
+        burst=st.sampled_from([0.0, 0.05, 0.3]),
+        freeze=PARTS,
+    )
     def line_fails(self, drop, duplicate, reorder, corrupt, burst, freeze):
-        self.lab.down.faults = self.lab.up.faults = Faults(drop, duplicate, reorder, corrupt, burst, float(freeze == 1.0))
+        self.lab.down.faults = self.lab.up.faults = Faults(
+            drop, duplicate, reorder, corrupt, burst, float(freeze == 1.0)
+        )
 
     @rule()
     def line_is_good(self):
@@ -189,13 +229,22 @@ class AnyOrder(RuleBasedStateMachine):
         time = np.arange(32) / RATE
         motion = np.column_stack([position + velocity * time, np.full(32, velocity), np.zeros(32)])
         head = (session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0)
-        self.lab.deliver(build(Reference(*head, round((self.lab.rig_time + ahead) * 1e9), 1 / RATE, motion)))
+        self.lab.deliver(
+            build(Reference(*head, round((self.lab.rig_time + ahead) * 1e9), 1 / RATE, motion))
+        )
 
-    @rule(wanted=st.sampled_from(list(Wanted)), newer=st.integers(-3, 3), resets=st.integers(0, 255), foreign=st.booleans())
+    @rule(
+        wanted=st.sampled_from(list(Wanted)),
+        newer=st.integers(-3, 3),
+        resets=st.integers(0, 255),
+        foreign=st.booleans(),
+    )
     def forged_heartbeat(self, wanted, newer, resets, foreign):
         last = parse(self.lab.packets[-1])
         session = 666 if foreign else last.session
-        self.lab.deliver(build(Heartbeat(session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0)))
+        self.lab.deliver(
+            build(Heartbeat(session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0))
+        )
 
     @rule(angle=st.sampled_from([0.01, 0.05, 0.175]))
     def limits_are_set(self, angle):
@@ -207,7 +256,10 @@ class AnyOrder(RuleBasedStateMachine):
             return
         limits = self.lab.limits
         for motion in (*self.lab.sent, *self.lab.obeyed):
-            assert np.all(np.abs(motion).max(axis=0) <= np.array([limits.angle, limits.velocity, limits.acceleration]) * (1 + 1e-6))
+            assert np.all(
+                np.abs(motion).max(axis=0)
+                <= np.array([limits.angle, limits.velocity, limits.acceleration]) * (1 + 1e-6)
+            )
         self.lab.sent, self.lab.obeyed = [], []
 
     @invariant()
@@ -219,17 +271,25 @@ class AnyOrder(RuleBasedStateMachine):
         self.seen = len(lab.device.commands)
         if len(commands) < 2:
             return
-        assert np.all(np.abs(commands[:, 1:]).max(axis=0) <= np.array([limits.angle, limits.velocity, limits.acceleration]) * (1 + 1e-6))
+        assert np.all(
+            np.abs(commands[:, 1:]).max(axis=0)
+            <= np.array([limits.angle, limits.velocity, limits.acceleration]) * (1 + 1e-6)
+        )
         steps = np.abs(np.diff(commands[:, 1]))
         assert steps.max() <= min(limits.step, 1.021 * limits.velocity / RATE)
-        assert len(steps) < 2 or np.abs(np.diff(commands[:, 1], 2)).max() <= 1.03 * limits.acceleration / RATE**2
+        assert (
+            len(steps) < 2
+            or np.abs(np.diff(commands[:, 1], 2)).max() <= 1.03 * limits.acceleration / RATE**2
+        )
         valid = np.array(lab.valid)
         place = np.searchsorted(valid, commands[:, 0], side="right") - 1
         silent = commands[:, 0] - valid[np.maximum(place, 0)]
         late = silent > AFTER_LAST_PACKET
         assert np.all(commands[late, 2] == 0.0)
         assert np.all(steps[late[1:]] == 0.0)
-        plate = np.array([entry for entry in lab.device.velocities if entry[0] >= commands[0, 0]]).reshape(-1, 2)
+        plate = np.array(
+            [entry for entry in lab.device.velocities if entry[0] >= commands[0, 0]]
+        ).reshape(-1, 2)
         place = np.searchsorted(valid, plate[:, 0], side="right") - 1
         late = plate[:, 0] - valid[np.maximum(place, 0)] > AFTER_LAST_PACKET
         assert np.all(np.abs(plate[late, 1]) < SLOW)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankle_actuator_driver.device_clock import DeviceClock
+from ankle_actuator_driver.link.device_clock import DeviceClock
 
 EPOCH, OFFSET = 1.76e9, 1000.0
 RATE = 2048.0
@@ -11,7 +11,11 @@ RATE = 2048.0
 
 def delays(random, count, busy=False):
     """50 us and more, some late by milliseconds; when busy nothing is sooner than 20 ms."""
-    found = 50e-6 + random.exponential(100e-6, count) + (random.random(count) < 0.05) * random.exponential(5e-3, count)
+    found = (
+        50e-6
+        + random.exponential(100e-6, count)
+        + (random.random(count) < 0.05) * random.exponential(5e-3, count)
+    )
     return found + 0.02 + random.exponential(0.01, count) if busy else found
 
 
@@ -31,10 +35,14 @@ class Line:
     def run(self, seconds, busy=False):
         """Errors [s] of the times handed out, one each packet."""
         errors, count = [], round(seconds * 64)
-        for up, down in zip(delays(self.random, count, busy), delays(self.random, count, busy), strict=True):
+        for up, down in zip(
+            delays(self.random, count, busy), delays(self.random, count, busy), strict=True
+        ):
             self.at += 1 / 64
             heard = EPOCH + self.at - 0.01
-            note = self.clock.exchange(self.device(EPOCH + self.at), EPOCH + self.at + up, heard - down, self.device(heard))
+            note = self.clock.exchange(
+                self.device(EPOCH + self.at), EPOCH + self.at + up, heard - down, self.device(heard)
+            )
             self.notes += [note] if note else []
             if self.clock.ready:
                 device = self.device(EPOCH + self.at)
@@ -48,7 +56,8 @@ def test_offset_and_drift_are_found_and_jitter_does_not_reach_the_times(drift):
     line.run(10.0)
     errors = line.run(60.0)
     assert np.abs(errors).max() < 100e-6
-    # The line's jitter is milliseconds; neighbouring packets differ by the little that the rate is corrected.
+    # The line's jitter is milliseconds; neighbouring packets differ by the little that the rate is
+    # corrected.
     assert np.abs(np.diff(errors)).max() < 4e-6
     assert line.clock.drift == pytest.approx(-drift, abs=3e-6)
     assert not line.notes
@@ -57,7 +66,9 @@ def test_offset_and_drift_are_found_and_jitter_does_not_reach_the_times(drift):
 def test_bursts_that_delay_everything_do_not_move_the_times():
     line = Line(50e-6)
     line.run(20.0)
-    worst = max(np.abs(np.concatenate([line.run(2.0, busy=True), line.run(3.0)])).max() for _ in range(6))
+    worst = max(
+        np.abs(np.concatenate([line.run(2.0, busy=True), line.run(3.0)])).max() for _ in range(6)
+    )
     assert worst < 200e-6
     assert not line.notes
 

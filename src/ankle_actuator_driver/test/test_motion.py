@@ -5,12 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ankle_actuator_driver.encoder_check import EncoderCheck
-from ankle_actuator_driver.limits import HARD_LIMIT_PARAMETERS, LIMIT_PARAMETERS, Limits, hard_limits_from, limits_from
-from ankle_actuator_driver.reference_playback import LONGEST_BRIDGE, Empty, ReferencePlayback
-from ankle_actuator_driver.soft_start import blend
-from ankle_actuator_driver.stop_motion import GENTLE, StopMotion
-from ankle_actuator_driver.torque_yield import OF_RIG, TorqueYield
+from ankle_actuator_driver.safety.encoder_check import EncoderCheck
+from ankle_actuator_driver.safety.limits import (
+    HARD_LIMIT_PARAMETERS,
+    LIMIT_PARAMETERS,
+    Limits,
+    hard_limits_from,
+    limits_from,
+)
+from ankle_actuator_driver.safety.reference_playback import LONGEST_BRIDGE, Empty, ReferencePlayback
+from ankle_actuator_driver.safety.soft_start import blend
+from ankle_actuator_driver.safety.stop_motion import GENTLE, StopMotion
+from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
 from ankle_node.parameters import ParameterError
 from perturbation_generator.limits import Limits as GeneratorLimits
 from perturbation_generator.pulse_step import PulseStep
@@ -71,9 +77,14 @@ def test_the_first_sample_follows_the_last():
 
 
 def test_no_limit_passes_its_hard_limit():
-    values = {parameter.name: parameter.default for parameter in (*LIMIT_PARAMETERS, *HARD_LIMIT_PARAMETERS)}
+    values = {
+        parameter.name: parameter.default
+        for parameter in (*LIMIT_PARAMETERS, *HARD_LIMIT_PARAMETERS)
+    }
     limits_from(values).require_within(hard_limits_from(values))
-    with pytest.raises(ParameterError, match=r"'torque_limit' = 40 N\.m passes the hard limit of 30 N\.m"):
+    with pytest.raises(
+        ParameterError, match=r"'torque_limit' = 40 N\.m passes the hard limit of 30 N\.m"
+    ):
         limits_from({**values, "torque_limit": 40.0}).require_within(hard_limits_from(values))
     assert all(parameter.fixed for parameter in HARD_LIMIT_PARAMETERS)
 
@@ -111,7 +122,8 @@ def test_a_soft_start_begins_at_rest_where_the_plate_is_and_becomes_the_referenc
 
 @pytest.mark.parametrize("stiffness", [50.0, 200.0, 500.0])
 def test_a_torque_beyond_the_limit_makes_the_plate_follow_the_foot(stiffness):
-    # The subject pushes with 60 N.m against a plate with a limit of 30; servo and cycle delay what is measured by 20 ms.
+    # The subject pushes with 60 N.m against a plate with a limit of 30; servo and cycle delay what
+    # is measured by 20 ms.
     yielding, delayed = TorqueYield(OF_RIG, 30.0), [0.0] * 41
     torques = []
     for k in range(int(2.0 * RATE)):
@@ -176,7 +188,11 @@ def test_an_encoder_that_stands_still_while_the_plate_is_told_to_move_is_stuck()
     motion = paper_signal(5.0)[:, 0]
     behind = np.concatenate([np.zeros(16), motion[:-16]])  # 8 ms of servo
     living, stuck = EncoderCheck(), EncoderCheck()
-    at = [(k / RATE, told, seen) for k, (told, seen) in enumerate(zip(motion, behind, strict=True)) if not k % 8]
+    at = [
+        (k / RATE, told, seen)
+        for k, (told, seen) in enumerate(zip(motion, behind, strict=True))
+        if not k % 8
+    ]
     assert not any(living.stuck(*entry) for entry in at)
     first = next(time for time, told, _ in at if stuck.stuck(time, told, 0.01))
     onset = next(time for time, told, _ in at if told > 0.005)

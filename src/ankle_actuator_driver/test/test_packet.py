@@ -1,4 +1,6 @@
-"""The protocol's bytes: what is written is read, everything else has a named reason, and nothing makes the parser raise."""
+"""The protocol's bytes: what is written is read, everything else has a named reason, and nothing
+makes the parser raise.
+"""
 
 import re
 import struct
@@ -12,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ankle_actuator_driver.packet import (
+from ankle_actuator_driver.link.packet import (
     LARGEST_COUNT,
     DeviceFault,
     DeviceState,
@@ -29,9 +31,11 @@ from ankle_actuator_driver.packet import (
 
 HEARTBEAT = Heartbeat(4711, 9, 1_760_000_000_000_000_000, Wanted.HOLD, 3, 8)
 MOTION = np.array([[0.01, 0.5, -20.0], [0.0102, 0.49, -20.0]])
-REFERENCE = Reference(4711, 10, 1_760_000_000_000_000_000, Wanted.FOLLOW, 3, 8, 1_000_500_000_000, 1 / 2048, MOTION)
+REFERENCE = Reference(
+    4711, 10, 1_760_000_000_000_000_000, Wanted.FOLLOW, 3, 8, 1_000_500_000_000, 1 / 2048, MOTION
+)
 REPORT = StateReport(
-    77, 12, 1_000_400_000_000, DeviceState.FOLLOW, DeviceFault.NONE, Status.YIELDING, 10, 4711, 5, 1_760_000_000_000_000_000,
+    77, 12, 1_000_400_000_000, DeviceState.FOLLOW, DeviceFault.NONE, Status.YIELDING, 10, 4711, 5, 1_760_000_000_000_000_000,  # noqa: E501
     1_000_399_000_000, 1_000_384_000_000, 1 / 2048, 0.0123, np.array([[0.012, 0.4, 1.5]]),
 )  # fmt: skip
 
@@ -42,7 +46,9 @@ def same(left, right):
     return type(left) is type(right)
 
 
-@pytest.mark.parametrize("packet", [HEARTBEAT, REFERENCE, REPORT, replace(REPORT, samples=np.empty((0, 3)))])
+@pytest.mark.parametrize(
+    "packet", [HEARTBEAT, REFERENCE, REPORT, replace(REPORT, samples=np.empty((0, 3)))]
+)
 def test_a_packet_comes_back_as_it_was(packet):
     assert same(packet, parse(build(packet)))
 
@@ -95,9 +101,21 @@ def test_sequence_numbers_go_round():
 
 
 def noise(random, count):
-    """Random bytes, packets cut, lengthened, with flipped bits, and with random fields under a right checksum."""
-    good = [build(HEARTBEAT), build(REFERENCE), build(REPORT), build(replace(REPORT, samples=np.zeros((LARGEST_COUNT, 3))))]
-    for kind, pick, cut in zip(random.integers(5, size=count), random.integers(4, size=count), random.random(count), strict=True):
+    """Random bytes, packets cut, lengthened, with flipped bits, and with random fields under a
+    right checksum.
+    """
+    good = [
+        build(HEARTBEAT),
+        build(REFERENCE),
+        build(REPORT),
+        build(replace(REPORT, samples=np.zeros((LARGEST_COUNT, 3)))),
+    ]
+    for kind, pick, cut in zip(
+        random.integers(5, size=count),
+        random.integers(4, size=count),
+        random.random(count),
+        strict=True,
+    ):
         data = good[pick]
         if kind == 0:
             yield random.bytes(int(cut * 1500))
@@ -115,15 +133,22 @@ def noise(random, count):
 
 
 def fuzz(laboratory, count):
-    """So many bad packets to a rig that holds the plate, from the driver's own address; what became of them."""
+    """So many bad packets to a rig that holds the plate, from the driver's own address; what became
+    of them.
+    """
     lab = laboratory().armed()
     device, found = lab.device, Counter()
     before = lab.commands()[-1, 1]
     for index, data in enumerate(noise(np.random.default_rng(7), count)):
         parsed, obeyed = parse(data), device.receive(data, lab.rig_time)
         found[parsed if isinstance(parsed, Refusal) else "packet"] += 1
-        # Whoever knows the session, a newer number and the checksum is the driver, as far as a device can tell.
-        assert isinstance(obeyed, Refusal) or obeyed.session == 4711 or device.state.name in ("OFF", "FAULT")
+        # Whoever knows the session, a newer number and the checksum is the driver, as far as a
+        # device can tell.
+        assert (
+            isinstance(obeyed, Refusal)
+            or obeyed.session == 4711
+            or device.state.name in ("OFF", "FAULT")
+        )
         if not index % 1000:
             lab.run(0.02)
     lab.run(0.3)
@@ -135,7 +160,13 @@ def fuzz(laboratory, count):
 
 def test_random_and_mutated_packets_raise_nothing_and_move_nothing(laboratory):
     found = fuzz(laboratory, 20_000)
-    assert {Refusal.TOO_SHORT, Refusal.MAGIC, Refusal.LENGTH, Refusal.CHECKSUM, Refusal.CONTENT} <= set(found)
+    assert {
+        Refusal.TOO_SHORT,
+        Refusal.MAGIC,
+        Refusal.LENGTH,
+        Refusal.CHECKSUM,
+        Refusal.CONTENT,
+    } <= set(found)
 
 
 @pytest.mark.slow
@@ -159,7 +190,20 @@ DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "rig_protocol.md"
     ("name", "packet"),
     [
         ("heartbeat", Heartbeat(0x1234, 7, 1_760_000_000_000_000_000, Wanted.HOLD, 2, 41)),
-        ("reference", Reference(0x1234, 8, 1_760_000_000_000_000_000, Wanted.FOLLOW, 2, 41, 1_000_500_000_000, 1 / 2048, MOTION)),
+        (
+            "reference",
+            Reference(
+                0x1234,
+                8,
+                1_760_000_000_000_000_000,
+                Wanted.FOLLOW,
+                2,
+                41,
+                1_000_500_000_000,
+                1 / 2048,
+                MOTION,
+            ),
+        ),
         ("state", replace(REPORT, sequence=42, heard=8, host=0x1234)),
     ],
 )
@@ -181,11 +225,15 @@ def test_a_second_implementation_from_the_tables_reads_our_packets():
     fixed = {"version": 1, "kind": 3, "n": 1, "reserved": 0}
     read = 0
     for section in DOCUMENT.read_text().split("\n### ")[1:]:
-        packet = next((packet for title, packet in kinds.items() if section.startswith(title)), None)
+        packet = next(
+            (packet for title, packet in kinds.items() if section.startswith(title)), None
+        )
         if packet is None:
             continue
         data = build(packet)
-        for offset, form, field in re.findall(r"^\| (\d+) \| (u8|u16|u32|i64|f64) \| (\w+) \|", section, re.MULTILINE):
+        for offset, form, field in re.findall(
+            r"^\| (\d+) \| (u8|u16|u32|i64|f64) \| (\w+) \|", section, re.MULTILINE
+        ):
             (value,) = struct.unpack_from(types[form], data, int(offset))
             if field == "checksum":
                 assert value == zlib.crc32(data[: int(offset)])

@@ -17,16 +17,18 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
-from ankle_actuator_driver.fault_switches import switch_faults
+from ankle_interfaces.block import unpack
+from ankle_interfaces.continuity import Continuity
 from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
 from ankle_node.parameters import ParameterError
-from sample_blocks.block import unpack
-from sample_blocks.continuity import Continuity
+from rig_emulator.fault_switches import switch_faults
 
-PATIENCE = 240.0  # s; the first start compiles, and a busy machine takes a minute to start a process
+PATIENCE = (
+    240.0  # s; the first start compiles, and a busy machine takes a minute to start a process
+)
 pytestmark = [pytest.mark.live, pytest.mark.timeout(1500)]
 DRIVER = "ankle_actuator_driver.ankle_actuator_driver_node"
-EMULATOR = "ankle_actuator_driver.rig_emulator"
+EMULATOR = "rig_emulator.rig_emulator_node"
 GENERATOR = "perturbation_generator.perturbation_generator_node"
 
 
@@ -43,7 +45,10 @@ def environment():
 def free_port():
     """A UDP port whose next one is free too."""
     while True:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+        ):
             first.bind(("127.0.0.1", 0))
             port = first.getsockname()[1]
             try:
@@ -64,8 +69,12 @@ class Bench:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.blocks, self.states, self.continuity, self.findings = [], [], Continuity(), []
-        self.node.create_subscription(Float64MultiArray, "/ankle/samples", self._samples, BLOCK_QOS, raw=True)
-        self.node.create_subscription(String, "/rig/state", lambda message: self.states.append(message.data), WORKED_OFF_QOS)
+        self.node.create_subscription(
+            Float64MultiArray, "/ankle/samples", self._samples, BLOCK_QOS, raw=True
+        )
+        self.node.create_subscription(
+            String, "/rig/state", lambda message: self.states.append(message.data), WORKED_OFF_QOS
+        )
 
     def _samples(self, message):
         block = unpack(message)
@@ -73,17 +82,26 @@ class Bench:
         self.findings += self.continuity.check(block.data)
 
     def start(self, module, *parameters):
-        arguments = [sys.executable, "-c", f"import sys; from {module} import main; sys.exit(main())", "--ros-args"]
+        arguments = [
+            sys.executable,
+            "-c",
+            f"import sys; from {module} import main; sys.exit(main())",
+            "--ros-args",
+        ]
         for parameter in parameters:
             arguments += ["-p", parameter]
         with open(self.folder / f"{module}.log", "ab") as log:
-            self.processes[module] = subprocess.Popen(arguments, stdout=log, stderr=subprocess.STDOUT)
+            self.processes[module] = subprocess.Popen(
+                arguments, stdout=log, stderr=subprocess.STDOUT
+            )
 
     def log(self, module):
         return (self.folder / f"{module}.log").read_text()
 
     def logs(self):
-        return "\n".join(f"{path.name}: {path.read_text()[-1500:]}" for path in sorted(self.folder.glob("*.log")))
+        return "\n".join(
+            f"{path.name}: {path.read_text()[-1500:]}" for path in sorted(self.folder.glob("*.log"))
+        )
 
     def until(self, condition, what, seconds=PATIENCE):
         deadline = time.monotonic() + seconds
@@ -98,7 +116,9 @@ class Bench:
 
     def call(self, kind, service, **fields):
         if service not in self.clients:
-            self.clients[service] = self.node.create_client(kind, f"/ankle_actuator_driver/{service}")
+            self.clients[service] = self.node.create_client(
+                kind, f"/ankle_actuator_driver/{service}"
+            )
         client = self.clients[service]
         self.until(client.service_is_ready, service)
         # A first answer can be lost while the two ends still discover each other.
@@ -118,14 +138,18 @@ class Bench:
         return self.states[-1].split(":")[0] if self.states else ""
 
     def run_the_rig(self, least=0.03):
-        """Reset, arm and start until the plate has moved over so many rad in one go: a machine that keeps a process waiting
-        for 100 ms stops the rig, and the operator begins again."""
+        """Reset, arm and start until the plate has moved over so many rad in one go: a machine that
+        keeps a process waiting for 100 ms stops the rig, and the operator begins again."""
         deadline = time.monotonic() + 2 * PATIENCE
         first = len(self.blocks)
         while time.monotonic() < deadline:
             if self.state == "running":
                 heard = self.blocks[first:]
-                if heard and np.ptp(np.concatenate([block.column("position[rad]") for block in heard])) > least:
+                if (
+                    heard
+                    and np.ptp(np.concatenate([block.column("position[rad]") for block in heard]))
+                    > least
+                ):
                     return
             else:
                 command = {"fault": "reset_fault", "ready": "arm", "armed": "start"}.get(self.state)
@@ -137,7 +161,9 @@ class Bench:
 
     def set(self, name, value):
         wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
-        return self.call(SetParameters, "set_parameters", parameters=[Parameter(name=name, value=wanted)]).results[0]
+        return self.call(
+            SetParameters, "set_parameters", parameters=[Parameter(name=name, value=wanted)]
+        ).results[0]
 
     def end(self):
         """Tell the processes to stop; their exit codes."""
@@ -173,7 +199,9 @@ def test_a_session_with_its_faults(bench):
     port = free_port()
     # A busy machine delays processes by more than the 0.1 s that the graph gives.
     bench.start(EMULATOR, f"port:={port}", "noise:=false")
-    bench.start(DRIVER, f"rig_port:={port}", "autostart:=true", "soft_start:=0.5", "wait_for_readers:=1")
+    bench.start(
+        DRIVER, f"rig_port:={port}", "autostart:=true", "soft_start:=0.5", "wait_for_readers:=1"
+    )
     bench.start(GENERATOR, "lead:=0.6", "wait_for_readers:=1")
     bench.reaches("ready")
     assert bench.call(GetState, "get_state").current_state.label == "active"
@@ -205,7 +233,9 @@ def test_a_session_with_its_faults(bench):
     bench.run_the_rig()
     assert switch_faults("emergency_stop=1", "127.0.0.1", port) == "emergency_stop=1"
     bench.reaches("fault")
-    bench.until(lambda: "pressed" in bench.operate("reset_fault").message, "the pressed button is known")
+    bench.until(
+        lambda: "pressed" in bench.operate("reset_fault").message, "the pressed button is known"
+    )
     assert not bench.operate("arm").success
     with pytest.raises(ParameterError, match="unknown"):
         switch_faults("explode=1", "127.0.0.1", port)
@@ -216,7 +246,10 @@ def test_a_session_with_its_faults(bench):
     driver.kill()
     driver.wait()
     last = ("rig_emulator: fault", "rig_emulator: off")
-    bench.until(lambda: bench.log(EMULATOR).strip().splitlines()[-1].startswith(last), "the rig stops by itself")
+    bench.until(
+        lambda: bench.log(EMULATOR).strip().splitlines()[-1].startswith(last),
+        "the rig stops by itself",
+    )
 
 
 def test_life_cycle_services_and_a_rig_that_is_not_there(bench):
@@ -238,18 +271,34 @@ def test_life_cycle_services_and_a_rig_that_is_not_there(bench):
 @pytest.mark.parametrize(
     ("module", "parameter", "words"),
     [
-        (DRIVER, "velocity_limit:=6.0", "'velocity_limit' = 6 rad/s passes the hard limit of 5 rad/s"),
-        (DRIVER, "hard_angle_limit:=3.0", "parameter 'hard_angle_limit' = 3.0 rad is refused; allowed: 0.001 to 0.35 rad"),
+        (
+            DRIVER,
+            "velocity_limit:=6.0",
+            "'velocity_limit' = 6 rad/s passes the hard limit of 5 rad/s",
+        ),
+        (
+            DRIVER,
+            "hard_angle_limit:=3.0",
+            "parameter 'hard_angle_limit' = 3.0 rad is refused; allowed: 0.001 to 0.35 rad",
+        ),
         (DRIVER, "use_sim_time:=true", "a rig moves in real time"),
         (EMULATOR, "speed:=3", "parameter 'speed' is unknown"),
-        (EMULATOR, "clock_drift:=0.1", "parameter 'clock_drift' = 0.1 is refused; allowed: -0.0005 to 0.0005"),
+        (
+            EMULATOR,
+            "clock_drift:=0.1",
+            "parameter 'clock_drift' = 0.1 is refused; allowed: -0.0005 to 0.0005",
+        ),
         (EMULATOR, "faults:=explode", "fault switch 'explode' is unknown"),
     ],
 )
 def test_bad_start_values_end_with_one_line(module, parameter, words):
     program = f"import sys; from {module} import main; sys.exit(main())"
     found = subprocess.run(
-        [sys.executable, "-c", program, "--ros-args", "-p", parameter], capture_output=True, text=True, timeout=PATIENCE, check=False
+        [sys.executable, "-c", program, "--ros-args", "-p", parameter],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
     )
     assert found.returncode == 1
     assert words in found.stderr

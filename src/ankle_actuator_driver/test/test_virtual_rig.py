@@ -1,16 +1,28 @@
-"""Driver and emulated controller together in virtual time: what an operator asks for, and every fault by name."""
+"""Driver and emulated controller together in virtual time: what an operator asks for, and every
+fault by name.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from ankle_actuator_driver.bridge import Bridge
-from ankle_actuator_driver.faults import Faults
-from ankle_actuator_driver.packet import DeviceFault, DeviceState, Heartbeat, Reference, Refusal, Status, Wanted, build, parse
+from ankle_actuator_driver.link.packet import (
+    DeviceFault,
+    DeviceState,
+    Heartbeat,
+    Reference,
+    Refusal,
+    Status,
+    Wanted,
+    build,
+    parse,
+)
+from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_node.parameters import ParameterError
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
+from rig_emulator.faults import Faults
 
 pytestmark = pytest.mark.live
 
@@ -34,7 +46,13 @@ def test_from_first_packet_to_perturbation_and_back(laboratory):
     assert np.abs(commands[:, 2]).max() == pytest.approx(3.1, abs=0.1)
     assert lab.command("stop").done
     lab.until("ready")
-    assert [state.value for state, _ in lab.changes] == ["ready", "armed", "running", "stopping", "ready"]
+    assert [state.value for state, _ in lab.changes] == [
+        "ready",
+        "armed",
+        "running",
+        "stopping",
+        "ready",
+    ]
     assert lab.device.state is DeviceState.OFF
     assert lab.bridge.missing == 0
     assert not lab.device.refusals
@@ -47,7 +65,8 @@ def test_the_reference_is_followed_at_its_own_time(laboratory):
     count = round((ros[-1] - lab.epoch + 0.1) * RATE)
     wanted = PulseStep(Settings(rate=RATE, seed=1)).next(count)
     expected = np.interp(ros - lab.epoch, np.arange(count) / RATE, wanted[:, 0])
-    # The clock is known to half the time between two looks at the line (2 ms), and the plate is told to move at 3.1 rad/s.
+    # The clock is known to half the time between two looks at the line (2 ms), and the plate is
+    # told to move at 3.1 rad/s.
     assert np.abs(commands[:, 1] - expected).max() < 3.1 * 1.2e-3
 
 
@@ -210,7 +229,15 @@ def test_a_reference_beyond_a_limit_is_refused_by_the_rig_too(laboratory):
     motion = np.tile([0.3, 0.0, 0.0], (32, 1))
     last = parse(lab.packets[-1])
     forged = Reference(
-        last.session, last.sequence + 1, 0, Wanted.FOLLOW, last.resets, 0, round((lab.rig_time + 0.1) * 1e9), 1 / RATE, motion
+        last.session,
+        last.sequence + 1,
+        0,
+        Wanted.FOLLOW,
+        last.resets,
+        0,
+        round((lab.rig_time + 0.1) * 1e9),
+        1 / RATE,
+        motion,
     )
     at = lab.rig_time
     assert lab.deliver(build(forged)) is Refusal.LIMIT
@@ -306,6 +333,11 @@ def test_fault_switches_are_read_and_every_mistake_is_named():
     assert (faults.drop, faults.freeze, faults.line()) == (0.1, 1.0, "drop=0.1,freeze=1")
     assert faults.with_switches("freeze=0").line() == "drop=0.1"
     assert faults.with_switches("none").line() == "none"
-    for text, words in (("explode=1", "unknown"), ("drop", "not 'drop=value'"), ("drop=2", "allowed: 0 to 1"), ("drop=nan", "refused")):
+    for text, words in (
+        ("explode=1", "unknown"),
+        ("drop", "not 'drop=value'"),
+        ("drop=2", "allowed: 0 to 1"),
+        ("drop=nan", "refused"),
+    ):
         with pytest.raises(ParameterError, match=words):
             faults.with_switches(text)

@@ -1,15 +1,17 @@
-"""Driver and emulated controller in virtual time: two clocks, a line that can fail, no sockets and no waiting."""
+"""Driver and emulated controller in virtual time: two clocks, a line that can fail, no sockets and
+no waiting.
+"""
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from ankle_actuator_driver.bridge import Bridge
-from ankle_actuator_driver.emulated_device import EmulatedDevice
-from ankle_actuator_driver.faulty_line import FaultyLine
-from ankle_actuator_driver.limits import Limits
-from ankle_actuator_driver.packet import Heartbeat, Reference, parse
+from ankle_actuator_driver.link.packet import Heartbeat, Reference, parse
+from ankle_actuator_driver.safety.bridge import Bridge
+from ankle_actuator_driver.safety.limits import Limits
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
+from rig_emulator.emulated_device import EmulatedDevice
+from rig_emulator.faulty_line import FaultyLine
 
 RATE = 2048.0
 EPOCH = 1.76e9  # s; ROS time at the start
@@ -19,11 +21,16 @@ OMEGA, DAMPING = 2 * np.pi * 30.0, 0.7
 
 
 class SpringPlant:
-    """A 30 Hz servo with a spring on it, as simple as can be; measured position and torque can be faked."""
+    """A 30 Hz servo with a spring on it, as simple as can be; measured position and torque can be
+    faked.
+    """
 
     def __init__(self, stiffness=100.0):
         outputs = np.eye(2)
-        a, b = np.array([[0.0, 1.0], [-(OMEGA**2), -2 * DAMPING * OMEGA]]), np.array([[0.0], [OMEGA**2]])
+        a, b = (
+            np.array([[0.0, 1.0], [-(OMEGA**2), -2 * DAMPING * OMEGA]]),
+            np.array([[0.0], [OMEGA**2]]),
+        )
         a, b, *_ = cont2discrete((a, b, outputs, np.zeros((2, 1))), 1 / RATE)
         denominator = np.poly(a)
         self._filters = [(self._numerator(a, b, row), denominator) for row in outputs]
@@ -38,7 +45,9 @@ class SpringPlant:
     def run(self, command):
         motion = []
         for k, (numerator, denominator) in enumerate(self._filters):
-            values, self._memory[k] = lfilter(numerator, denominator, command[:, 0], zi=self._memory[k])
+            values, self._memory[k] = lfilter(
+                numerator, denominator, command[:, 0], zi=self._memory[k]
+            )
             motion.append(values)
         self.velocity = motion[1]
         samples = np.column_stack([motion[0], motion[1], self.stiffness * motion[0]])
@@ -50,7 +59,9 @@ class SpringPlant:
 
 
 class WatchedDevice(EmulatedDevice):
-    """Keeps what the servo is told (rig's time, position, velocity, acceleration) and the plate's velocity at the end of each cycle."""
+    """Keeps what the servo is told (rig's time, position, velocity, acceleration) and the plate's
+    velocity at the end of each cycle.
+    """
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
@@ -69,23 +80,39 @@ class WatchedDevice(EmulatedDevice):
 class VirtualLaboratory:
     """Reference, driver, line and rig; time passes by `run`.
 
-    Attributes:
-        now: of the driver's steady clock [s].
-        valid: rig's times at which it obeyed a packet.
-        sent: samples of every reference packet that the driver sent.
-        obeyed: samples of every reference packet that the rig obeyed.
-        blocks: what the driver published, shape (n, 4) each.
-        changes: every state of the driver with its reason.
+    Attributes
+    ----------
+    now
+        Of the driver's steady clock [s].
+    valid
+        Rig's times at which it obeyed a packet.
+    sent
+        Samples of every reference packet that the driver sent.
+    obeyed
+        Samples of every reference packet that the rig obeyed.
+    blocks
+        What the driver published, shape (n, 4) each.
+    changes
+        Every state of the driver with its reason.
     """
 
-    def __init__(self, drift=50e-6, offset=1000.0, limits=None, plant=None, delay=0.0003, seed=1, lead=0.1):
+    def __init__(
+        self, drift=50e-6, offset=1000.0, limits=None, plant=None, delay=0.0003, seed=1, lead=0.1
+    ):
         self.now, self.drift, self.offset, self.epoch = 0.0, drift, offset, EPOCH
         self.lead, self.delay, self.limits = lead, delay, limits or Limits()
         self.plant = plant or SpringPlant()
         self.device = WatchedDevice(self.plant, self.limits, RATE, 77, self.rig_time)
         self.bridge = Bridge(self.limits, 0.5, 0.0, 4711)
         self.down, self.up = FaultyLine(seed), FaultyLine(seed + 1)
-        self.valid, self.sent, self.obeyed, self.blocks, self.changes, self.notes = [], [], [], [], [], []
+        self.valid, self.sent, self.obeyed, self.blocks, self.changes, self.notes = (
+            [],
+            [],
+            [],
+            [],
+            [],
+            [],
+        )
         self.packets = []
         self.sending = True
         self.talking = True
@@ -187,12 +214,16 @@ class VirtualLaboratory:
         return self
 
     def commands(self, since=0.0):
-        """Commands later than a rig's time, shape (n, 4): rig's time, position, velocity, acceleration."""
+        """Commands later than a rig's time, shape (n, 4): rig's time, position, velocity,
+        acceleration.
+        """
         commands = np.array(self.device.commands)
         return commands[commands[:, 0] > since]
 
     def moves_until(self, since):
-        """Seconds after a rig's time at which servo and plate still moved, shape (2,); 0 where they did not."""
+        """Seconds after a rig's time at which servo and plate still moved, shape (2,); 0 where they
+        did not.
+        """
         commands = self.commands(since)
         plate = np.array([entry for entry in self.device.velocities if entry[0] > since])
         told, real = commands[np.abs(commands[:, 2]) > 0, 0], plate[np.abs(plate[:, 1]) > 1e-3, 0]

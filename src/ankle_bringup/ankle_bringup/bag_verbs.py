@@ -17,15 +17,19 @@ verbs = typer.Typer()
 def estimate(
     bag: Annotated[Path, typer.Argument(help="A bag with /ankle/samples.")],
     out: Out = Path("estimates"),
-    algorithm: Annotated[str, typer.Option(help="As the estimator node's parameter of that name.")] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is at --out.")] = False,
+    algorithm: Annotated[
+        str, typer.Option(help="As the estimator node's parameter of that name.")
+    ] = "",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace what is at --out.")
+    ] = False,
 ) -> None:
     """Estimate K, B, I and G from a bag, with the numbers that the node gives.
 
     Example: ankle estimate session --out session_estimates
     """
     from impedance_estimator.algorithms import DEFAULT
-    from impedance_estimator.offline import estimate_bag
+    from impedance_estimator.offline.recorded_estimates import estimate_bag
 
     with progress(f"estimating {bag}") as share:
         result = estimate_bag(bag, out, algorithm or DEFAULT, overwrite=overwrite, progress=share)
@@ -36,14 +40,23 @@ def estimate(
         quantity, unit = name.rstrip("]").split("[")
         table.add_row(quantity, f"{value:.4g}", unit)
     console.print(table)
-    console.print(f"{len(result.valid)} of {len(result.rows)} estimates are valid; written to {out.resolve()}")
+    console.print(
+        f"{len(result.valid)} of {len(result.rows)} estimates are valid; written to {out.resolve()}"
+    )
 
 
 @verbs.command()
 def emg(
-    bag: Annotated[Path, typer.Argument(help="A bag with /emg/samples and /perturbation/reference or /ankle/samples.")],
+    bag: Annotated[
+        Path,
+        typer.Argument(
+            help="A bag with /emg/samples and /perturbation/reference or /ankle/samples."
+        ),
+    ],
     out: Out = Path("emg_responses"),
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is at --out.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace what is at --out.")
+    ] = False,
 ) -> None:
     """Background and reflex activity of every onset in a bag, with the numbers that the node gives.
 
@@ -68,19 +81,38 @@ def emg(
 def import_(
     source: Annotated[Path, typer.Argument(help="A .csv, .txt, .npz, .mat, .edf or .bdf file.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The new bag.")],
-    column: Annotated[list[str], typer.Option("--column", "-c", help="What a column is: 'name[unit]=column'. Repeat for each.")],
+    column: Annotated[
+        list[str],
+        typer.Option(
+            "--column", "-c", help="What a column is: 'name[unit]=column'. Repeat for each."
+        ),
+    ],
     torque_sign: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(help="'rig': torque that moves the ankle, positive in dorsiflexion; 'subject': the opposite."),
+        typer.Option(
+            help="'rig': torque that moves the ankle, positive in dorsiflexion; 'subject': the "
+            "opposite."
+        ),
     ] = None,
-    rate: Annotated[Optional[float], typer.Option(help="Sampling rate [Hz]; needed without a time column.")] = None,  # noqa: UP045
-    missing: Annotated[str, typer.Option(help="Samples that are not finite: 'nan' keeps them, 'gap' leaves them out.")] = "nan",
-    force: Annotated[bool, typer.Option("--force", help="Import in spite of contradictions; the bag says so.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a bag that is there.")] = False,
+    rate: Annotated[
+        float | None, typer.Option(help="Sampling rate [Hz]; needed without a time column.")
+    ] = None,
+    missing: Annotated[
+        str,
+        typer.Option(help="Samples that are not finite: 'nan' keeps them, 'gap' leaves them out."),
+    ] = "nan",
+    force: Annotated[
+        bool, typer.Option("--force", help="Import in spite of contradictions; the bag says so.")
+    ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a bag that is there.")
+    ] = False,
 ) -> None:
-    """Import a recording into a bag; wrong units and signs are recognised from the data and refused.
+    """Import a recording into a bag; wrong units and signs are recognised from the data and
+    refused.
 
-    Example: ankle import trial.npz -o trial -c 't[s]=time' -c 'position[rad]=position' -c 'torque[N.m]=torque' --torque-sign subject
+    Example: ankle import trial.npz -o trial -c 't[s]=time' -c 'position[rad]=position' -c
+        'torque[N.m]=torque' --torque-sign subject
     """
     from ankle_bringup.errors import GraphError
     from session_recorder.importing import import_recording
@@ -89,11 +121,21 @@ def import_(
     for text in column:
         name, equals, source_column = text.partition("=")
         if not equals:
-            raise GraphError(f"--column '{text}' is not 'name[unit]=column', as in 'position[deg]=angle'")
+            raise GraphError(
+                f"--column '{text}' is not 'name[unit]=column', as in 'position[deg]=angle'"
+            )
         stated[name] = source_column
     with progress(f"importing {source}") as share:
         report = import_recording(
-            source, out, stated, torque_sign=torque_sign, rate=rate, missing=missing, force=force, overwrite=overwrite, progress=share
+            source,
+            out,
+            stated,
+            torque_sign=torque_sign,
+            rate=rate,
+            missing=missing,
+            force=force,
+            overwrite=overwrite,
+            progress=share,
         )
     for sentence in report.warnings:
         console.print(f"note: {sentence}")
@@ -122,7 +164,10 @@ def export(
 @verbs.command()
 def recover(
     bag: Path,
-    out: Annotated[Optional[Path], typer.Option("--out", "-o", help="The repaired bag; beside the damaged one unless given.")] = None,  # noqa: UP045
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="The repaired bag; beside the damaged one unless given."),
+    ] = None,
 ) -> None:
     """Make a complete bag from one whose recorder was killed.
 

@@ -1,4 +1,6 @@
-"""The pages of a graph's biofeedback node: where they are, whether they are served, shown where there is a display."""
+"""The pages of a graph's biofeedback node: where they are, whether they are served, shown where
+there is a display.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,24 @@ from ankle_bringup.graph import Graph
 from ankle_bringup.processes import Processes
 from biofeedback.parameters import HOST, PORT, TOKEN
 
-START_PATIENCE = 120.0  # s; other nodes of a graph compile at their first start and leave little of a small computer
+# s; other nodes of a graph compile at their first start and leave little of a small computer
+START_PATIENCE = 120.0
 
 
 def page_addresses(graph: Graph) -> tuple[str, str] | None:
-    """Addresses of the subject's and the operator's page; None where the graph has no biofeedback node."""
+    """Addresses of the subject's and the operator's page; None where the graph has no biofeedback
+    node.
+    """
     for node in graph.nodes:
         if node.package == "biofeedback":
-            host, port, token = (node.parameters.get(parameter.name, parameter.default) for parameter in (HOST, PORT, TOKEN))
-            base, query = f"http://{host if host != '0.0.0.0' else '127.0.0.1'}:{port}", f"?token={token}" if token else ""
+            host, port, token = (
+                node.parameters.get(parameter.name, parameter.default)
+                for parameter in (HOST, PORT, TOKEN)
+            )
+            base, query = (
+                f"http://{host if host != '0.0.0.0' else '127.0.0.1'}:{port}",
+                f"?token={token}" if token else "",
+            )
             return f"{base}/{query}", f"{base}/operator{query}"
     return None
 
@@ -45,19 +56,24 @@ def is_served(port: int) -> bool:
 def wait_until_served(port: int, processes: Processes) -> None:
     """Wait for the pages.
 
-    Raises:
-        RunError: a node ended, or nobody answers in time.
+    Raises
+    ------
+    RunError
+        A node ended, or nobody answers in time.
     """
     deadline = time.monotonic() + START_PATIENCE
     while not is_served(port):
         processes.ended("")
         if time.monotonic() > deadline:
-            raise RunError(f"no page on port {port} within {START_PATIENCE:g} s (log: {processes.log('biofeedback')})")
+            raise RunError(
+                f"no page on port {port} within {START_PATIENCE:g} s (log: "
+                f"{processes.log('biofeedback')})"
+            )
         time.sleep(0.2)
 
 
 def show_pages(graph: Graph) -> None:
-    """Open the pages in the browser as soon as they are served, where this computer has a display."""
+    """Open the pages in the browser as soon as they are served, where this computer has a display."""  # noqa: E501
     addresses = page_addresses(graph)
     if addresses is None or not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return

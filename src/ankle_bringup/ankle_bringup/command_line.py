@@ -10,7 +10,8 @@ from ankle_bringup import bag_verbs, discrepancy_verbs, graph_verbs, rig_verbs, 
 
 app = typer.Typer(
     name="ankle",
-    help="Software of an ankle-perturbation laboratory: run it, record it, estimate joint impedance from it.",
+    help="Software of an ankle-perturbation laboratory: run it, record it, estimate joint "
+    "impedance from it.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

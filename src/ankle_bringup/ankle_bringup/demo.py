@@ -1,4 +1,6 @@
-"""The main job from beginning to end: run the laboratory, regenerate its estimates, do the same with real ankles."""
+"""The main job from beginning to end: run the laboratory, regenerate its estimates, do the same
+with real ankles.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,17 @@ from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, SAMPLES, TRUTH
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
 from ankle_bringup.up import status_table
-from impedance_estimator.conceptual_experimental import ConceptualExperimental
-from impedance_estimator.offline import estimate_bag
+from impedance_estimator.correlation.conceptual_experimental import ConceptualExperimental
+from impedance_estimator.offline.recorded_estimates import estimate_bag
 from session_recorder.bag_reader import BagReader
 from session_recorder.importing import import_recording
 
 TOLERANCE = 1e-9
 WHERE_REAL_TRIALS_COME_FROM = (
-    "Such data come with the public stiffness identification toolbox of the McGill REKLAB group (reklab/reklab_public, "
-    "stiffnessID/experimental_data.mat); save each trial as .npz with time [s], position [rad], torque [N.m]."
+    "Such data come with the public stiffness identification toolbox of the McGill REKLAB group "
+    "(reklab/reklab_public, "
+    "stiffnessID/experimental_data.mat); save each trial as .npz with time [s], position [rad], "
+    "torque [N.m]."
 )
 MEANINGS = {
     "K[N.m/rad]": "stiffness",
@@ -63,11 +67,15 @@ class Result:
 def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
     """Run all steps and write everything below `out`.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether every line that must hold did.
 
-    Raises:
-        RunError: a node failed, or `out` exists already.
+    Raises
+    ------
+    RunError
+        A node failed, or `out` exists already.
     """
     if out.exists() and any(out.iterdir()):
         raise RunError(f"{out} is not empty; give another folder with --out, or remove it")
@@ -90,15 +98,25 @@ def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
 
 
 def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Console) -> None:
-    """Generator, simulated ankle, estimator and recorder as four processes at real time, with a jump in K and G."""
+    """Generator, simulated ankle, estimator and recorder as four processes at real time, with a
+    jump in K and G.
+    """
     scenario = resources.files("ankle_bringup") / "scenarios" / "jump.yaml"
     graph = load_graph("simulated_recorded").with_settings(
-        [f"record.out={bag}", f"perturbation_generator.duration={seconds}", f"ankle_sim.scenario={scenario}", *ONE_MORE_READER]
+        [
+            f"record.out={bag}",
+            f"perturbation_generator.duration={seconds}",
+            f"ankle_sim.scenario={scenario}",
+            *ONE_MORE_READER,
+        ]
     )
     console.print(
-        f"Four processes stream at 2048 Hz for {seconds:.0f} s: small pushes at the ankle, its torque, and the estimates.\n"
-        "After 45 s the simulated stiffness K jumps from 50 to 150 and the reflex gain G from 5 to 15; watch the estimates follow.\n"
-        "They are valid after 10 s and follow a jump within about a second. (The paper's own algorithm: 30 s, then 16 s in K and 8 s in G.)"
+        f"Four processes stream at 2048 Hz for {seconds:.0f} s: small pushes at the ankle, its "
+        "torque, and the estimates.\n"
+        "After 45 s the simulated stiffness K jumps from 50 to 150 and the reflex gain G from 5 "
+        "to 15; watch the estimates follow.\n"
+        "They are valid after 10 s and follow a jump within about a second. (The paper's own "
+        "algorithm: 30 s, then 16 s in K and 8 s in G.)"
     )
     with observer("demo") as node, Processes(graph, logs) as processes:
         monitor = LiveMonitor(node)
@@ -111,7 +129,11 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
                     began = time.monotonic()
                 if began is None and time.monotonic() - asked_at > 120.0:
                     raise RunError(f"no samples within 120 s (logs: {logs})")
-                live.update(status_table(monitor, seconds if began is None else began + seconds - time.monotonic()))
+                live.update(
+                    status_table(
+                        monitor, seconds if began is None else began + seconds - time.monotonic()
+                    )
+                )
             monitor.spin(1.0)
             live.update(status_table(monitor, 0.0))
         codes = processes.stop()
@@ -120,16 +142,28 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
             raise RunError(f"{name} ended with exit code {code} (log: {logs / name}.log)")
     sent = round(seconds * 2048)
     recorded = len(BagReader(bag).signal(SAMPLES)[1])
-    result.require(recorded == sent, "samples lost on the way to the bag", f"{sent - recorded} of {sent}", "none may be lost")
+    result.require(
+        recorded == sent,
+        "samples lost on the way to the bag",
+        f"{sent - recorded} of {sent}",
+        "none may be lost",
+    )
 
 
 def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
-    """Estimates by replay through the node and straight from the file, against those of the live run."""
+    """Estimates by replay through the node and straight from the file, against those of the live
+    run.
+    """
     replayed_bag, file_bag = out / "replayed_estimates", out / "estimates_from_file"
     began = time.monotonic()
-    with console.status("Replaying the bag through a fresh estimator process, as fast as it follows ..."):
+    with console.status(
+        "Replaying the bag through a fresh estimator process, as fast as it follows ..."
+    ):
         regenerate_by_replay(bag, replayed_bag, out / "logs" / "replay")
-    console.print(f"Replayed through a fresh estimator process: {time.monotonic() - began:.1f} s, start of the processes included.")
+    console.print(
+        f"Replayed through a fresh estimator process: {time.monotonic() - began:.1f} s, start of "
+        "the processes included."
+    )
     began = time.monotonic()
     with console.status("Estimating straight from the file ..."):
         estimate_bag(bag, file_bag)
@@ -137,9 +171,17 @@ def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
     columns, live = BagReader(bag).signal(ESTIMATE)
     _, replayed = BagReader(replayed_bag).signal(ESTIMATE)
     _, from_file = BagReader(file_bag).signal(ESTIMATE)
-    for name, other in (("replay through the node", replayed), ("straight from the file", from_file)):
+    for name, other in (
+        ("replay through the node", replayed),
+        ("straight from the file", from_file),
+    ):
         found = agreement(columns, live, other)
-        result.require(_agrees(found), f"live against {name}", f"{found.largest:.1e} in {found.rows} estimates", f"at most {TOLERANCE:g}")
+        result.require(
+            _agrees(found),
+            f"live against {name}",
+            f"{found.largest:.1e} in {found.rows} estimates",
+            f"at most {TOLERANCE:g}",
+        )
     truth_columns, truth = BagReader(bag).signal(TRUTH)
     paper = estimate_bag(bag, algorithm=ConceptualExperimental.name).rows
     demo_pictures.live_run(columns, live, paper, truth_columns, truth, out / "1_live_estimates.png")
@@ -149,7 +191,11 @@ def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
         for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad")):
             name = f"{symbol}[{unit}]"
             true = truth[-1, truth_columns.index(name)]
-            result.add(f"{symbol} at the end, simulated ankle", f"{last[columns.index(name)]:.3g} {unit}", f"true: {true:.3g} {unit}")
+            result.add(
+                f"{symbol} at the end, simulated ankle",
+                f"{last[columns.index(name)]:.3g} {unit}",
+                f"true: {true:.3g} {unit}",
+            )
 
 
 def _agrees(found: Agreement) -> bool:
@@ -161,20 +207,41 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
     files = sorted(trials.glob("*.npz")) if trials.is_dir() else []
     if not files:
         console.print(
-            f"No real trials in {trials}. {WHERE_REAL_TRIALS_COME_FROM} Then: ankle demo --trials FOLDER. Going on without.", markup=False
+            f"No real trials in {trials}. {WHERE_REAL_TRIALS_COME_FROM} Then: ankle demo --trials "
+            "FOLDER. Going on without.",
+            markup=False,
         )
         result.add("real trials", "none here", f"looked in {trials}")
         return
     for number, file in enumerate(files, start=1):
-        console.print(f"{file.name}: importing (the torque's sign there is the subject's, ours is the rig's) and estimating ...")
+        console.print(
+            f"{file.name}: importing (the torque's sign there is the subject's, ours is the "
+            "rig's) and estimating ..."
+        )
         bag = out / f"{file.stem}_bag"
-        import_recording(file, bag, columns={"t[s]": "time", "position[rad]": "position", "torque[N.m]": "torque"}, torque_sign="subject")
+        import_recording(
+            file,
+            bag,
+            columns={"t[s]": "time", "position[rad]": "position", "torque[N.m]": "torque"},
+            torque_sign="subject",
+        )
         estimated = estimate_bag(bag, out / f"{file.stem}_estimates")
         if not len(estimated.valid):
-            result.require(False, file.stem, "no valid estimate", "; ".join(estimated.notes) or "expected valid estimates")
+            result.require(
+                False,
+                file.stem,
+                "no valid estimate",
+                "; ".join(estimated.notes) or "expected valid estimates",
+            )
             continue
         _, samples = BagReader(bag).signal(SAMPLES)
-        demo_pictures.real_trial(file.stem, estimated.rows, estimated.torques, samples, out / f"{number + 1}_{file.stem}.png")
+        demo_pictures.real_trial(
+            file.stem,
+            estimated.rows,
+            estimated.torques,
+            samples,
+            out / f"{number + 1}_{file.stem}.png",
+        )
         result.trials[file.stem] = estimated.median()
 
 
@@ -183,9 +250,17 @@ def session(out: Path, result: Result, console: Console) -> None:
     state, pictures, missing = run_session(out / "session", out / "logs" / "session", console)
     console.print(f"screenshots {pictures}")
     shares = hold_shares(state["log"])
-    result.require(state["session"]["state"] == "finished", "session, share of each hold in the target", shares, "0 to 100 %")
     result.require(
-        not missing, "report of the session", "session/report" if not missing else "none", missing or "K and G against EMG over the holds"
+        state["session"]["state"] == "finished",
+        "session, share of each hold in the target",
+        shares,
+        "0 to 100 %",
+    )
+    result.require(
+        not missing,
+        "report of the session",
+        "session/report" if not missing else "none",
+        missing or "K and G against EMG over the holds",
     )
     result.add("screenshots of the pages", pictures, "what subject and operator saw")
 
@@ -197,10 +272,19 @@ def summary(out: Path, result: Result, console: Console) -> None:
         table.add_row(*row)
     console.print(table)
     if result.trials:
-        columns = Table("real ankles: median of the valid estimates", *result.trials, "what it is", title_justify="left")
+        columns = Table(
+            "real ankles: median of the valid estimates",
+            *result.trials,
+            "what it is",
+            title_justify="left",
+        )
         for name, meaning in MEANINGS.items():
             quantity, unit = name.rstrip("]").split("[")
-            columns.add_row(escape(f"{quantity} [{unit}]"), *(f"{median[name]:.3g}" for median in result.trials.values()), meaning)
+            columns.add_row(
+                escape(f"{quantity} [{unit}]"),
+                *(f"{median[name]:.3g}" for median in result.trials.values()),
+                meaning,
+            )
         console.print(columns)
     console.print(f"Everything is in {out.resolve()}:")
     for path in sorted(out.iterdir()):

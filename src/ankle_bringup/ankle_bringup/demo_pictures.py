@@ -16,41 +16,73 @@ from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 RESOLUTION = 130  # dots per inch
 BEFORE, AFTER = 0.1, 0.4  # s around a perturbation
-ONSET_SPEED = 0.3  # of the fastest movement; a push is well above, the way between pushes well below
-LEAST_APART = 0.15  # s between onsets; the shortest way between two steps of the real trials is 0.2 s
+ONSET_SPEED = (
+    0.3  # of the fastest movement; a push is well above, the way between pushes well below
+)
+LEAST_APART = (
+    0.15  # s between onsets; the shortest way between two steps of the real trials is 0.2 s
+)
 
 
 def live_run(
-    columns: tuple[str, ...], estimates: np.ndarray, paper: np.ndarray, truth_columns: tuple[str, ...], truth: np.ndarray, path: Path
+    columns: tuple[str, ...],
+    estimates: np.ndarray,
+    paper: np.ndarray,
+    truth_columns: tuple[str, ...],
+    truth: np.ndarray,
+    path: Path,
 ) -> None:
-    """K and G over time, as estimated live and with the paper's algorithm, against the true values of the simulation; shape (n, m) each."""
+    """K and G over time, as estimated live and with the paper's algorithm, against the true values
+    of the simulation; shape (n, m) each.
+    """
     figure, axes = plt.subplots(2, 1, figsize=(9, 6), sharex=True, constrained_layout=True)
     start = truth[0, 0]
     valid = estimates[:, columns.index("valid[1]")] == 1.0
-    for axis, (symbol, unit, words) in zip(axes, (("K", "N.m/rad", "stiffness K"), ("G", "N.m.s/rad", "reflex gain G")), strict=True):
+    for axis, (symbol, unit, words) in zip(
+        axes, (("K", "N.m/rad", "stiffness K"), ("G", "N.m.s/rad", "reflex gain G")), strict=True
+    ):
         name = f"{symbol}[{unit}]"
         time = estimates[:, 0] - start
-        axis.plot(truth[:, 0] - start, truth[:, truth_columns.index(name)], color=GREY, lw=2, label="true value in the simulation")
+        axis.plot(
+            truth[:, 0] - start,
+            truth[:, truth_columns.index(name)],
+            color=GREY,
+            lw=2,
+            label="true value in the simulation",
+        )
         for rows, color, label in (
             (paper, ORANGE, "the paper's algorithm, from the same bag"),
             (estimates, BLUE, "estimated online, valid"),
         ):
-            shown = np.where(rows[:, columns.index("valid[1]")] == 1.0, rows[:, columns.index(name)], np.nan)
+            shown = np.where(
+                rows[:, columns.index("valid[1]")] == 1.0, rows[:, columns.index(name)], np.nan
+            )
             axis.plot(rows[:, 0] - start, shown, color=color, lw=1.5, label=label)
         axis.set_ylabel(f"{words} [{unit.replace('.', '·')}]")
         axis.set_ylim(bottom=0)
         axis.grid(alpha=0.3)
         if valid.any():
-            axis.axvspan(0, time[valid][0], color=GREY, alpha=0.12, lw=0, label="settling: no valid estimate yet")
+            axis.axvspan(
+                0,
+                time[valid][0],
+                color=GREY,
+                alpha=0.12,
+                lw=0,
+                label="settling: no valid estimate yet",
+            )
     axes[0].legend(loc="upper left")
-    axes[0].set_title("Simulated ankle: stiffness and reflex gain jump, the online estimates follow")
+    axes[0].set_title(
+        "Simulated ankle: stiffness and reflex gain jump, the online estimates follow"
+    )
     axes[1].set_xlabel("time since the start [s]")
     figure.savefig(path, dpi=RESOLUTION)
     plt.close(figure)
 
 
 def onsets(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Start times [s] of the fast movements in a position signal [rad] of shape (n,), and their directions (1 dorsiflexing, -1)."""
+    """Start times [s] of the fast movements in a position signal [rad] of shape (n,), and their
+    directions (1 dorsiflexing, -1).
+    """
     rate = (len(time) - 1) / (time[-1] - time[0])
     window = max(int(rate * 0.005), 1)
     speed = np.convolve(np.gradient(position, time), np.ones(window) / window, mode="same")
@@ -65,7 +97,9 @@ def onsets(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def around(time: np.ndarray, signals: np.ndarray, at: np.ndarray, lags: np.ndarray) -> np.ndarray:
-    """Mean of signals (n, m) around the times `at`, each from its own value before; shape (len(lags), m)."""
+    """Mean of signals (n, m) around the times `at`, each from its own value before; shape
+    (len(lags), m).
+    """
     before = lags < -0.01
     segments = []
     for moment in at:
@@ -76,13 +110,19 @@ def around(time: np.ndarray, signals: np.ndarray, at: np.ndarray, lags: np.ndarr
     return np.mean(segments, axis=0) if segments else np.full((len(lags), signals.shape[1]), np.nan)
 
 
-def real_trial(name: str, estimates: np.ndarray, torques: np.ndarray, samples: np.ndarray, path: Path) -> None:
+def real_trial(
+    name: str, estimates: np.ndarray, torques: np.ndarray, samples: np.ndarray, path: Path
+) -> None:
     """Estimates over the trial, and measured against predicted torque around the perturbations.
 
-    Args:
-        estimates: shape (n, 12), columns `ESTIMATE_COLUMNS`.
-        torques: shape (j, 4), columns `TORQUE_COLUMNS`.
-        samples: shape (k, 3): time [s], position [rad], torque [N.m].
+    Parameters
+    ----------
+    estimates
+        Shape (n, 12), columns `ESTIMATE_COLUMNS`.
+    torques
+        Shape (j, 4), columns `TORQUE_COLUMNS`.
+    samples
+        Shape (k, 3): time [s], position [rad], torque [N.m].
     """
     figure, axes = plt.subplots(2, 2, figsize=(11, 7), constrained_layout=True)
     start = samples[0, 0]
@@ -99,18 +139,32 @@ def real_trial(name: str, estimates: np.ndarray, torques: np.ndarray, samples: n
     moments, directions = onsets(samples[:, 0], samples[:, 1])
     settled = moments > estimates[valid, 0][0]
     parts = torques[:, 1:]
-    predicted = parts[:, TORQUE_COLUMNS.index("intrinsic_torque[N.m]") - 1] + parts[:, TORQUE_COLUMNS.index("reflex_torque[N.m]") - 1]
+    predicted = (
+        parts[:, TORQUE_COLUMNS.index("intrinsic_torque[N.m]") - 1]
+        + parts[:, TORQUE_COLUMNS.index("reflex_torque[N.m]") - 1]
+    )
     shown = np.column_stack([parts, predicted])
-    for axis, direction, words in ((axes[1, 0], 1, "dorsiflexing"), (axes[1, 1], -1, "plantarflexing")):
+    for axis, direction, words in (
+        (axes[1, 0], 1, "dorsiflexing"),
+        (axes[1, 1], -1, "plantarflexing"),
+    ):
         chosen = moments[settled & (directions == direction)]
         mean = around(torques[:, 0], shown, chosen, lags)
         axis.plot(1e3 * lags, mean[:, 0], color="black", lw=2, label="measured")
-        axis.plot(1e3 * lags, mean[:, 3], color=ORANGE, lw=1.5, label="predicted: intrinsic + reflex")
+        axis.plot(
+            1e3 * lags, mean[:, 3], color=ORANGE, lw=1.5, label="predicted: intrinsic + reflex"
+        )
         axis.plot(1e3 * lags, mean[:, 1], color=BLUE, lw=1, ls="--", label="intrinsic part")
         axis.plot(1e3 * lags, mean[:, 2], color=GREEN, lw=1, ls="--", label="reflex part")
-        axis.set(xlabel="time after the push [ms]", ylabel="torque [N·m]", title=f"mean of {len(chosen)} {words} pushes")
+        axis.set(
+            xlabel="time after the push [ms]",
+            ylabel="torque [N·m]",
+            title=f"mean of {len(chosen)} {words} pushes",
+        )
         axis.grid(alpha=0.3)
     axes[1, 0].legend(fontsize=8)
-    figure.suptitle(f"Real human ankle ({name}): what was estimated, and how much of the torque it explains")
+    figure.suptitle(
+        f"Real human ankle ({name}): what was estimated, and how much of the torque it explains"
+    )
     figure.savefig(path, dpi=RESOLUTION)
     plt.close(figure)

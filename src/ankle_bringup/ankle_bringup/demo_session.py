@@ -1,4 +1,6 @@
-"""A scripted session through everything: pages, simulated subject, recorder, report; with screenshots where there is a browser."""
+"""A scripted session through everything: pages, simulated subject, recorder, report; with
+screenshots where there is a browser.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,8 @@ from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
-from biofeedback.scripted_session import ScriptedSession
-from biofeedback.system_browser import ARGUMENTS, MISSING, find_browser
+from biofeedback.session.scripted_session import ScriptedSession
+from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 from session_analysis.console import report_validation
 from session_analysis.errors import AnalysisError
 
@@ -29,14 +31,21 @@ SETTLED = 3.0  # s in front before a page is photographed
 def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str]:
     """Lead the demonstration protocol from arm to report.
 
-    Args:
-        out: new folder; gets ``bag``, ``report``, ``subject.png``, ``operator.png``.
+    Parameters
+    ----------
+    out
+        New folder; gets ``bag``, ``report``, ``subject.png``, ``operator.png``.
 
-    Returns:
-        The last state that the pages showed; what became of the screenshots, in words; why there is no report, empty where there is one.
+    Returns
+    -------
+    tuple[dict, str, str]
+        The last state that the pages showed; what became of the screenshots, in words; why there is
+        no report, empty where there is one.
 
-    Raises:
-        RunError: a node failed, or the session did not come to its end.
+    Raises
+    ------
+    RunError
+        A node failed, or the session did not come to its end.
     """
     out.mkdir(parents=True)
     port = free_port()
@@ -45,11 +54,14 @@ def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str
             f"record.out={out / 'bag'}",
             f"biofeedback.port={port}",
             f"biofeedback.state_file={out / 'progress.json'}",
-            "biofeedback.protocol=demonstration",
+            "biofeedback.session.protocol=demonstration",
         ]
     )
     url = f"http://127.0.0.1:{port}"
-    console.print(f"Six processes and the pages at {url}/ and {url}/operator; the simulated subject follows the target.")
+    console.print(
+        f"Six processes and the pages at {url}/ and {url}/operator; the simulated subject follows "
+        "the target."
+    )
     with Processes(graph, logs) as processes:
         wait_until_served(port, processes)
         state, pictures = asyncio.run(_lead(url, out, console))
@@ -58,7 +70,9 @@ def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str
     if failed:
         raise RunError(f"exit codes {failed} (logs: {logs})")
     try:
-        report_validation([f"simulated subject={out / 'bag'}"], out / "report", False, None, console)
+        report_validation(
+            [f"simulated subject={out / 'bag'}"], out / "report", False, None, console
+        )
     except AnalysisError as error:
         return state, pictures, str(error)
     return state, pictures, ""
@@ -78,7 +92,9 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
             browser = await driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
             stack.push_async_callback(browser.close)
             for name, address in (("subject", "/"), ("operator", "/operator")):
-                pages[name] = await browser.new_page(viewport={"width": 1600, "height": 900 if name == "subject" else 950})
+                pages[name] = await browser.new_page(
+                    viewport={"width": 1600, "height": 900 if name == "subject" else 950}
+                )
                 await pages[name].goto(url + address)
             pictures = "subject.png, operator.png"
 
@@ -89,13 +105,19 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
             if (kind, hold) == SCREENSHOT_AT:
                 taking.append(asyncio.create_task(_photograph(pages, out)))
 
-        session = ScriptedSession(url, take_pictures, lambda sentence: console.print(f"  {sentence}"))
+        session = ScriptedSession(
+            url, take_pictures, lambda sentence: console.print(f"  {sentence}")
+        )
         try:
             state = await session.run(LONGEST)
         except (asyncio.TimeoutError, RuntimeError) as error:
-            raise RunError(f"the session did not come to its end: {error or f'longer than {LONGEST:g} s'}") from None
+            raise RunError(
+                f"the session did not come to its end: {error or f'longer than {LONGEST:g} s'}"
+            ) from None
         failed = [
-            str(found).splitlines()[0] for found in await asyncio.gather(*taking, return_exceptions=True) if isinstance(found, Exception)
+            str(found).splitlines()[0]
+            for found in await asyncio.gather(*taking, return_exceptions=True)
+            if isinstance(found, Exception)
         ]
         return state, f"not made: {failed[0]}" if failed else pictures
 
@@ -111,4 +133,9 @@ async def _photograph(pages: dict[str, Page], out: Path) -> None:
 def hold_shares(log: list[dict]) -> str:
     """Of each hold that the pages' log has, the share of the time in the target."""
     ended = [entry["details"] for entry in log if entry["event"] == "hold ended"]
-    return ", ".join(f"hold {details['hold']}: {details.get('in_target[%]', 0.0):.0f} %" for details in ended) or "no hold"
+    return (
+        ", ".join(
+            f"hold {details['hold']}: {details.get('in_target[%]', 0.0):.0f} %" for details in ended
+        )
+        or "no hold"
+    )

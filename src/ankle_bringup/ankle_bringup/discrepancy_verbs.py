@@ -35,7 +35,9 @@ def diagnose(
     if out.exists() and any(out.iterdir()):
         raise RunError(f"{out} is not empty; nothing is overwritten unasked")
     with Console(stderr=True).status("diagnosing ...") as status:
-        found = diagnose_bag(bag, out, model, progress=lambda step: status.update(f"diagnosing: {step}"))
+        found = diagnose_bag(
+            bag, out, model, progress=lambda step: status.update(f"diagnosing: {step}")
+        )
     console.print(f"verdict: [bold]{found.verdict.verdict}[/bold]")
     for effect in found.verdict.effects:
         console.print(f"- {effect['sentence']}")
@@ -57,12 +59,14 @@ def compare(
     Example: ankle compare simulated_session session --out comparison
     """
     from ankle_bringup.errors import RunError
-    from model_discrepancy.comparison_report import compare_bags
+    from model_discrepancy.report.comparison_report import compare_bags
 
     if out.exists() and any(out.iterdir()):
         raise RunError(f"{out} is not empty; nothing is overwritten unasked")
     with Console(stderr=True).status("comparing ...") as status:
-        result = compare_bags(simulated, recorded, out, progress=lambda step: status.update(f"comparing: {step}"))
+        result = compare_bags(
+            simulated, recorded, out, progress=lambda step: status.update(f"comparing: {step}")
+        )
     console.print(f"verdict: [bold]{result.verdict}[/bold]")
     console.print(result.headline, markup=False)
     console.print(f"report: {(out / 'report.html').resolve()}")
@@ -80,8 +84,8 @@ def design_experiment(
     Example: ankle design-experiment session_diagnosis --out design
     """
     from ankle_bringup.errors import RunError
-    from model_discrepancy.experiment_design import LISTED
-    from model_discrepancy.experiment_design import design_experiment as design
+    from model_discrepancy.tools.experiment_design import LISTED
+    from model_discrepancy.tools.experiment_design import design_experiment as design
 
     if out.exists() and any(out.iterdir()):
         raise RunError(f"{out} is not empty; nothing is overwritten unasked")
@@ -91,7 +95,12 @@ def design_experiment(
     table = Table("perturbation", "hardest pair", "excess error [%]", "minutes")
     for proposal in found.proposals[:LISTED]:
         pair = " / ".join(name.replace("_", " ") for name in proposal.pair)
-        table.add_row(proposal.candidate.title, pair, f"{100 * proposal.excess:.1f}", f"{proposal.minutes:.2g}")
+        table.add_row(
+            proposal.candidate.title,
+            pair,
+            f"{100 * proposal.excess:.1f}",
+            f"{proposal.minutes:.2g}",
+        )
     if found.proposals:
         console.print(table)
     for sentence in [found.sentence, *found.other]:
@@ -113,11 +122,13 @@ def resimulate(
     Example: ankle resimulate session session_diagnosis --out session_simulated
     """
     from ankle_bringup.errors import RunError
-    from model_discrepancy.resimulation import resimulate_bag
+    from model_discrepancy.tools.resimulation import resimulate_bag
 
     if out.exists() and any(out.iterdir()):
         raise RunError(f"{out} is not empty; nothing is overwritten unasked")
     result = resimulate_bag(bag, diagnosis, out)
     for name, share in result.vaf.items():
-        console.print(f"{name} model: {share:.1f} % of the recorded torque, 0.1 to 80 Hz, without any refit")
+        console.print(
+            f"{name} model: {share:.1f} % of the recorded torque, 0.1 to 80 Hz, without any refit"
+        )
     console.print(f"written to {out.resolve()}")

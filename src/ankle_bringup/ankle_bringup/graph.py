@@ -42,7 +42,9 @@ class NodeDescription:
         """What follows the executable on its command line."""
         arguments = ["--ros-args", "-r", f"__node:={self.name}"]
         for key, value in self.parameters.items():
-            text = yaml.safe_dump(value, default_flow_style=True).strip().removesuffix("...").strip()
+            text = (
+                yaml.safe_dump(value, default_flow_style=True).strip().removesuffix("...").strip()
+            )
             arguments += ["-p", f"{key}:={text}"]
         for source, target in self.remappings.items():
             arguments += ["-r", f"{source}:={target}"]
@@ -59,30 +61,43 @@ class Graph:
     def with_settings(self, settings: Iterable[str]) -> Graph:
         """The graph with parameters replaced, each as ``node.parameter=value`` (value in YAML).
 
-        Raises:
-            GraphError: another form, or a node that the graph lacks.
+        Raises
+        ------
+        GraphError
+            Another form, or a node that the graph lacks.
         """
         nodes = {node.name: node for node in self.nodes}
         for setting in settings:
             target, equals, text = setting.partition("=")
             name, dot, parameter = target.partition(".")
             if not (equals and dot and parameter):
-                raise GraphError(f"'{setting}' is not 'node.parameter=value', as in 'ankle_sim.K=80.0'")
+                raise GraphError(
+                    f"'{setting}' is not 'node.parameter=value', as in 'ankle_sim.K=80.0'"
+                )
             if name not in nodes:
-                raise GraphError(f"'{setting}': the graph has no node '{name}'; it has {', '.join(nodes)}")
-            nodes[name] = replace(nodes[name], parameters={**nodes[name].parameters, parameter: yaml.safe_load(text)})
+                raise GraphError(
+                    f"'{setting}': the graph has no node '{name}'; it has {', '.join(nodes)}"
+                )
+            nodes[name] = replace(
+                nodes[name], parameters={**nodes[name].parameters, parameter: yaml.safe_load(text)}
+            )
         return replace(self, nodes=tuple(nodes.values()))
 
     def with_options(self, options: Iterable[str]) -> Graph:
         """The graph with the nodes of these options, and without those of others.
 
-        Raises:
-            GraphError: no node has the option.
+        Raises
+        ------
+        GraphError
+            No node has the option.
         """
         chosen = {"", *options}
         known = {"", *(node.when for node in self.nodes)}
         if chosen - known:
-            raise GraphError(f"the graph has no option '{sorted(chosen - known)[0]}'; it has {', '.join(sorted(known - {''})) or 'none'}")
+            raise GraphError(
+                f"the graph has no option '{sorted(chosen - known)[0]}'; it has "
+                f"{', '.join(sorted(known - {''})) or 'none'}"
+            )
         return replace(self, nodes=tuple(node for node in self.nodes if node.when in chosen))
 
     def without(self, name: str) -> Graph:
@@ -93,19 +108,33 @@ class Graph:
 def known_graphs() -> list[str]:
     """Names of the graphs that come with the package."""
     folder = resources.files("ankle_bringup") / "config"
-    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    return sorted(
+        entry.name.removesuffix(".yaml")
+        for entry in folder.iterdir()
+        if entry.name.endswith(".yaml")
+    )
 
 
 def load_graph(name: str) -> Graph:
     """A graph by the name of one that comes with the package, or by the path of a YAML file.
 
-    Raises:
-        GraphError: no such graph, not YAML, or a node without package or executable; names the file and the key.
+    Raises
+    ------
+    GraphError
+        No such graph, not YAML, or a node without package or executable; names the file and the
+        key.
     """
     path = Path(name)
-    source = path if path.suffix in (".yaml", ".yml") else resources.files("ankle_bringup") / "config" / f"{name}.yaml"
+    source = (
+        path
+        if path.suffix in (".yaml", ".yml")
+        else resources.files("ankle_bringup") / "config" / f"{name}.yaml"
+    )
     if not source.is_file():
-        raise GraphError(f"no graph '{name}': known are {', '.join(known_graphs())}, or give the path of a .yaml file")
+        raise GraphError(
+            f"no graph '{name}': known are {', '.join(known_graphs())}, or give the path of a "
+            ".yaml file"
+        )
     try:
         content = yaml.safe_load(source.read_text())
     except yaml.YAMLError as error:
@@ -119,7 +148,8 @@ def load_graph(name: str) -> Graph:
         unknown = set(item) - _NODE_KEYS
         if unknown:
             raise GraphError(
-                f"{name}: unknown key '{sorted(unknown)[0]}' of node '{item['executable']}'; allowed: {', '.join(sorted(_NODE_KEYS))}"
+                f"{name}: unknown key '{sorted(unknown)[0]}' of node '{item['executable']}'; "
+                f"allowed: {', '.join(sorted(_NODE_KEYS))}"
             )
         nodes.append(
             NodeDescription(
@@ -134,5 +164,7 @@ def load_graph(name: str) -> Graph:
     names = [node.name for node in nodes]
     for node_name in names:
         if names.count(node_name) > 1:
-            raise GraphError(f"{name}: node name '{node_name}' appears twice; give each its own 'name'")
+            raise GraphError(
+                f"{name}: node name '{node_name}' appears twice; give each its own 'name'"
+            )
     return Graph(str(content.get("description", "")), tuple(nodes))

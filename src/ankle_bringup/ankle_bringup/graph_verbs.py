@@ -13,16 +13,26 @@ from ankle_bringup.terminal import Out, console
 
 verbs = typer.Typer()
 
-Settings = Annotated[list[str], typer.Option("--set", help="A parameter, as node.parameter=value. May be repeated.")]
+Settings = Annotated[
+    list[str], typer.Option("--set", help="A parameter, as node.parameter=value. May be repeated.")
+]
 
 
 @verbs.command()
 def demo(
     out: Out = Path("demo_results"),
-    seconds: Annotated[float, typer.Option(help="Length of the live run; below 75 s the estimates do not reach the jump's end.")] = 90.0,
-    trials: Annotated[Path, typer.Option(help="Folder of real trials as .npz files.")] = Path("../shared/recordings"),
+    seconds: Annotated[
+        float,
+        typer.Option(
+            help="Length of the live run; below 75 s the estimates do not reach the jump's end."
+        ),
+    ] = 90.0,
+    trials: Annotated[Path, typer.Option(help="Folder of real trials as .npz files.")] = Path(
+        "../shared/recordings"
+    ),
 ) -> None:
-    """Run the main job once: simulated ankle live, estimates made again from the bag, real human trials.
+    """Run the main job once: simulated ankle live, estimates made again from the bag, real human
+    trials.
 
     Example: ankle demo --out demo_results
     """
@@ -34,11 +44,20 @@ def demo(
 
 @verbs.command()
 def up(
-    graph: Annotated[str, typer.Argument(help="A graph that comes with the package, or the path of a YAML file.")] = "simulated",
+    graph: Annotated[
+        str, typer.Argument(help="A graph that comes with the package, or the path of a YAML file.")
+    ] = "simulated",
     settings: Settings = [],  # noqa: B006
-    seconds: Annotated[float, typer.Option(help="Stop after so many seconds; 0 runs until Ctrl-C.")] = 0.0,
-    logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path("ankle_logs"),
-    emulator: Annotated[bool, typer.Option("--emulator", help="With a rig: start the rig emulator as the other end.")] = False,
+    seconds: Annotated[
+        float, typer.Option(help="Stop after so many seconds; 0 runs until Ctrl-C.")
+    ] = 0.0,
+    logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path(
+        "ankle_logs"
+    ),
+    emulator: Annotated[
+        bool,
+        typer.Option("--emulator", help="With a rig: start the rig emulator as the other end."),
+    ] = False,
 ) -> None:
     """Start a graph of nodes and show what it says, until Ctrl-C.
 
@@ -63,7 +82,13 @@ def graphs() -> None:
         console.print(f"[bold]{name}[/bold]: {load_graph(name).description}")
 
 
-@verbs.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []})
+@verbs.command(
+    context_settings={
+        "allow_extra_args": True,
+        "ignore_unknown_options": True,
+        "help_option_names": [],
+    }
+)
 def run(context: typer.Context, package: str, executable: str) -> None:
     """Run a single node, as `ros2 run` does.
 
@@ -79,7 +104,9 @@ def run(context: typer.Context, package: str, executable: str) -> None:
 @verbs.command()
 def record(
     out: Annotated[Path, typer.Argument(help="The new bag.")],
-    topics: Annotated[str, typer.Option(help="Topics joined by commas; empty records all of them.")] = "",
+    topics: Annotated[
+        str, typer.Option(help="Topics joined by commas; empty records all of them.")
+    ] = "",
 ) -> None:
     """Record the running graph into a bag, until Ctrl-C.
 
@@ -91,15 +118,31 @@ def record(
 @verbs.command()
 def replay(
     bag: Path,
-    rate: Annotated[float, typer.Option(help="Bag seconds per second; 0 is as fast as the readers follow.")] = 1.0,
-    topics: Annotated[str, typer.Option(help="Topics joined by commas; empty replays the recorded inputs, 'all' everything.")] = "",
-    wait_for_readers: Annotated[int, typer.Option(help="Nodes that must read along before the start.")] = 1,
+    rate: Annotated[
+        float, typer.Option(help="Bag seconds per second; 0 is as fast as the readers follow.")
+    ] = 1.0,
+    topics: Annotated[
+        str,
+        typer.Option(
+            help="Topics joined by commas; empty replays the recorded inputs, 'all' everything."
+        ),
+    ] = "",
+    wait_for_readers: Annotated[
+        int, typer.Option(help="Nodes that must read along before the start.")
+    ] = 1,
 ) -> None:
     """Send a bag to the graph again, without losing a block at any rate.
 
     Example: ankle replay session --rate 0
     """
-    _become_node("session_recorder", "replay", bag=str(bag), rate=rate, topics=topics, wait_for_readers=wait_for_readers)
+    _become_node(
+        "session_recorder",
+        "replay",
+        bag=str(bag),
+        rate=rate,
+        topics=topics,
+        wait_for_readers=wait_for_readers,
+    )
 
 
 def _become_node(package: str, executable: str, **parameters: object) -> None:
@@ -107,7 +150,10 @@ def _become_node(package: str, executable: str, **parameters: object) -> None:
     from ankle_bringup.processes import node_command
 
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    command = node_command(package, executable) + NodeDescription(package, executable, executable, parameters).ros_arguments()
+    command = (
+        node_command(package, executable)
+        + NodeDescription(package, executable, executable, parameters).ros_arguments()
+    )
     os.execv(command[0], command)
 
 
@@ -130,8 +176,12 @@ def topics() -> None:
 @verbs.command()
 def echo(
     topic: str,
-    count: Annotated[int, typer.Option("--count", "-n", help="End after so many messages; 0 goes on.")] = 0,
-    seconds: Annotated[float, typer.Option(help="End when nothing has come for so many seconds.")] = 10.0,
+    count: Annotated[
+        int, typer.Option("--count", "-n", help="End after so many messages; 0 goes on.")
+    ] = 0,
+    seconds: Annotated[
+        float, typer.Option(help="End when nothing has come for so many seconds.")
+    ] = 10.0,
 ) -> None:
     """Show the messages of a topic: blocks as tables, all others as YAML.
 
@@ -167,5 +217,10 @@ def params(
         table = Table("parameter", "value", "what it is", "allowed")
         for descriptor, present in describe_parameters(looking, node):
             if parameter is None or descriptor.name == parameter:
-                table.add_row(descriptor.name, str(present), descriptor.description, descriptor.additional_constraints)
+                table.add_row(
+                    descriptor.name,
+                    str(present),
+                    descriptor.description,
+                    descriptor.additional_constraints,
+                )
     console.print(table)

@@ -19,8 +19,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_bringup.errors import RunError
+from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
 from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
-from sample_blocks.block import MESSAGE_TYPE, Block, unpack
 
 # Discovery between processes of one host takes a few tenths of a second.
 DISCOVERY_SECONDS = 1.5
@@ -29,7 +29,7 @@ ANSWER_SECONDS = 5.0
 
 @contextmanager
 def observer(name: str = "ankle_observer") -> Iterator[Node]:
-    """A node that only looks; discovery stays on this host unless the environment says otherwise."""
+    """A node that only looks; discovery stays on this host unless the environment says otherwise."""  # noqa: E501
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rclpy.init()
     node = rclpy.create_node(f"{name}_{os.getpid()}")
@@ -44,21 +44,31 @@ def topics(node: Node) -> list[tuple[str, str, int, int]]:
     """Every topic of the graph: name, type, number of publishers, of subscribers."""
     time.sleep(DISCOVERY_SECONDS)
     found = node.get_topic_names_and_types()
-    return [(name, ", ".join(types), node.count_publishers(name), node.count_subscribers(name)) for name, types in sorted(found)]
+    return [
+        (name, ", ".join(types), node.count_publishers(name), node.count_subscribers(name))
+        for name, types in sorted(found)
+    ]
 
 
 def echo(node: Node, topic: str, show: Callable[[str], None], count: int, seconds: float) -> int:
     """Show messages of a topic as they come: blocks as tables, all others as YAML.
 
-    Args:
-        count: end after so many messages; 0 never ends by number.
-        seconds: end when nothing has come for so long.
+    Parameters
+    ----------
+    count
+        End after so many messages; 0 never ends by number.
+    seconds
+        End when nothing has come for so long.
 
-    Returns:
+    Returns
+    -------
+    int
         The number of messages shown.
 
-    Raises:
-        RunError: nobody publishes the topic.
+    Raises
+    ------
+    RunError
+        Nobody publishes the topic.
     """
     deadline = time.monotonic() + ANSWER_SECONDS
     while not (types := dict(node.get_topic_names_and_types()).get(topic)):
@@ -75,9 +85,15 @@ def echo(node: Node, topic: str, show: Callable[[str], None], count: int, second
             return
         shown += 1
         last = time.monotonic()
-        show(block_text(unpack(message)) if types[0] == MESSAGE_TYPE else yaml.safe_dump(_plain(message), sort_keys=False))
+        show(
+            block_text(unpack(message))
+            if types[0] == MESSAGE_TYPE
+            else yaml.safe_dump(_plain(message), sort_keys=False)
+        )
 
-    node.create_subscription(_message_class(types[0]), topic, receive, BLOCK_QOS, raw=types[0] == MESSAGE_TYPE)
+    node.create_subscription(
+        _message_class(types[0]), topic, receive, BLOCK_QOS, raw=types[0] == MESSAGE_TYPE
+    )
     while not (count and shown >= count) and time.monotonic() - last < seconds:
         rclpy.spin_once(node, timeout_sec=0.1)
     return shown
@@ -98,7 +114,9 @@ def _message_class(type_name: str) -> type:
 
 def _plain(value: Any) -> Any:
     if hasattr(value, "get_fields_and_field_types"):
-        return {field: _plain(getattr(value, field)) for field in value.get_fields_and_field_types()}
+        return {
+            field: _plain(getattr(value, field)) for field in value.get_fields_and_field_types()
+        }
     if isinstance(value, bytes):
         return value[0] if len(value) == 1 else value.hex(" ")
     if isinstance(value, (bool, int, float, str)):
@@ -109,23 +127,42 @@ def _plain(value: Any) -> Any:
 def describe_parameters(node: Node, name: str) -> list[tuple[ParameterDescriptor, Any]]:
     """Descriptor and present value of every parameter of a running node.
 
-    Raises:
-        RunError: no such node, or no answer in time.
+    Raises
+    ------
+    RunError
+        No such node, or no answer in time.
     """
-    names = sorted(_ask(node, name, ListParameters, "list_parameters", ListParameters.Request()).result.names)
-    described = _ask(node, name, DescribeParameters, "describe_parameters", DescribeParameters.Request(names=names)).descriptors
-    values = _ask(node, name, GetParameters, "get_parameters", GetParameters.Request(names=names)).values
-    return [(descriptor, parameter_value_to_python(value)) for descriptor, value in zip(described, values, strict=True)]
+    names = sorted(
+        _ask(node, name, ListParameters, "list_parameters", ListParameters.Request()).result.names
+    )
+    described = _ask(
+        node,
+        name,
+        DescribeParameters,
+        "describe_parameters",
+        DescribeParameters.Request(names=names),
+    ).descriptors
+    values = _ask(
+        node, name, GetParameters, "get_parameters", GetParameters.Request(names=names)
+    ).values
+    return [
+        (descriptor, parameter_value_to_python(value))
+        for descriptor, value in zip(described, values, strict=True)
+    ]
 
 
 def set_parameter(node: Node, name: str, parameter: str, text: str) -> None:
     """Set a parameter of a running node; the value is written as YAML.
 
-    Raises:
-        RunError: refused (the message is the node's own), no such node, or no answer in time.
+    Raises
+    ------
+    RunError
+        Refused (the message is the node's own), no such node, or no answer in time.
     """
     message = Parameter(parameter, value=yaml.safe_load(text)).to_parameter_msg()
-    result = _ask(node, name, SetParameters, "set_parameters", SetParameters.Request(parameters=[message])).results[0]
+    result = _ask(
+        node, name, SetParameters, "set_parameters", SetParameters.Request(parameters=[message])
+    ).results[0]
     if not result.successful:
         raise RunError(f"{name}: {result.reason}")
 
@@ -133,7 +170,13 @@ def set_parameter(node: Node, name: str, parameter: str, text: str) -> None:
 def _ask(node: Node, name: str, kind: Any, service: str, request: Any) -> Any:
     client = node.create_client(kind, f"/{name.strip('/')}/{service}")
     if not client.wait_for_service(timeout_sec=ANSWER_SECONDS):
-        known = ", ".join(sorted(other for other, _ in node.get_node_names_and_namespaces() if other != node.get_name()))
+        known = ", ".join(
+            sorted(
+                other
+                for other, _ in node.get_node_names_and_namespaces()
+                if other != node.get_name()
+            )
+        )
         raise RunError(f"no node '{name}' answers; running: {known or 'none'}")
     future = client.call_async(request)
     rclpy.spin_until_future_complete(node, future, timeout_sec=ANSWER_SECONDS)
@@ -143,17 +186,22 @@ def _ask(node: Node, name: str, kind: Any, service: str, request: Any) -> Any:
 
 
 def trigger(node: Node, name: str, command: str) -> tuple[bool, str]:
-    """Call a std_srvs/Trigger service of a running node: whether it was carried out, and the node's sentence.
+    """Call a std_srvs/Trigger service of a running node: whether it was carried out, and the node's
+    sentence.
 
-    Raises:
-        RunError: no such node, or no answer in time.
+    Raises
+    ------
+    RunError
+        No such node, or no answer in time.
     """
     answer = _ask(node, name, Trigger, command, Trigger.Request())
     return bool(answer.success), str(answer.message)
 
 
 def latched(node: Node, topic: str, seconds: float) -> str | None:
-    """The last text that was said on a latched topic; None where nothing comes within so many seconds."""
+    """The last text that was said on a latched topic; None where nothing comes within so many
+    seconds.
+    """
     heard: list[str] = []
 
     def hear(message: Any) -> None:

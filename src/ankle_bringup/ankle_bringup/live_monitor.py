@@ -10,9 +10,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
+from ankle_interfaces.block import Block, unpack
+from ankle_interfaces.continuity import Continuity
 from ankle_node.node import BLOCK_QOS
-from sample_blocks.block import Block, unpack
-from sample_blocks.continuity import Continuity
 
 ESTIMATE = "/impedance/estimate"
 SAMPLES = "/ankle/samples"
@@ -23,7 +23,9 @@ ONE_MORE_READER = (
     "ankle_sim.wait_for_readers=3",
     "impedance_estimator.wait_for_readers=2",
 )
-"""Settings of the graph `simulated_recorded` when a monitor reads along: nothing starts before the monitor hears it."""
+"""Settings of the graph `simulated_recorded` when a monitor reads along: nothing starts before the
+monitor hears it.
+"""
 
 
 @dataclass
@@ -39,13 +41,19 @@ class Stream:
 class LiveMonitor:
     """Subscribes to the graph's main topics as any other reader would.
 
-    Args:
-        node: a node made by `ankle_bringup.live_graph.observer`.
-        topics: which to follow.
+    Parameters
+    ----------
+    node
+        A node made by `ankle_bringup.live_graph.observer`.
+    topics
+        Which to follow.
     """
 
-    def __init__(self, node: Node, topics: tuple[str, ...] = (ESTIMATE, SAMPLES, REFERENCE, TRUTH)) -> None:
-        # rclpy.spin_once would build an executor at each call, too slow for 256 messages a second on a busy machine.
+    def __init__(
+        self, node: Node, topics: tuple[str, ...] = (ESTIMATE, SAMPLES, REFERENCE, TRUTH)
+    ) -> None:
+        # rclpy.spin_once would build an executor at each call, too slow for 256 messages a second
+        # on a busy machine.
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         self.streams = {topic: Stream() for topic in topics}
@@ -54,7 +62,9 @@ class LiveMonitor:
         self.reference_latencies: list[float] = []
         """The same for blocks of the perturbation, which no node has worked on [s]."""
         for topic in topics:
-            node.create_subscription(Float64MultiArray, topic, self._reader(topic), BLOCK_QOS, raw=True)
+            node.create_subscription(
+                Float64MultiArray, topic, self._reader(topic), BLOCK_QOS, raw=True
+            )
 
     def _reader(self, topic: str) -> Callable[[bytes], None]:
         stream = self.streams[topic]
@@ -83,7 +93,11 @@ class LiveMonitor:
     def latest(self, topic: str, column: str) -> float:
         """Last value of a column, NaN before the first block."""
         block = self.streams[topic].last
-        return float(block.column(column)[-1]) if block is not None and len(block.data) else float("nan")
+        return (
+            float(block.column(column)[-1])
+            if block is not None and len(block.data)
+            else float("nan")
+        )
 
     @property
     def missing(self) -> int:

@@ -1,4 +1,4 @@
-"""The nodes of a graph as processes: started together, watched, stopped by their own process ids."""
+"""The nodes of a graph as processes: started together, watched, stopped by their own process ids."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -16,40 +16,61 @@ from types import TracebackType
 from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.graph import Graph, NodeDescription
 
-# A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that rclpy is
-# known to hang at times, so the process is told again more strictly.
+# A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that
+# rclpy is known to hang at times, so the process is told again more strictly.
 STOP_STEPS = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 2.0))
 
 
 def node_command(package: str, executable: str) -> list[str]:
-    """The command that runs an executable of a package with this Python, without the `ros2` command.
+    """The command that runs an executable of a package with this Python, without the `ros2`
+    command.
 
-    Raises:
-        GraphError: no such package or executable; names those that exist.
+    Raises
+    ------
+    GraphError
+        No such package or executable; names those that exist.
     """
     try:
-        entries = [entry for entry in distribution(package).entry_points if entry.group == "console_scripts"]
+        entries = [
+            entry
+            for entry in distribution(package).entry_points
+            if entry.group == "console_scripts"
+        ]
     except PackageNotFoundError:
         raise GraphError(f"no package '{package}' in this installation") from None
     for entry in entries:
         if entry.name == executable:
-            return [sys.executable, "-c", f"import sys; from {entry.module} import {entry.attr}; sys.exit({entry.attr}())"]
-    raise GraphError(f"package '{package}' has no executable '{executable}'; it has {', '.join(e.name for e in entries) or 'none'}")
+            return [
+                sys.executable,
+                "-c",
+                f"import sys; from {entry.module} import {entry.attr}; sys.exit({entry.attr}())",
+            ]
+    raise GraphError(
+        f"package '{package}' has no executable '{executable}'; it has "
+        f"{', '.join(e.name for e in entries) or 'none'}"
+    )
 
 
 class Processes:
     """Runs the nodes of a graph; a context manager that leaves no process behind.
 
-    Args:
-        graph: what to run.
-        logs: folder for one log file a node.
+    Parameters
+    ----------
+    graph
+        What to run.
+    logs
+        Folder for one log file a node.
 
-    Raises:
-        GraphError: an executable that does not exist (before anything is started).
+    Raises
+    ------
+    GraphError
+        An executable that does not exist (before anything is started).
     """
 
     def __init__(self, graph: Graph, logs: Path) -> None:
-        self._commands = [(node, node_command(node.package, node.executable)) for node in graph.nodes]
+        self._commands = [
+            (node, node_command(node.package, node.executable)) for node in graph.nodes
+        ]
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
@@ -63,7 +84,8 @@ class Processes:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         with open(self._logs / f"{node.name}.log", "wb") as log:
-            # Its own session: Ctrl-C at the terminal reaches us alone, and we stop the nodes in order.
+            # Its own session: Ctrl-C at the terminal reaches us alone, and we stop the nodes in
+            # order.
             self._running[node.name] = subprocess.Popen(
                 command + node.ros_arguments(),
                 stdout=log,
@@ -73,7 +95,12 @@ class Processes:
                 start_new_session=True,
             )
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.stop()
 
     @property
@@ -93,8 +120,11 @@ class Processes:
     def ended(self, name: str) -> bool:
         """Whether a node that is meant to end has done so; every other one must still run.
 
-        Raises:
-            RunError: a node ended with an error, or ended though it is not `name`; carries the last line it wrote.
+        Raises
+        ------
+        RunError
+            A node ended with an error, or ended though it is not `name`; carries the last line it
+            wrote.
         """
         self._check(may_end=name)
         return name not in self.names
@@ -104,13 +134,18 @@ class Processes:
             code = process.poll()
             if code is not None and (code != 0 or name != may_end):
                 lines = self.log(name).read_text(errors="replace").strip().splitlines()
-                raise RunError(f"{name} ended with exit code {code}: {lines[-1] if lines else 'it wrote nothing'} (log: {self.log(name)})")
+                raise RunError(
+                    f"{name} ended with exit code {code}: "
+                    f"{lines[-1] if lines else 'it wrote nothing'} (log: {self.log(name)})"
+                )
 
     def wait_for_end(self, name: str, seconds: float) -> None:
         """Wait until a node has ended by itself, watching all of them.
 
-        Raises:
-            RunError: it did not end in time, or as `ended`.
+        Raises
+        ------
+        RunError
+            It did not end in time, or as `ended`.
         """
         deadline = time.monotonic() + seconds
         while not self.ended(name):
@@ -121,7 +156,8 @@ class Processes:
     def stop(self, names: Sequence[str] | None = None) -> dict[str, int]:
         """Stop the named nodes, or all, and give their exit codes.
 
-        Graphs list readers before those they read, so the last one is stopped first: the others still take what it sent.
+        Graphs list readers before those they read, so the last one is stopped first: the others
+        still take what it sent.
         """
         codes = {}
         for name in [name for name in reversed(self._running) if names is None or name in names]:

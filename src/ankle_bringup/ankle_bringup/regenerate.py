@@ -1,4 +1,4 @@
-"""Estimates of a recorded session, made again: by replay through the node, and compared row by row."""
+"""Estimates of a recorded session, made again: by replay through the node, and compared row by row."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -14,19 +14,30 @@ from ankle_bringup.processes import Processes
 ESTIMATE = "/impedance/estimate"
 
 
-def regenerate_by_replay(bag: Path, out: Path, logs: Path, settings: tuple[str, ...] = (), patience: float = 600.0) -> None:
+def regenerate_by_replay(
+    bag: Path, out: Path, logs: Path, settings: tuple[str, ...] = (), patience: float = 600.0
+) -> None:
     """Replay a bag through a fresh estimator process and record what it says.
 
-    Args:
-        bag: what was recorded.
-        out: the new bag, with the estimates.
-        settings: ``node.parameter=value`` for the estimator, as in the recorded run.
-        patience: longest time that the replay may take [s].
+    Parameters
+    ----------
+    bag
+        What was recorded.
+    out
+        The new bag, with the estimates.
+    settings
+        ``node.parameter=value`` for the estimator, as in the recorded run.
+    patience
+        Longest time that the replay may take [s].
 
-    Raises:
-        RunError: a node failed or the replay did not end in time.
+    Raises
+    ------
+    RunError
+        A node failed or the replay did not end in time.
     """
-    graph = load_graph("regenerated").with_settings([f"record.out={out}", f"replay.bag={bag}", *settings])
+    graph = load_graph("regenerated").with_settings(
+        [f"record.out={out}", f"replay.bag={bag}", *settings]
+    )
     with Processes(graph, logs) as processes:
         processes.wait_for_end("replay", patience)
         # The estimator first: its last estimates reach the recorder while that one still runs.
@@ -40,11 +51,16 @@ def regenerate_by_replay(bag: Path, out: Path, logs: Path, settings: tuple[str, 
 class Agreement:
     """Two tables of estimates held against each other.
 
-    Attributes:
-        rows: rows with the same time in both.
-        only_first, only_second: rows that the other lacks.
-        largest: largest difference of any column, relative to the column's largest value.
-        column: the column in which it is.
+    Attributes
+    ----------
+    rows
+        Rows with the same time in both.
+    only_first, only_second
+        Rows that the other lacks.
+    largest
+        Largest difference of any column, relative to the column's largest value.
+    column
+        The column in which it is.
     """
 
     rows: int
@@ -57,8 +73,10 @@ class Agreement:
 def agreement(columns: tuple[str, ...], first: np.ndarray, second: np.ndarray) -> Agreement:
     """Compare estimates of shape (n, m), the first column being time [s]; NaN agrees with NaN only.
 
-    Raises:
-        RunError: no row in common.
+    Raises
+    ------
+    RunError
+        No row in common.
     """
     _, at_first, at_second = np.intersect1d(first[:, 0], second[:, 0], return_indices=True)
     if not len(at_first):
@@ -69,4 +87,10 @@ def agreement(columns: tuple[str, ...], first: np.ndarray, second: np.ndarray) -
     difference[np.isnan(a) & np.isnan(b)] = 0.0
     difference[np.isnan(a) != np.isnan(b)] = np.inf
     worst = np.unravel_index(np.argmax(difference), difference.shape)
-    return Agreement(len(a), len(first) - len(a), len(second) - len(b), float(difference[worst]), columns[int(worst[1])])
+    return Agreement(
+        len(a),
+        len(first) - len(a),
+        len(second) - len(b),
+        float(difference[worst]),
+        columns[int(worst[1])],
+    )

@@ -9,7 +9,10 @@ import typer
 from ankle_bringup.terminal import console
 
 verbs = typer.Typer()
-rig = typer.Typer(no_args_is_help=True, help="Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator.")
+rig = typer.Typer(
+    no_args_is_help=True,
+    help="Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator.",
+)
 verbs.add_typer(rig, name="rig")
 
 
@@ -44,7 +47,8 @@ def start() -> None:
 
 @rig.command()
 def stop() -> None:
-    """Bring the plate to rest and switch the drive off, from any state. The button at the rig is faster than a command.
+    """Bring the plate to rest and switch the drive off, from any state. The button at the rig is
+    faster than a command.
 
     Example: ankle rig stop
     """
@@ -70,7 +74,9 @@ def reset_fault() -> None:
 
 
 @rig.command()
-def state(seconds: Annotated[float, typer.Option(help="How long to wait for an answer.")] = 5.0) -> None:
+def state(
+    seconds: Annotated[float, typer.Option(help="How long to wait for an answer.")] = 5.0,
+) -> None:
     """Show the state of the rig and its reason.
 
     Example: ankle rig state
@@ -82,13 +88,18 @@ def state(seconds: Annotated[float, typer.Option(help="How long to wait for an a
     with observer() as node:
         text = latched(node, RIG_STATE, seconds)
     if text is None:
-        raise RunError(f"nobody said anything on '{RIG_STATE}' within {seconds:g} s: no actuator driver runs, or it is not active")
+        raise RunError(
+            f"nobody said anything on '{RIG_STATE}' within {seconds:g} s: no actuator driver "
+            "runs, or it is not active"
+        )
     console.print(text, markup=False)
 
 
 @rig.command()
 def faults(
-    switches: Annotated[str, typer.Argument(help="As 'drop=0.1,freeze=1'; 'none' switches all off.")] = "",
+    switches: Annotated[
+        str, typer.Argument(help="As 'drop=0.1,freeze=1'; 'none' switches all off.")
+    ] = "",
     address: Annotated[str, typer.Option(help="Of the emulator.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="The emulator's parameter 'port'.")] = 0,
 ) -> None:
@@ -96,7 +107,7 @@ def faults(
 
     Example: ankle rig faults drop=0.1,emergency_stop=1
     """
-    from ankle_actuator_driver.fault_switches import switch_faults
     from ankle_actuator_driver.settings import DEVICE_PORT
+    from rig_emulator.fault_switches import switch_faults
 
     console.print(switch_faults(switches, address, port or DEVICE_PORT), markup=False)

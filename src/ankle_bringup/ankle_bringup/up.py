@@ -22,16 +22,25 @@ from ankle_node.node import WORKED_OFF_QOS
 RIG_STATE = "/rig/state"
 
 
-def status_table(monitor: LiveMonitor, seconds_left: float | None, rig: Sequence[str] = ()) -> Table:
+def status_table(
+    monitor: LiveMonitor, seconds_left: float | None, rig: Sequence[str] = ()
+) -> Table:
     """Latest estimate beside the true value where a simulation tells it, and the state of a rig."""
     table = Table("", "estimated", "true", "unit")
     for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2")):
         column = f"{symbol}[{unit}]"
         truth = monitor.latest(TRUTH, column) if symbol in "KG" else float("nan")
-        table.add_row(symbol, f"{monitor.latest(ESTIMATE, column):.4g}", "" if truth != truth else f"{truth:.4g}", unit)
+        table.add_row(
+            symbol,
+            f"{monitor.latest(ESTIMATE, column):.4g}",
+            "" if truth != truth else f"{truth:.4g}",
+            unit,
+        )
     valid = monitor.latest(ESTIMATE, "valid[1]")
     table.add_row("valid", "yes" if valid == 1.0 else "not yet" if valid != valid else "no", "", "")
-    table.add_row("samples received", str(monitor.streams[SAMPLES].samples), "", f"{monitor.missing} missing")
+    table.add_row(
+        "samples received", str(monitor.streams[SAMPLES].samples), "", f"{monitor.missing} missing"
+    )
     if rig:
         table.add_row("rig", rig[-1], "", "")
     if seconds_left is not None:
@@ -40,16 +49,22 @@ def status_table(monitor: LiveMonitor, seconds_left: float | None, rig: Sequence
 
 
 def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> None:
-    """Start the graph and show its state until Ctrl-C, the end of `seconds` (0: no end), or the end of the perturbation.
+    """Start the graph and show its state until Ctrl-C, the end of `seconds` (0: no end), or the end
+    of the perturbation.
 
-    Raises:
-        GraphError: an executable that does not exist.
-        RunError: a node ended with an error.
+    Raises
+    ------
+    GraphError
+        An executable that does not exist.
+    RunError
+        A node ended with an error.
     """
     console.print(f"{graph.description}\nlogs: {logs.resolve()}   stop: Ctrl-C")
     addresses = page_addresses(graph)
     if addresses is not None:
-        console.print(f"subject's screen: {addresses[0]}   operator's page: {addresses[1]}", soft_wrap=True)
+        console.print(
+            f"subject's screen: {addresses[0]}   operator's page: {addresses[1]}", soft_wrap=True
+        )
     with observer() as node, Processes(graph, logs) as processes:
         show_pages(graph)
         monitor = LiveMonitor(node)
@@ -67,6 +82,10 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
                         console.print("the perturbation is over")
                         break
                     monitor.spin(0.25)
-                    live.update(status_table(monitor, began + seconds - time.monotonic() if seconds else None, rig))
+                    live.update(
+                        status_table(
+                            monitor, began + seconds - time.monotonic() if seconds else None, rig
+                        )
+                    )
             except KeyboardInterrupt:
                 console.print("stopping ...")

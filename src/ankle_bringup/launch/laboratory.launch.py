@@ -1,4 +1,6 @@
-"""`ros2 launch ankle_bringup laboratory.launch.py graph:=simulated`: the graph that `ankle up` runs too."""
+"""`ros2 launch ankle_bringup laboratory.launch.py graph:=simulated`: the graph that `ankle up` runs
+too.
+"""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
@@ -10,9 +12,15 @@ from ankle_bringup.graph import load_graph
 
 def nodes_of(context):
     """The nodes of the chosen graph."""
-    settings = [text for text in LaunchConfiguration("settings").perform(context).split(";") if text.strip()]
+    settings = [
+        text for text in LaunchConfiguration("settings").perform(context).split(";") if text.strip()
+    ]
     options = ["emulator"] if LaunchConfiguration("emulator").perform(context) == "true" else []
-    graph = load_graph(LaunchConfiguration("graph").perform(context)).with_options(options).with_settings(settings)
+    graph = (
+        load_graph(LaunchConfiguration("graph").perform(context))
+        .with_options(options)
+        .with_settings(settings)
+    )
     return [
         Node(
             package=node.package,
@@ -30,13 +38,25 @@ def generate_launch_description():
     """What `ros2 launch` asks for."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument("graph", default_value="simulated", description="a graph of ankle_bringup, or the path of a YAML file"),
-            DeclareLaunchArgument("settings", default_value="", description="node.parameter=value, several separated by ';'"),
             DeclareLaunchArgument(
-                "emulator", default_value="false", choices=["true", "false"], description="with graph:=rig: emulate the rig"
+                "graph",
+                default_value="simulated",
+                description="a graph of ankle_bringup, or the path of a YAML file",
+            ),
+            DeclareLaunchArgument(
+                "settings",
+                default_value="",
+                description="node.parameter=value, several separated by ';'",
+            ),
+            DeclareLaunchArgument(
+                "emulator",
+                default_value="false",
+                choices=["true", "false"],
+                description="with graph:=rig: emulate the rig",
             ),
             SetEnvironmentVariable(
-                "ROS_AUTOMATIC_DISCOVERY_RANGE", EnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", default_value="LOCALHOST")
+                "ROS_AUTOMATIC_DISCOVERY_RANGE",
+                EnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", default_value="LOCALHOST"),
             ),
             OpaqueFunction(function=nodes_of),
         ]

@@ -18,7 +18,9 @@ def test_every_graph_names_executables_that_exist(name):
 
 
 def test_settings_reach_the_command_line():
-    graph = load_graph("simulated").with_settings(["ankle_sim.K=80.0", "perturbation_generator.signal=prbs"])
+    graph = load_graph("simulated").with_settings(
+        ["ankle_sim.K=80.0", "perturbation_generator.signal=prbs"]
+    )
     arguments = {node.name: node.ros_arguments() for node in graph.nodes}
     assert "K:=80.0" in arguments["ankle_sim"]
     assert "signal:=prbs" in arguments["perturbation_generator"]
@@ -27,7 +29,12 @@ def test_settings_reach_the_command_line():
 def test_an_option_adds_its_nodes_and_a_graph_without_it_says_so():
     rig = load_graph("rig")
     names = {node.name for node in rig.with_options([]).nodes}
-    assert names == {"biofeedback", "impedance_estimator", "ankle_actuator_driver", "perturbation_generator"}
+    assert names == {
+        "biofeedback",
+        "impedance_estimator",
+        "ankle_actuator_driver",
+        "perturbation_generator",
+    }
     assert {node.name for node in rig.with_options(["emulator"]).nodes} - names == {"rig_emulator"}
     with pytest.raises(GraphError, match="no option 'emulator'"):
         load_graph("simulated").with_options(["emulator"])
@@ -63,5 +70,8 @@ def test_unknown_graph_names_the_known_ones():
 
 def test_a_failing_node_is_told_with_its_last_line(tmp_path):
     node = NodeDescription("ankle_sim", "ankle_sim", "ankle_sim", {"K": -5.0})
-    with Processes(Graph("", (node,)), tmp_path) as processes, pytest.raises(RunError, match=r"'K' = -5\.0 N\.m/rad is refused"):
+    with (
+        Processes(Graph("", (node,)), tmp_path) as processes,
+        pytest.raises(RunError, match=r"'K' = -5\.0 N\.m/rad is refused"),
+    ):
         processes.wait_for_end("ankle_sim", 60.0)

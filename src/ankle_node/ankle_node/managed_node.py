@@ -1,4 +1,5 @@
-"""A node with a managed life cycle: unconfigured, inactive, active, finalized, with the standard services of `lifecycle_msgs`.
+"""A node with a managed life cycle: unconfigured, inactive, active, finalized, with the standard
+services of `lifecycle_msgs`.
 
 `ros2 lifecycle set NODE activate` and launch files drive it as any other managed node.
 """
@@ -14,14 +15,18 @@ from ankle_node.node import ERROR, AnkleNode
 from ankle_node.parameters import Parameter
 
 FAILURES = (ValueError, OSError)
-"""What a transition may raise because of the node's surroundings: it fails, with the sentence in the log and the health."""
+"""What a transition may raise because of the node's surroundings: it fails, with the sentence in
+the log and the health.
+"""
 
 
 class ManagedNode(LifecycleNodeMixin, AnkleNode):
     """An `AnkleNode` whose subclass says what happens at each transition.
 
-    Args:
-        name, parameters: as `AnkleNode`.
+    Parameters
+    ----------
+    name, parameters
+        As `AnkleNode`.
     """
 
     def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
@@ -29,7 +34,9 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
         LifecycleNodeMixin.__init__(self)
 
     def configure(self) -> None:
-        """Prepare everything that needs the parameters; raise one of `FAILURES` where that is not possible."""
+        """Prepare everything that needs the parameters; raise one of `FAILURES` where that is not
+        possible.
+        """
 
     def activate(self) -> None:
         """Begin to work."""
@@ -43,8 +50,10 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
     def start(self) -> None:
         """Configure and activate without being told to.
 
-        Raises:
-            RuntimeError: a transition failed; the log says why.
+        Raises
+        ------
+        RuntimeError
+            A transition failed; the log says why.
         """
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() is not TransitionCallbackReturn.SUCCESS:

@@ -15,7 +15,12 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -25,42 +30,62 @@ from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReli
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, String
 
+from ankle_interfaces.block import Block, pack, require_columns, unpack
+from ankle_interfaces.continuity import Continuity, Finding
+from ankle_interfaces.errors import BlockError
 from ankle_node.parameters import Parameter, ParameterError, Value
-from sample_blocks.block import Block, pack, require_columns, unpack
-from sample_blocks.continuity import Continuity, Finding
-from sample_blocks.errors import BlockError
 
 # Reliable, keep-last 64: one second of blocks, so that a busy reader loses nothing.
 BLOCK_QOS = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST, depth=64, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.VOLATILE
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=64,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.VOLATILE,
 )
-# A publisher keeps half a minute, for readers that ask again for what was dropped on the way: a recorder of a graph
-# that replays at a hundred times real time lost blocks with 64.
+# A publisher keeps half a minute, for readers that ask again for what was dropped on the way: a
+# recorder of a graph that replays at a hundred times real time lost blocks with 64.
 PUBLISHED_BLOCKS_QOS = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST, depth=2048, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.VOLATILE
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=2048,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.VOLATILE,
 )
-# Latched, the last one only: what a reader has worked off so far is also known to a replay that connects later.
+# Latched, the last one only: what a reader has worked off so far is also known to a replay that
+# connects later.
 WORKED_OFF_QOS = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST, depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
 )
 WORKED_OFF = "/_worked_off"  # behind a topic's name; the underscore hides it from `ros2 topic list`
 DIAGNOSTICS_PERIOD = 1.0  # s
 HEALTH_SHOWN = 10.0  # s; a warning stays so long, so that a person who looks up once sees it
-NEWS_PERIOD = 0.1  # s; something that comes and goes with every block is told no more often than that
+NEWS_PERIOD = (
+    0.1  # s; something that comes and goes with every block is told no more often than that
+)
 READERS_POLL_PERIOD = 0.05  # s; short against the start of a process, long against its cost
-STOP_POLL_PERIOD = 0.1  # s; longest time from a signal to the stop of a node that nothing else wakes
-QUIET_TIME = 1.0  # s without a block after which none is on its way; a crowded machine holds a process off for half a second
+STOP_POLL_PERIOD = (
+    0.1  # s; longest time from a signal to the stop of a node that nothing else wakes
+)
+# s without a block after which none is on its way; a crowded machine holds a process off for half a
+# second
+QUIET_TIME = 1.0
 HAND_OVER_TIME = 3.0  # s; Fast DDS asks after lost blocks at least that often
 MessageInfo = dict[str, Any]  # as rclpy hands it to a callback of two arguments
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class AnkleNode(Node):
-    """A node with declared parameters and health on ``/diagnostics`` once a second, and at once when something goes wrong.
+    """A node with declared parameters and health on ``/diagnostics`` once a second, and at once
+    when something goes wrong.
 
-    Args:
-        name: node name.
-        parameters: every parameter of the node; a refused start value raises `ParameterError`.
+    Parameters
+    ----------
+    name
+        Node name.
+    parameters
+        Every parameter of the node; a refused start value raises `ParameterError`.
     """
 
     def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
@@ -88,9 +113,15 @@ class AnkleNode(Node):
         declared = self._declared.get(name)
         if declared is not None and math.isfinite(declared.upper - declared.lower):
             if isinstance(declared.default, float):
-                descriptor.floating_point_range = [FloatingPointRange(from_value=float(declared.lower), to_value=float(declared.upper))]
+                descriptor.floating_point_range = [
+                    FloatingPointRange(
+                        from_value=float(declared.lower), to_value=float(declared.upper)
+                    )
+                ]
             elif isinstance(declared.default, int):
-                descriptor.integer_range = [IntegerRange(from_value=int(declared.lower), to_value=int(declared.upper))]
+                descriptor.integer_range = [
+                    IntegerRange(from_value=int(declared.lower), to_value=int(declared.upper))
+                ]
         return descriptor
 
     def value(self, name: str) -> Value:
@@ -106,7 +137,9 @@ class AnkleNode(Node):
         return str(self.value(name))
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Called with accepted new values before they are stored; raise `ParameterError` to refuse them."""
+        """Called with accepted new values before they are stored; raise `ParameterError` to refuse
+        them.
+        """
 
     def _check_parameters(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
         accepted: dict[str, Value] = {}
@@ -136,13 +169,18 @@ class AnkleNode(Node):
 
         return publish
 
-    def block_subscription(self, topic: str, required: Sequence[str], callback: Callable[[Block, list[Finding]], None]) -> Continuity:
-        """Calls back with each block of a topic, its required columns in SI, and what is wrong in the stream.
+    def block_subscription(
+        self, topic: str, required: Sequence[str], callback: Callable[[Block, list[Finding]], None]
+    ) -> Continuity:
+        """Calls back with each block of a topic, its required columns in SI, and what is wrong in
+        the stream.
 
         A refused block is reported on ``/diagnostics`` and in the log, and dropped.
 
-        Args:
-            required: full SI names without time; empty takes the block as it comes.
+        Parameters
+        ----------
+        required
+            Full SI names without time; empty takes the block as it comes.
         """
         continuity = Continuity()
         told: set[str] = set()
@@ -188,7 +226,9 @@ class AnkleNode(Node):
         replay at full speed would overrun the queue of 64 if it did not hear this. The message says
         who reads, and when the message that it got to was sent [ns].
         """
-        publisher = self.create_publisher(String, self.resolve_topic_name(topic) + WORKED_OFF, WORKED_OFF_QOS)
+        publisher = self.create_publisher(
+            String, self.resolve_topic_name(topic) + WORKED_OFF, WORKED_OFF_QOS
+        )
         reader = f"{self.get_fully_qualified_name()} {os.getpid()}-{id(publisher)}"
 
         def tell(info: MessageInfo) -> None:
@@ -198,7 +238,8 @@ class AnkleNode(Node):
         return tell
 
     def when_read(self, topic: str, readers: int, begin: Callable[[], None]) -> None:
-        """Call `begin` once as many readers are connected to a block topic of this node; at once for 0.
+        """Call `begin` once as many readers are connected to a block topic of this node; at once
+        for 0.
 
         A graph whose nodes start in any order loses no block at its beginning when each node takes
         its input only after its own output is read.
@@ -217,7 +258,9 @@ class AnkleNode(Node):
             elif time.monotonic() - asked_at > 5.0:
                 self.health(topic, WARN, f"waiting for {readers} readers, {connected} connected")
 
-        timer = self.create_timer(READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        timer = self.create_timer(
+            READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
 
     def work_off(self, executor: SingleThreadedExecutor) -> None:
         """Take the blocks that were sent before now and still wait in this node's queues."""
@@ -235,7 +278,9 @@ class AnkleNode(Node):
         for topic, publisher in self._block_publishers.items():
             left = max(deadline - time.monotonic(), 0.0)
             if rclpy.ok() and not publisher.wait_for_all_acked(Duration(seconds=left)):
-                self.get_logger().warning(f"{topic}: readers did not confirm the last blocks within {HAND_OVER_TIME:g} s")
+                self.get_logger().warning(
+                    f"{topic}: readers did not confirm the last blocks within {HAND_OVER_TIME:g} s"
+                )
 
     def now(self) -> float:
         """ROS time [s]."""
@@ -256,7 +301,11 @@ class AnkleNode(Node):
 
     def _publish_health(self) -> None:
         now = self._health_told = time.monotonic()
-        shown = [(what, level, message) for what, (level, message, when) in self._health.items() if now - when < HEALTH_SHOWN]
+        shown = [
+            (what, level, message)
+            for what, (level, message, when) in self._health.items()
+            if now - when < HEALTH_SHOWN
+        ]
         bad = [(level, f"{what}: {message}") for what, level, message in shown if level != OK]
         level = max((entry[0] for entry in bad), default=OK)
         text = "; ".join(message for _, message in sorted(bad, reverse=True)) or "running"
@@ -269,9 +318,14 @@ class AnkleNode(Node):
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:
     unit = f" [{parameter.unit}]" if parameter.unit else ""
-    # dynamic_typing: rclpy would refuse `amplitude:=1` for a float before our own check can say why.
-    descriptor = ParameterDescriptor(description=f"{parameter.description}{unit}", dynamic_typing=True, read_only=False)
-    descriptor.additional_constraints = f"allowed: {parameter.allowed}" + ("; at start only" if parameter.fixed else "")
+    # dynamic_typing: rclpy would refuse `amplitude:=1` for a float before our own check can say
+    # why.
+    descriptor = ParameterDescriptor(
+        description=f"{parameter.description}{unit}", dynamic_typing=True, read_only=False
+    )
+    descriptor.additional_constraints = f"allowed: {parameter.allowed}" + (
+        "; at start only" if parameter.fixed else ""
+    )
     return descriptor
 
 
@@ -280,12 +334,18 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
 
     Discovery stays on this host unless the environment says otherwise.
 
-    Returns:
-        Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one line on stderr.
+    Returns
+    -------
+    int
+        Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one
+        line on stderr.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     # rclpy's own handlers would close the context at once, with the last blocks still on their way.
-    rclpy.init(args=None if arguments is None else list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(
+        args=None if arguments is None else list(arguments),
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
     told_to_stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: told_to_stop.set())

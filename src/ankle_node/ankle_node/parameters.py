@@ -17,14 +17,22 @@ class ParameterError(ValueError):
 class Parameter:
     """One parameter of a node.
 
-    Attributes:
-        name: as in ``ros2 param set NODE name value``.
-        default: its type is the parameter's type; a float parameter takes whole numbers too.
-        unit: SI, ``1`` for a pure number, empty for text and switches.
-        description: one sentence; says where the default comes from.
-        lower, upper: inclusive limits of a number.
-        choices: the allowed texts; empty means any.
-        fixed: can be set at start only.
+    Attributes
+    ----------
+    name
+        As in ``ros2 param set NODE name value``.
+    default
+        Its type is the parameter's type; a float parameter takes whole numbers too.
+    unit
+        SI, ``1`` for a pure number, empty for text and switches.
+    description
+        One sentence; says where the default comes from.
+    lower, upper
+        Inclusive limits of a number.
+    choices
+        The allowed texts; empty means any.
+    fixed
+        Can be set at start only.
     """
 
     name: str
@@ -50,19 +58,31 @@ class Parameter:
     def check(self, value: object) -> Value:
         """The value in the parameter's type.
 
-        Raises:
-            ParameterError: wrong type, not finite, out of range or not among the choices.
+        Raises
+        ------
+        ParameterError
+            Wrong type, not finite, out of range or not among the choices.
         """
         if isinstance(self.default, bool):
             if isinstance(value, bool):
                 return value
         elif isinstance(self.default, int):
-            if isinstance(value, int) and not isinstance(value, bool) and self.lower <= value <= self.upper:
+            if (
+                isinstance(value, int)
+                and not isinstance(value, bool)
+                and self.lower <= value <= self.upper
+            ):
                 return value
         elif isinstance(self.default, float):
-            if isinstance(value, (int, float)) and not isinstance(value, bool) and self.lower <= value <= self.upper:
+            if (
+                isinstance(value, (int, float))
+                and not isinstance(value, bool)
+                and self.lower <= value <= self.upper
+            ):
                 return float(value)
         elif isinstance(value, str) and (not self.choices or value in self.choices):
             return value
         unit = f" {self.unit}" if self.unit not in ("", "1") and not isinstance(value, str) else ""
-        raise ParameterError(f"parameter '{self.name}' = {value!r}{unit} is refused; allowed: {self.allowed}")
+        raise ParameterError(
+            f"parameter '{self.name}' = {value!r}{unit} is refused; allowed: {self.allowed}"
+        )

@@ -2,8 +2,9 @@
 
     {event: hold started, 't[s]': 1760000012.5, hold: 3, 'torque_target[N.m]': -5.0}
 
-A hold is a stretch (60 s in van 't Veld et al. 2018, section III-B.2) in which the subject keeps one state. `torque_target` is
-named as in the paper: 0, or -5 for a small plantarflexion torque of the subject.
+A hold is a stretch (60 s in van 't Veld et al. 2018, section III-B.2) in which the subject keeps
+one state. `torque_target` is named as in the paper: 0, or -5 for a small plantarflexion torque of
+the subject.
 """
 
 from __future__ import annotations
@@ -27,10 +28,14 @@ class SessionEventError(ValueError):
 class SessionEvent:
     """One event.
 
-    Attributes:
-        event: what happened, as ``hold started``.
-        time: when, in ROS time [s].
-        details: further keys with their units, as ``torque_target[N.m]``.
+    Attributes
+    ----------
+    event
+        What happened, as ``hold started``.
+    time
+        When, in ROS time [s].
+    details
+        Further keys with their units, as ``torque_target[N.m]``.
     """
 
     event: str
@@ -40,21 +45,27 @@ class SessionEvent:
     def line(self) -> str:
         """The text of the message."""
         content = {"event": self.event, "t[s]": self.time, **self.details}
-        return yaml.safe_dump(content, default_flow_style=True, sort_keys=False, width=10**6).strip()
+        return yaml.safe_dump(
+            content, default_flow_style=True, sort_keys=False, width=10**6
+        ).strip()
 
 
 def parse(line: str) -> SessionEvent:
     """The event in a message's text.
 
-    Raises:
-        SessionEventError: not YAML, not a mapping, or without ``event`` or ``t[s]``; quotes the line.
+    Raises
+    ------
+    SessionEventError
+        Not YAML, not a mapping, or without ``event`` or ``t[s]``; quotes the line.
     """
     try:
         content = yaml.safe_load(line)
     except yaml.YAMLError:
         content = None
     if not isinstance(content, dict) or not isinstance(content.get("event"), str):
-        raise SessionEventError(f"'{line}' is no session event: expected one line of YAML with 'event' and 't[s]'")
+        raise SessionEventError(
+            f"'{line}' is no session event: expected one line of YAML with 'event' and 't[s]'"
+        )
     details = dict(content)
     event, time = details.pop("event"), details.pop("t[s]", None)
     if isinstance(time, bool) or not isinstance(time, (int, float)) or not math.isfinite(time):

@@ -28,7 +28,7 @@ class N(AnkleNode):
         print(d.description, d.floating_point_range[0].to_value, d.additional_constraints)
         print(self.set_parameters([R("amplitude", value=0.3)])[0].reason, flush=True)
 sys.exit(run(N))
-"""
+"""  # noqa: E501
 
 
 def start(*parameters):

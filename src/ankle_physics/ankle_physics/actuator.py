@@ -1,8 +1,10 @@
-"""From the commanded reference to the plate's true motion: interpolation to the internal rate, then the servo.
+"""From the commanded reference to the plate's true motion: interpolation to the internal rate, then
+the servo.
 
-Interpolation: between two reference samples the fifth-order polynomial that meets position, velocity and acceleration
-at both. Servo: ``y'' + 2 z w y' + w^2 y = w^2 x`` with w = 2 pi * bandwidth, exact for a command that is linear between
-internal samples. Bandwidth 0 is the ideal actuator: the plate follows the interpolated reference.
+Interpolation: between two reference samples the fifth-order polynomial that meets position,
+velocity and acceleration at both. Servo: ``y'' + 2 z w y' + w^2 y = w^2 x`` with w = 2 pi *
+bandwidth, exact for a command that is linear between internal samples. Bandwidth 0 is the ideal
+actuator: the plate follows the interpolated reference.
 """
 
 from __future__ import annotations
@@ -16,10 +18,12 @@ from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.quintic import quintic_upsample
 
-# Physics runs at a whole multiple of the sampling rate that reaches this: half-wave rectification and the delay are
-# then good to 1e-4 of the torque, and the anti-alias filter has something to filter. 2048 Hz gives 4 x 2048 = 8192 Hz.
+# Physics runs at a whole multiple of the sampling rate that reaches this: half-wave rectification
+# and the delay are then good to 1e-4 of the torque, and the anti-alias filter has something to
+# filter. 2048 Hz gives 4 x 2048 = 8192 Hz.
 LOWEST_INTERNAL_RATE = 8000.0  # Hz
-# At 10 kHz the whole multiple would be 1, which leaves no room above the Nyquist frequency of the samples.
+# At 10 kHz the whole multiple would be 1, which leaves no room above the Nyquist frequency of the
+# samples.
 LEAST_OVERSAMPLING = 2
 
 
@@ -32,13 +36,19 @@ def oversampling(rate: float) -> int:
 class Servo:
     """Second-order position servo.
 
-    Attributes:
-        bandwidth: undamped natural frequency [Hz]; at damping 0.707 also the -3 dB frequency. 0 is ideal.
-            Default from van 't Veld et al. 2018, section II-B: the set-up did not achieve more than 30 Hz.
-        damping: [1]; the paper gives none, 0.7 is the usual choice (overshoot 5 %).
+    Attributes
+    ----------
+    bandwidth
+        Undamped natural frequency [Hz]; at damping 0.707 also the -3 dB frequency. 0 is ideal.
+        Default from van 't Veld et al. 2018, section II-B: the set-up did not achieve more than 30
+        Hz.
+    damping
+        [1]; the paper gives none, 0.7 is the usual choice (overshoot 5 %).
 
-    Raises:
-        ModelError: bandwidth not 0 and outside 1 to 500 Hz, or damping outside 0.1 to 5.
+    Raises
+    ------
+    ModelError
+        Bandwidth not 0 and outside 1 to 500 Hz, or damping outside 0.1 to 5.
     """
 
     bandwidth: float = 30.0
@@ -46,7 +56,10 @@ class Servo:
 
     def __post_init__(self) -> None:
         if self.bandwidth != 0.0 and not 1.0 <= self.bandwidth <= 500.0:
-            raise ModelError(f"actuator bandwidth = {self.bandwidth:g} Hz is outside 1 to 500 Hz (0 for an ideal actuator)")
+            raise ModelError(
+                f"actuator bandwidth = {self.bandwidth:g} Hz is outside 1 to 500 Hz (0 for an "
+                "ideal actuator)"
+            )
         if not 0.1 <= self.damping <= 5.0:
             raise ModelError(f"actuator damping = {self.damping:g} is outside 0.1 to 5")
 
@@ -57,13 +70,17 @@ class Servo:
 
 
 class Actuator:
-    """Plate motion at the internal rate, stretch by stretch; the same whatever the size of the stretches.
+    """Plate motion at the internal rate, stretch by stretch; the same whatever the size of the
+    stretches.
 
     Before the first sample the plate rests at the first commanded position.
 
-    Args:
-        servo: its dynamics.
-        rate: of the reference [Hz].
+    Parameters
+    ----------
+    servo
+        Its dynamics.
+    rate
+        Of the reference [Hz].
     """
 
     def __init__(self, servo: Servo, rate: float) -> None:
@@ -76,16 +93,22 @@ class Actuator:
     def run(self, reference: np.ndarray) -> np.ndarray:
         """True plate motion up to the time of the last reference sample.
 
-        Args:
-            reference: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3); or position alone,
-                shape (n, 1), which is then taken as linear between samples.
+        Parameters
+        ----------
+        reference
+            Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3); or position
+            alone, shape (n, 1), which is then taken as linear between samples.
 
-        Returns:
-            Position, velocity, acceleration, shape (3, n * factor); internal sample ``k * factor + factor - 1`` is at
-            the time of reference sample k.
+        Returns
+        -------
+        np.ndarray
+            Position, velocity, acceleration, shape (3, n * factor); internal sample ``k * factor +
+            factor - 1`` is at the time of reference sample k.
 
-        Raises:
-            ModelError: position alone with an ideal actuator, whose velocity would not be defined.
+        Raises
+        ------
+        ModelError
+            Position alone with an ideal actuator, whose velocity would not be defined.
         """
         if self._last is None:
             self._last = np.array([reference[0, 0], 0.0, 0.0])
@@ -104,7 +127,10 @@ class Actuator:
 
     def _between_positions(self, position: np.ndarray) -> np.ndarray:
         if self.servo.ideal:
-            raise ModelError("an ideal actuator needs a reference with velocity and acceleration; this one has position only")
+            raise ModelError(
+                "an ideal actuator needs a reference with velocity and acceleration; this one has "
+                "position only"
+            )
         assert self._last is not None
         knots = np.concatenate([self._last[:1], position])
         parts = np.arange(1, self.factor + 1) / self.factor

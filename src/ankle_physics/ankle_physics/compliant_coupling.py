@@ -1,16 +1,22 @@
-"""A foot that moves against the footplate: its motion depends on the torques on it, which depend on its motion.
+"""A foot that moves against the footplate: its motion depends on the torques on it, which depend on
+its motion.
 
-Equation of the foot, with the strap's torque S and the torque T of every term that acts on the foot::
+Equation of the foot, with the strap's torque S and the torque T of every term that acts on the
+foot::
 
-    S(plate - foot, plate' - foot') = T(foot motion)      with  T = I foot'' + B foot' + K foot + other
+    S(plate - foot, plate' - foot') = T(foot motion)      with  T = I foot'' + B foot' + K foot +
+    other
 
-Solution: inertia, viscosity, stiffness and strap are one linear second-order system and are integrated exactly for
-inputs that are linear between samples. What remains, ``other`` (reflex, further terms, gains that change, an offset),
-enters as an input and is found by waveform relaxation: take it as it was, integrate the foot over a window, evaluate
-the terms on that motion, repeat until the torque no longer changes. The reflex comes a delay after the motion, so a
-window converges in a few rounds; one that does not is halved. Only models with such a coupling pay for this.
+Solution: inertia, viscosity, stiffness and strap are one linear second-order system and are
+integrated exactly for inputs that are linear between samples. What remains, ``other`` (reflex,
+further terms, gains that change, an offset), enters as an input and is found by waveform
+relaxation: take it as it was, integrate the foot over a window, evaluate the terms on that motion,
+repeat until the torque no longer changes. The reflex comes a delay after the motion, so a window
+converges in a few rounds; one that does not is halved. Only models with such a coupling pay for
+this.
 
-The sensor at the plate sees S, the torque through the strap, plus the torque of terms that act on the plate.
+The sensor at the plate sees S, the torque through the strap, plus the torque of terms that act on
+the plate.
 """
 
 from __future__ import annotations
@@ -34,11 +40,13 @@ if TYPE_CHECKING:
 
 # About two reflex delays: longer windows need more rounds, shorter ones more overhead.
 LONGEST_WINDOW = 0.1  # s
-# A window of the paper's model converges in four to eight rounds; one that needs far more is cheaper in halves.
+# A window of the paper's model converges in four to eight rounds; one that needs far more is
+# cheaper in halves.
 MOST_ROUNDS = 20
 # Of the torque, or of 1 N.m where the torque is smaller; far below any sensor's resolution.
 TOLERANCE = 1e-11
-# The linear system is renewed when its coefficients have changed by more than this; smaller changes are left to `other`.
+# The linear system is renewed when its coefficients have changed by more than this; smaller changes
+# are left to `other`.
 RENEWAL = 0.1
 
 
@@ -50,8 +58,12 @@ class CompliantCoupling(Term):
         """Stiffness [N.m/rad] and damping [N.m.s/rad] of the coupling for small extensions."""
 
     @abstractmethod
-    def coupling_torque(self, extension: np.ndarray, rate: np.ndarray, values: Values) -> np.ndarray:
-        """Torque [N.m] on the foot, shape (n,), for plate minus foot angle [rad] and its rate [rad/s]."""
+    def coupling_torque(
+        self, extension: np.ndarray, rate: np.ndarray, values: Values
+    ) -> np.ndarray:
+        """Torque [N.m] on the foot, shape (n,), for plate minus foot angle [rad] and its rate
+        [rad/s].
+        """
 
 
 @dataclass(frozen=True)
@@ -70,21 +82,33 @@ class _Linear:
 
     def far_from(self, other: _Linear) -> bool:
         """Whether the coefficients differ enough for a renewal."""
-        pairs = ((self.I, other.I), (self.B + self.b, other.B + other.b), (self.K + self.k, other.K + other.k))
+        pairs = (
+            (self.I, other.I),
+            (self.B + self.b, other.B + other.b),
+            (self.K + self.k, other.K + other.k),
+        )
         return any(abs(mine - yours) > RENEWAL * max(abs(yours), 1e-12) for mine, yours in pairs)
 
 
 class FootLoop:
-    """The motion of a foot behind a compliant coupling, stretch by stretch, from rest in equilibrium.
+    """The motion of a foot behind a compliant coupling, stretch by stretch, from rest in
+    equilibrium.
 
-    Args:
-        rate: [Hz].
-        coupling: the compliant coupling of the model.
-        terms: every term that acts on the foot and may depend on its motion, in the order of the path.
-        states: their states.
+    Parameters
+    ----------
+    rate
+        [Hz].
+    coupling
+        The compliant coupling of the model.
+    terms
+        Every term that acts on the foot and may depend on its motion, in the order of the path.
+    states
+        Their states.
     """
 
-    def __init__(self, rate: float, coupling: Entry, terms: list[Entry], states: list[State]) -> None:
+    def __init__(
+        self, rate: float, coupling: Entry, terms: list[Entry], states: list[State]
+    ) -> None:
         self._rate = rate
         self._coupling = coupling
         self._terms = terms
@@ -98,14 +122,20 @@ class FootLoop:
     def run(self, signals: Signals, given: np.ndarray) -> dict[str, np.ndarray]:
         """Move the foot of `signals`, whose foot motion so far is what drives the coupling.
 
-        Args:
-            given: torque on the foot that does not depend on its motion [N.m], shape (n,).
+        Parameters
+        ----------
+        given
+            Torque on the foot that does not depend on its motion [N.m], shape (n,).
 
-        Returns:
+        Returns
+        -------
+        dict[str, np.ndarray]
             Torque [N.m] of each term on the foot, each of shape (n,).
 
-        Raises:
-            ModelError: the model's foot has no inertia, or its motion has no solution.
+        Raises
+        ------
+        ModelError
+            The model's foot has no inertia, or its motion has no solution.
         """
         n = len(signals.position)
         drive = np.stack([signals.foot_position, signals.foot_velocity])
@@ -121,11 +151,17 @@ class FootLoop:
             if parts is None:
                 if stop - start == 1:
                     raise ModelError(
-                        "the foot's motion does not converge: a term on the foot is too steep for the coupling and the inertia"
+                        "the foot's motion does not converge: a term on the foot is too steep for "
+                        "the coupling and the inertia"
                     )
                 self._window = (stop - start) // 2
                 continue
-            moved[:, start:stop] = window.foot_position, window.foot_velocity, window.foot_acceleration, window.drive
+            moved[:, start:stop] = (
+                window.foot_position,
+                window.foot_velocity,
+                window.foot_acceleration,
+                window.drive,
+            )
             for name, torque in parts.items():
                 torques[name][start:stop] = torque
             start = stop
@@ -154,7 +190,9 @@ class FootLoop:
             parts = torques_of(self._terms, window, values[1:], states)
             total = sum(parts.values(), given)
             extension, rate = drive[0] - x, drive[1] - v
-            excess = term.coupling_torque(extension, rate, values[0]) - (linear.k * extension + linear.b * rate)
+            excess = term.coupling_torque(extension, rate, values[0]) - (
+                linear.k * extension + linear.b * rate
+            )
             change = other
             other = total - linear.foot(x, v, a) - excess
             size = np.abs(other - change).max()
@@ -167,8 +205,12 @@ class FootLoop:
                 break
         return None, rounds
 
-    def _prepare(self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]) -> None:
-        """Linearise at the first sample of a window; before the very first, settle the foot in equilibrium."""
+    def _prepare(
+        self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]
+    ) -> None:
+        """Linearise at the first sample of a window; before the very first, settle the foot in
+        equilibrium.
+        """
         linear = self._linearise(values)
         if self._linear is None:
             self._linear = linear
@@ -178,26 +220,36 @@ class FootLoop:
             x, v, push = dynamics.state
             acceleration = ((old.K + old.k) * (push - x) - (old.B + old.b) * v) / old.I
             # The torque that moves the foot stays; what of it counts as linear changes.
-            renewed = linear.I * acceleration + (linear.B + linear.b) * v + (linear.K + linear.k) * x
+            renewed = (
+                linear.I * acceleration + (linear.B + linear.b) * v + (linear.K + linear.k) * x
+            )
             self._dynamics = SecondOrder(self._rate)
             self._dynamics.resume(x, v, renewed / (linear.K + linear.k))
             self._linear = linear
 
     def _linearise(self, values: list[Values]) -> _Linear:
-        own = {entry.term.name: values_of_term for entry, values_of_term in zip(self._terms, values[1:], strict=True)}
+        own = {
+            entry.term.name: values_of_term
+            for entry, values_of_term in zip(self._terms, values[1:], strict=True)
+        }
 
         def first(term: str, symbol: str) -> float:
             return float(np.ravel(own[term][symbol])[0]) if term in own else 0.0
 
         inertia = first("inertia", "I")
         if inertia <= 0.0:
-            raise ModelError(f"'{self._coupling.term.name}' needs a foot with inertia: term 'inertia' with I above 0 kg.m^2")
+            raise ModelError(
+                f"'{self._coupling.term.name}' needs a foot with inertia: term 'inertia' with I "
+                "above 0 kg.m^2"
+            )
         term = self._coupling.term
         assert isinstance(term, CompliantCoupling)
         k, b = term.linearised(values[0])
         return _Linear(inertia, first("viscosity", "B"), first("stiffness", "K"), k, b)
 
-    def _settle(self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]) -> None:
+    def _settle(
+        self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]
+    ) -> None:
         linear = self._linear
         assert linear is not None
         first = _slice(window, 0, 1)
@@ -208,13 +260,19 @@ class FootLoop:
             first.move_foot(np.array([x]), still, still)
             at_first = [_part(own, 0, 1) for own in values[1:]]
             parts = torques_of(self._terms, first, at_first, copy.deepcopy(self._states))
-            other = float(given[0]) + sum(float(torque[0]) for torque in parts.values()) - linear.K * x
+            other = (
+                float(given[0]) + sum(float(torque[0]) for torque in parts.values()) - linear.K * x
+            )
         self._other = other
         self._dynamics.settle(x)
 
 
-def torques_of(terms: list[Entry], signals: Signals, values: list[Values], states: list[State]) -> dict[str, np.ndarray]:
-    """Walk the terms along the path: transform the signals, then the torque [N.m] of each, shape (n,), by term name."""
+def torques_of(
+    terms: list[Entry], signals: Signals, values: list[Values], states: list[State]
+) -> dict[str, np.ndarray]:
+    """Walk the terms along the path: transform the signals, then the torque [N.m] of each, shape
+    (n,), by term name.
+    """
     found: dict[str, np.ndarray] = {}
     for entry, own, state in zip(terms, values, states, strict=True):
         entry.term.transform(signals, own, state)
@@ -228,8 +286,16 @@ def torques_of(terms: list[Entry], signals: Signals, values: list[Values], state
 def _slice(signals: Signals, start: int, stop: int) -> Signals:
     part = slice(start, stop)
     assert signals.activation is not None
-    return Signals(signals.rate, signals.position[part], signals.velocity[part], signals.acceleration[part], signals.activation[part])
+    return Signals(
+        signals.rate,
+        signals.position[part],
+        signals.velocity[part],
+        signals.acceleration[part],
+        signals.activation[part],
+    )
 
 
 def _part(values: Mapping[str, Any], start: int, stop: int) -> Values:
-    return {symbol: value[start:stop] if np.ndim(value) else value for symbol, value in values.items()}
+    return {
+        symbol: value[start:stop] if np.ndim(value) else value for symbol, value in values.items()
+    }

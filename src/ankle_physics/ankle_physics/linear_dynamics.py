@@ -16,9 +16,12 @@ from scipy.linalg import expm
 class Delay:
     """``y(t) = x(t - delay)``, linear between samples; zero before the first sample.
 
-    Args:
-        rate: [Hz].
-        longest: longest delay that will be asked for [s].
+    Parameters
+    ----------
+    rate
+        [Hz].
+    longest
+        Longest delay that will be asked for [s].
     """
 
     def __init__(self, rate: float, longest: float) -> None:
@@ -29,8 +32,10 @@ class Delay:
     def run(self, x: np.ndarray, delay: float) -> np.ndarray:
         """Delayed samples, shape (n,).
 
-        Raises:
-            ValueError: delay outside 0...longest.
+        Raises
+        ------
+        ValueError
+            Delay outside 0...longest.
         """
         if not 0.0 <= delay <= self._longest:
             raise ValueError(f"delay {delay:g} s is outside 0 to {self._longest:g} s")
@@ -79,11 +84,15 @@ class SecondOrder:
         if self._settings != (omega, damping):
             self._step = second_order_step(omega, damping, 1.0 / self._rate)
             self._settings = (omega, damping)
-        return _second_order(np.ascontiguousarray(x, dtype=float), omega, damping, self._step, self._state, rows)
+        return _second_order(
+            np.ascontiguousarray(x, dtype=float), omega, damping, self._step, self._state, rows
+        )
 
 
 def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
-    """Rows of ``[y, y']`` after dt from ``[y, y', x now, x at the end]``, shape (2, 4); input linear in between."""
+    """Rows of ``[y, y']`` after dt from ``[y, y', x now, x at the end]``, shape (2, 4); input
+    linear in between.
+    """
     system = np.zeros((4, 4))
     system[0, 1] = 1.0
     system[1] = -(omega**2), -2.0 * damping * omega, omega**2, 0.0
@@ -96,7 +105,9 @@ def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _second_order(x: np.ndarray, omega: float, damping: float, step: np.ndarray, state: np.ndarray, rows: int) -> np.ndarray:
+def _second_order(
+    x: np.ndarray, omega: float, damping: float, step: np.ndarray, state: np.ndarray, rows: int
+) -> np.ndarray:
     """Response alone (1 row), or with its first and second derivative (3 rows). Changes `state`."""
     out = np.empty((rows, x.size))
     y, rate, last = state[0], state[1], state[2]
@@ -122,7 +133,9 @@ class FirstOrder:
 
     def run(self, x: np.ndarray, time_constant: float) -> np.ndarray:
         """Response y of shape (n,)."""
-        return _first_order(np.ascontiguousarray(x, dtype=float), 1.0 / (self._rate * time_constant), self._state)
+        return _first_order(
+            np.ascontiguousarray(x, dtype=float), 1.0 / (self._rate * time_constant), self._state
+        )
 
 
 @njit(cache=True)

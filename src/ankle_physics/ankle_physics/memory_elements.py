@@ -1,4 +1,5 @@
-"""Nonlinear building blocks of terms that remember movement, compiled: Dahl spring, play, structure, unequal lag.
+"""Nonlinear building blocks of terms that remember movement, compiled: Dahl spring, play,
+structure, unequal lag.
 
 Each keeps its state between calls and advances sample by sample with the input held linear between
 samples.
@@ -38,7 +39,8 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
     for k in range(x.size):
         move = x[k] - last
         last = x[k]
-        # Exact for a movement in one direction: z tends to +-yield_size over the distance yield_size.
+        # Exact for a movement in one direction: z tends to +-yield_size over the distance
+        # yield_size.
         limit = yield_size if move > 0.0 else -yield_size
         z = limit + (z - limit) * math.exp(-abs(move) / yield_size)
         z *= forgetting
@@ -48,7 +50,9 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
 
 
 class Play:
-    """Backlash: the output follows the input only when the gap is used up; it starts in the middle of the gap."""
+    """Backlash: the output follows the input only when the gap is used up; it starts in the middle
+    of the gap.
+    """
 
     def __init__(self) -> None:
         self._state = np.full(1, np.nan)
@@ -72,7 +76,8 @@ def _play(x: np.ndarray, half: float, state: np.ndarray) -> np.ndarray:
 
 
 class Structure:
-    """What movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s / breaking``; s starts at 1.
+    """What movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s / breaking``; s
+    starts at 1.
 
     Thixotropic bonds (u = velocity) and the readiness of a reflex (u = stretch velocity) follow it.
     """
@@ -83,11 +88,15 @@ class Structure:
 
     def run(self, u: np.ndarray, breaking: float, recovery: float) -> np.ndarray:
         """Structure s in 0...1, shape (n,), before the sample's own movement has broken it."""
-        return _structure(np.ascontiguousarray(u, dtype=float), 1.0 / self._rate, breaking, recovery, self._state)
+        return _structure(
+            np.ascontiguousarray(u, dtype=float), 1.0 / self._rate, breaking, recovery, self._state
+        )
 
 
 @njit(cache=True)
-def _structure(u: np.ndarray, dt: float, breaking: float, recovery: float, state: np.ndarray) -> np.ndarray:
+def _structure(
+    u: np.ndarray, dt: float, breaking: float, recovery: float, state: np.ndarray
+) -> np.ndarray:
     out = np.empty(u.size)
     s = state[0]
     for k in range(u.size):
@@ -107,7 +116,10 @@ class UnequalLag:
 
     def run(self, u: np.ndarray, rising: float, falling: float) -> np.ndarray:
         """Response of shape (n,); time constants in s."""
-        up, down = -math.expm1(-1.0 / (self._rate * rising)), -math.expm1(-1.0 / (self._rate * falling))
+        up, down = (
+            -math.expm1(-1.0 / (self._rate * rising)),
+            -math.expm1(-1.0 / (self._rate * falling)),
+        )
         return _unequal(np.ascontiguousarray(u, dtype=float), up, down, self._state)
 
 

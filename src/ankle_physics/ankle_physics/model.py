@@ -20,7 +20,8 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, State, Term, term_library
 
 PAPER_TERMS = ("inertia", "viscosity", "stiffness", "reflex")
-# Which torques act where: on the plate, on the foot behind the coupling, or on nothing because they only distort what is measured.
+# Which torques act where: on the plate, on the foot behind the coupling, or on nothing because they
+# only distort what is measured.
 PLATE = (Place.ACTUATOR, Place.COUPLING)
 FOOT = (Place.INTRINSIC, Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
 SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
@@ -30,11 +31,15 @@ SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 class Entry:
     """A term in a model.
 
-    Attributes:
-        term: the effect.
-        values: every parameter of the term by symbol; an array of shape (n,) is allowed for a linear
-            parameter while a stretch of n samples is simulated.
-        standard_errors: by symbol, where a fit gave them.
+    Attributes
+    ----------
+    term
+        The effect.
+    values
+        Every parameter of the term by symbol; an array of shape (n,) is allowed for a linear
+        parameter while a stretch of n samples is simulated.
+    standard_errors
+        By symbol, where a fit gave them.
     """
 
     term: Term
@@ -45,28 +50,39 @@ class Entry:
 class Model:
     """Terms with values, in the order of the signal path.
 
-    Args:
-        entries: at most one of each term.
-        title: free text.
+    Parameters
+    ----------
+    entries
+        At most one of each term.
+    title
+        Free text.
 
-    Raises:
-        ModelError: a term twice.
+    Raises
+    ------
+    ModelError
+        A term twice.
     """
 
     def __init__(self, entries: list[Entry], title: str = "") -> None:
         names = [entry.term.name for entry in entries]
         for name in names:
             if names.count(name) > 1:
-                raise ModelError(f"term '{name}' appears {names.count(name)} times; each term can be in a model once")
+                raise ModelError(
+                    f"term '{name}' appears {names.count(name)} times; each term can be in a "
+                    "model once"
+                )
         self.title = title
         self.entries = sorted(entries, key=lambda entry: PATH.index(entry.term.place))
 
     @classmethod
     def of(cls, values: Mapping[str, Mapping[str, float]] | None = None, title: str = "") -> Model:
-        """A model from ``{term: {symbol: value}}``; None is the paper's model. What is not given is typical.
+        """A model from ``{term: {symbol: value}}``; None is the paper's model. What is not given is
+        typical.
 
-        Raises:
-            ModelError: unknown term or symbol, or a value out of range.
+        Raises
+        ------
+        ModelError
+            Unknown term or symbol, or a value out of range.
         """
         wanted = {name: {} for name in PAPER_TERMS} if values is None else values
         return cls([_entry(name, dict(given)) for name, given in wanted.items()], title)
@@ -75,9 +91,13 @@ class Model:
     def load(cls, path: str | Path) -> Model:
         """Read a model file.
 
-        Raises:
-            ModelError: not a model file, unknown term or parameter, wrong unit, value out of range; names the file.
-            OSError: the file cannot be read.
+        Raises
+        ------
+        ModelError
+            Not a model file, unknown term or parameter, wrong unit, value out of range; names the
+            file.
+        OSError
+            The file cannot be read.
         """
         text = Path(path).read_text()
         try:
@@ -93,8 +113,10 @@ class Model:
     def from_content(cls, content: Any) -> Model:
         """The model in the parsed content of a model file.
 
-        Raises:
-            ModelError: as `load`.
+        Raises
+        ------
+        ModelError
+            As `load`.
         """
         if not isinstance(content, dict) or not isinstance(content.get("terms"), list):
             raise ModelError("a model file has 'model: free text' and a list 'terms'")
@@ -130,20 +152,29 @@ class Model:
             for parameter in entry.term.parameters:
                 value = float(entry.values[parameter.symbol])
                 error = entry.standard_errors.get(parameter.symbol)
-                item[parameter.key] = value if error is None else {"value": value, "standard_error": float(error)}
+                item[parameter.key] = (
+                    value if error is None else {"value": value, "standard_error": float(error)}
+                )
             terms.append(item)
-        Path(path).write_text(yaml.safe_dump({"model": self.title, "terms": terms}, sort_keys=False))
+        Path(path).write_text(
+            yaml.safe_dump({"model": self.title, "terms": terms}, sort_keys=False)
+        )
 
     def entry(self, name: str) -> Entry:
         """One term of the model.
 
-        Raises:
-            ModelError: the model lacks it.
+        Raises
+        ------
+        ModelError
+            The model lacks it.
         """
         for entry in self.entries:
             if entry.term.name == name:
                 return entry
-        raise ModelError(f"the model has no term '{name}'; it has {', '.join(entry.term.name for entry in self.entries)}")
+        raise ModelError(
+            f"the model has no term '{name}'; it has "
+            f"{', '.join(entry.term.name for entry in self.entries)}"
+        )
 
     def has(self, name: str) -> bool:
         """Whether the model has the term."""
@@ -161,8 +192,10 @@ class Model:
 class ModelRun:
     """A model on its way through time; keeps the state of every term between stretches.
 
-    Attributes:
-        parts: torque [N.m] of each term during the last stretch, by term name, each of shape (n,).
+    Attributes
+    ----------
+    parts
+        Torque [N.m] of each term during the last stretch, by term name, each of shape (n,).
     """
 
     def __init__(self, model: Model, rate: float, seed: int = 0) -> None:
@@ -172,25 +205,41 @@ class ModelRun:
         pairs = list(zip(model.entries, states, strict=True))
         couplings = [entry for entry in model.entries if isinstance(entry.term, CompliantCoupling)]
         if len(couplings) > 1:
-            raise ModelError(f"a model has one compliant coupling at most; found {' and '.join(entry.term.name for entry in couplings)}")
-        self._on_plate = [(entry, state) for entry, state in pairs if entry.term.place in PLATE and entry not in couplings]
-        self._activation = [(entry, state) for entry, state in pairs if entry.term.place is Place.ACTIVATION]
+            raise ModelError(
+                "a model has one compliant coupling at most; found "
+                f"{' and '.join(entry.term.name for entry in couplings)}"
+            )
+        self._on_plate = [
+            (entry, state)
+            for entry, state in pairs
+            if entry.term.place in PLATE and entry not in couplings
+        ]
+        self._activation = [
+            (entry, state) for entry, state in pairs if entry.term.place is Place.ACTIVATION
+        ]
         self._on_foot = [(entry, state) for entry, state in pairs if entry.term.place in FOOT]
         self._sensors = [(entry, state) for entry, state in pairs if entry.term.place in SENSORS]
         self._loop: FootLoop | None = None
         if couplings:
-            terms, their_states = [entry for entry, _ in self._on_foot], [state for _, state in self._on_foot]
+            terms, their_states = (
+                [entry for entry, _ in self._on_foot],
+                [state for _, state in self._on_foot],
+            )
             self._loop = FootLoop(rate, couplings[0], terms, their_states)
 
     def torque(self, signals: Signals) -> np.ndarray:
-        """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate signals."""
+        """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate
+        signals.
+        """
         self.parts = _walk(self._on_plate, signals)
         given = _walk(self._activation, signals)
         self.parts.update(given)
         if self._loop is None:
             self.parts.update(_walk(self._on_foot, signals))
         else:
-            self.parts.update(self._loop.run(signals, sum(given.values(), np.zeros(len(signals.position)))))
+            self.parts.update(
+                self._loop.run(signals, sum(given.values(), np.zeros(len(signals.position))))
+            )
         signals.torque = sum(self.parts.values(), np.zeros(len(signals.position)))
         for entry, state in self._sensors:
             entry.term.transform(signals, entry.values, state)
@@ -198,7 +247,12 @@ class ModelRun:
 
 
 def _walk(pairs: list[tuple[Entry, State]], signals: Signals) -> dict[str, np.ndarray]:
-    return torques_of([entry for entry, _ in pairs], signals, [entry.values for entry, _ in pairs], [state for _, state in pairs])
+    return torques_of(
+        [entry for entry, _ in pairs],
+        signals,
+        [entry.values for entry, _ in pairs],
+        [state for _, state in pairs],
+    )
 
 
 def _find(name: str) -> type[Term]:

@@ -1,4 +1,6 @@
-"""Quintic Hermite interpolation: between two samples the fifth-order polynomial that meets position, velocity and acceleration at both."""
+"""Quintic Hermite interpolation: between two samples the fifth-order polynomial that meets
+position, velocity and acceleration at both.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,17 @@ from numba import njit
 
 
 @njit(cache=True)
-def quintic(start: np.ndarray, end: np.ndarray, length: float, part: float) -> tuple[float, float, float]:
+def quintic(
+    start: np.ndarray, end: np.ndarray, length: float, part: float
+) -> tuple[float, float, float]:
     """Position, velocity and acceleration at ``part`` (0 to 1) of an interval.
 
-    Args:
-        start, end: position [u], velocity [u/s], acceleration [u/s^2] at the ends, shape (3,).
-        length: of the interval [s].
+    Parameters
+    ----------
+    start, end
+        Position [u], velocity [u/s], acceleration [u/s^2] at the ends, shape (3,).
+    length
+        Of the interval [s].
     """
     v0, a0 = start[1] * length, start[2] * length**2
     v1, a1 = end[1] * length, end[2] * length**2
@@ -32,19 +39,27 @@ def quintic(start: np.ndarray, end: np.ndarray, length: float, part: float) -> t
 def quintic_upsample(knots: np.ndarray, factor: int, length: float) -> np.ndarray:
     """Values at ``1/factor, ..., factor/factor`` of every interval between knots.
 
-    Args:
-        knots: position, velocity, acceleration, shape (n + 1, 3).
-        length: of an interval [s].
+    Parameters
+    ----------
+    knots
+        Position, velocity, acceleration, shape (n + 1, 3).
+    length
+        Of an interval [s].
 
-    Returns:
-        Position, velocity, acceleration, shape (3, n * factor); the last sample of each interval is its end knot.
+    Returns
+    -------
+    np.ndarray
+        Position, velocity, acceleration, shape (3, n * factor); the last sample of each interval is
+        its end knot.
     """
     n = knots.shape[0] - 1
     out = np.empty((3, n * factor))
     for k in range(n):
         for j in range(1, factor):
             row = k * factor + j - 1
-            out[0, row], out[1, row], out[2, row] = quintic(knots[k], knots[k + 1], length, j / factor)
+            out[0, row], out[1, row], out[2, row] = quintic(
+                knots[k], knots[k + 1], length, j / factor
+            )
         last = k * factor + factor - 1
         out[0, last], out[1, last], out[2, last] = knots[k + 1, 0], knots[k + 1, 1], knots[k + 1, 2]
     return out
@@ -52,12 +67,18 @@ def quintic_upsample(knots: np.ndarray, factor: int, length: float) -> np.ndarra
 
 @njit(cache=True)
 def quintic_positions(knots: np.ndarray, first: float, step: float, count: int) -> np.ndarray:
-    """Position at ``first + k * step``, k = 0...count-1, counted in intervals between knots of length 1.
+    """Position at ``first + k * step``, k = 0...count-1, counted in intervals between knots of
+    length 1.
 
-    Args:
-        knots: position, first and second derivative by interval, shape (m, 3), m > first + (count - 1) * step + 1.
+    Parameters
+    ----------
+    knots
+        Position, first and second derivative by interval, shape (m, 3), m > first + (count - 1) *
+        step + 1.
 
-    Returns:
+    Returns
+    -------
+    np.ndarray
         Shape (count,).
     """
     out = np.empty(count)

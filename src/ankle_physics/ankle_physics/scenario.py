@@ -15,8 +15,8 @@ A scenario is a YAML file::
           amplitude: 2
           frequency[Hz]: 0.1
 
-Any linear parameter of any term can be scripted; it may change from sample to sample. Until its first
-change a parameter has the model's value.
+Any linear parameter of any term can be scripted; it may change from sample to sample. Until its
+first change a parameter has the model's value.
 """
 
 from __future__ import annotations
@@ -38,12 +38,18 @@ from ankle_physics.term import Parameter, term_library
 class Change:
     """One entry of one parameter's script.
 
-    Attributes:
-        at: [s] since the first sample.
-        value: that is reached, or the mean of a sinusoid, in the parameter's unit.
-        over: duration of the ramp to `value` [s]; 0 is a jump.
-        amplitude: of the sinusoid about `value`, in the parameter's unit; 0 is none.
-        frequency: of the sinusoid [Hz].
+    Attributes
+    ----------
+    at
+        [s] since the first sample.
+    value
+        That is reached, or the mean of a sinusoid, in the parameter's unit.
+    over
+        Duration of the ramp to `value` [s]; 0 is a jump.
+    amplitude
+        Of the sinusoid about `value`, in the parameter's unit; 0 is none.
+    frequency
+        Of the sinusoid [Hz].
     """
 
     at: float
@@ -73,9 +79,13 @@ class Track:
         for index, change in enumerate(self.changes):
             end = self.changes[index + 1].at if index + 1 < len(self.changes) else math.inf
             if time[-1] >= change.at and time[0] < end:
-                within = slice(int(np.searchsorted(time, change.at)), int(np.searchsorted(time, end)))
+                within = slice(
+                    int(np.searchsorted(time, change.at)), int(np.searchsorted(time, end))
+                )
                 out[within] = _course(change, start, time[within])
-            start = float(_course(change, start, np.array([end]))[0]) if math.isfinite(end) else start
+            start = (
+                float(_course(change, start, np.array([end]))[0]) if math.isfinite(end) else start
+            )
         return out
 
 
@@ -99,9 +109,13 @@ class Scenario:
     def load(cls, path: str | Path) -> Scenario:
         """Read a scenario file.
 
-        Raises:
-            ModelError: not a scenario, unknown term or parameter, wrong unit, value out of range; names file, change, key.
-            OSError: the file cannot be read.
+        Raises
+        ------
+        ModelError
+            Not a scenario, unknown term or parameter, wrong unit, value out of range; names file,
+            change, key.
+        OSError
+            The file cannot be read.
         """
         try:
             return cls.from_content(yaml.safe_load(Path(path).read_text()))
@@ -114,8 +128,10 @@ class Scenario:
     def from_content(cls, content: Any) -> Scenario:
         """The scenario in the parsed content of a scenario file.
 
-        Raises:
-            ModelError: as `load`.
+        Raises
+        ------
+        ModelError
+            As `load`.
         """
         if not isinstance(content, dict) or not isinstance(content.get("changes"), list):
             raise ModelError("a scenario file has 'scenario: free text' and a list 'changes'")
@@ -132,35 +148,49 @@ class Scenario:
                 term, parameter = _find(str(key), where)
                 track = tracks.setdefault(str(key), Track(term, parameter, []))
                 if track.changes and at <= track.changes[-1].at:
-                    raise ModelError(f"{where}: {key} at {at:g} s does not come after its change at {track.changes[-1].at:g} s")
+                    raise ModelError(
+                        f"{where}: {key} at {at:g} s does not come after its change at "
+                        f"{track.changes[-1].at:g} s"
+                    )
                 track.changes.append(_change(item[key], at, over, parameter, f"{where}: {key}"))
         return cls(list(tracks.values()), str(content.get("scenario", "")))
 
     def require(self, model: Model) -> None:
         """Check that the model has every term that is scripted.
 
-        Raises:
-            ModelError: names the missing term and the key.
+        Raises
+        ------
+        ModelError
+            Names the missing term and the key.
         """
         for track in self.tracks:
             if not model.has(track.term):
-                raise ModelError(f"the scenario changes {track.key}, but the model has no term '{track.term}'")
+                raise ModelError(
+                    f"the scenario changes {track.key}, but the model has no term '{track.term}'"
+                )
 
     def require_free(self, term: str, symbol: str) -> None:
         """Check that a parameter is not scripted, so that it can be set by hand.
 
-        Raises:
-            ModelError: it is.
+        Raises
+        ------
+        ModelError
+            It is.
         """
         if any(track.term == term and track.parameter.symbol == symbol for track in self.tracks):
-            raise ModelError(f"{term}: {symbol} is scripted by the scenario and cannot be set by hand")
+            raise ModelError(
+                f"{term}: {symbol} is scripted by the scenario and cannot be set by hand"
+            )
 
 
 def _find(key: str, where: str) -> tuple[str, Parameter]:
     library = term_library()
     name, _, rest = key.partition(".")
     if name not in library:
-        raise ModelError(f"{where}: unknown key '{key}'; expected at[s], over[s] or 'term.parameter[unit]' as in 'stiffness.K[N.m/rad]'")
+        raise ModelError(
+            f"{where}: unknown key '{key}'; expected at[s], over[s] or 'term.parameter[unit]' as "
+            "in 'stiffness.K[N.m/rad]'"
+        )
     linear = [parameter for parameter in library[name].parameters if parameter.linear]
     for parameter in linear:
         if parameter.key == rest:
@@ -171,10 +201,15 @@ def _find(key: str, where: str) -> tuple[str, Parameter]:
 
 def _change(given: Any, at: float, over: float, parameter: Parameter, what: str) -> Change:
     if not isinstance(given, dict):
-        return Change(at, _number(given, what, parameter.unit, parameter.lower, parameter.upper), over)
+        return Change(
+            at, _number(given, what, parameter.unit, parameter.lower, parameter.upper), over
+        )
     unknown = sorted(set(given) - {"mean", "amplitude", "frequency[Hz]"})
     if unknown or len(given) < 3:
-        raise ModelError(f"{what}: a sinusoid has 'mean', 'amplitude' and 'frequency[Hz]'; found {', '.join(map(str, given))}")
+        raise ModelError(
+            f"{what}: a sinusoid has 'mean', 'amplitude' and 'frequency[Hz]'; found "
+            f"{', '.join(map(str, given))}"
+        )
     if over:
         raise ModelError(f"{what}: a sinusoid cannot be reached over a ramp; leave out over[s]")
     mean = _number(given["mean"], f"{what}: mean", parameter.unit, parameter.lower, parameter.upper)
@@ -185,7 +220,11 @@ def _change(given: Any, at: float, over: float, parameter: Parameter, what: str)
 
 
 def _number(given: Any, what: str, unit: str, lower: float, upper: float) -> float:
-    number = float(given) if isinstance(given, (int, float)) and not isinstance(given, bool) else math.nan
+    number = (
+        float(given)
+        if isinstance(given, (int, float)) and not isinstance(given, bool)
+        else math.nan
+    )
     if not (lower <= number <= upper and math.isfinite(number)):
         raise ModelError(f"{what} = {given} {unit} is outside {lower:g} to {upper:g} {unit}")
     return number

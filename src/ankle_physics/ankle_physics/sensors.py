@@ -1,8 +1,9 @@
 """From the true signals at the internal rate to samples: anti-alias filter, sampling, noise.
 
-Filter: fourth-order Butterworth at 90 % of the Nyquist frequency of the samples (frequency: van 't Veld et al. 2018,
-section II-C; order: not in the paper, a common analog anti-alias filter). All channels have the same one, so that none
-lags another. Noise: white, Gaussian, ``standard deviation = std(clean signal) / 10^(SNR/20)``.
+Filter: fourth-order Butterworth at 90 % of the Nyquist frequency of the samples (frequency: van 't
+Veld et al. 2018, section II-C; order: not in the paper, a common analog anti-alias filter). All
+channels have the same one, so that none lags another. Noise: white, Gaussian, ``standard deviation
+= std(clean signal) / 10^(SNR/20)``.
 """
 
 from __future__ import annotations
@@ -24,14 +25,19 @@ _NOISE_STREAM = 7_301
 class Sampler:
     """Anti-alias filter and sampling, stretch by stretch; settled at the first value.
 
-    Args:
-        rate: of the samples [Hz].
-        factor: internal samples for each of them.
+    Parameters
+    ----------
+    rate
+        Of the samples [Hz].
+    factor
+        Internal samples for each of them.
     """
 
     def __init__(self, rate: float, factor: int) -> None:
         self._factor = factor
-        self._sections = butter(FILTER_ORDER, FILTER_CORNER * rate / 2.0, fs=rate * factor, output="sos")
+        self._sections = butter(
+            FILTER_ORDER, FILTER_CORNER * rate / 2.0, fs=rate * factor, output="sos"
+        )
         self._state: np.ndarray | None = None
 
     def run(self, *signals: np.ndarray) -> np.ndarray:
@@ -46,10 +52,27 @@ class Sampler:
 
 
 @njit(cache=True)
-def _filter_and_sample(signal: np.ndarray, sections: np.ndarray, state: np.ndarray, factor: int, out: np.ndarray) -> None:
-    """Two second-order sections in transposed direct form II; every factor-th output is kept. Changes `state`, shape (2, 2), and `out`."""
-    b0, b1, b2, a1, a2 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
-    c0, c1, c2, d1, d2 = sections[1, 0], sections[1, 1], sections[1, 2], sections[1, 4], sections[1, 5]
+def _filter_and_sample(
+    signal: np.ndarray, sections: np.ndarray, state: np.ndarray, factor: int, out: np.ndarray
+) -> None:
+    """Two second-order sections in transposed direct form II; every factor-th output is kept.
+
+    Changes `state`, shape (2, 2), and `out`.
+    """
+    b0, b1, b2, a1, a2 = (
+        sections[0, 0],
+        sections[0, 1],
+        sections[0, 2],
+        sections[0, 4],
+        sections[0, 5],
+    )
+    c0, c1, c2, d1, d2 = (
+        sections[1, 0],
+        sections[1, 1],
+        sections[1, 2],
+        sections[1, 4],
+        sections[1, 5],
+    )
     p1, p2 = state[0, 0], state[0, 1]
     q1, q2 = state[1, 0], state[1, 1]
     k = 0
@@ -73,10 +96,13 @@ def _filter_and_sample(signal: np.ndarray, sections: np.ndarray, state: np.ndarr
 class SignalToNoise:
     """Signal-to-noise ratios [dB]: 20 log10 of the standard deviations of clean signal and noise.
 
-    Defaults of van 't Veld et al. 2018, sections II-C and II-D, measured on their device. Infinite: no noise.
+    Defaults of van 't Veld et al. 2018, sections II-C and II-D, measured on their device. Infinite:
+    no noise.
 
-    Raises:
-        ModelError: a ratio below 0 dB.
+    Raises
+    ------
+    ModelError
+        A ratio below 0 dB.
     """
 
     position: float = 52.7
@@ -84,7 +110,11 @@ class SignalToNoise:
     torque: float = 24.1
 
     def __post_init__(self) -> None:
-        for name, value in (("position", self.position), ("velocity", self.velocity), ("torque", self.torque)):
+        for name, value in (
+            ("position", self.position),
+            ("velocity", self.velocity),
+            ("torque", self.torque),
+        ):
             if not value >= 0.0:
                 raise ModelError(f"signal-to-noise ratio of {name} = {value:g} dB is below 0 dB")
 
@@ -100,19 +130,27 @@ NO_NOISE = SignalToNoise(np.inf, np.inf, np.inf)
 class Noise:
     """White noise on the samples; the same for a seed whatever the size of the stretches.
 
-    Args:
-        deviations: standard deviations [rad, rad/s, N.m], shape (3,).
-        seed: of the random streams, one for each channel.
+    Parameters
+    ----------
+    deviations
+        Standard deviations [rad, rad/s, N.m], shape (3,).
+    seed
+        Of the random streams, one for each channel.
     """
 
     def __init__(self, deviations: np.ndarray, seed: int) -> None:
         self._deviations = deviations
-        self._streams = [np.random.default_rng([_NOISE_STREAM, seed, channel]) for channel in range(len(deviations))]
+        self._streams = [
+            np.random.default_rng([_NOISE_STREAM, seed, channel])
+            for channel in range(len(deviations))
+        ]
 
     def add(self, clean: np.ndarray) -> np.ndarray:
         """Measured samples of shape (n, 3)."""
         measured = np.empty_like(clean)
-        for channel, (stream, deviation) in enumerate(zip(self._streams, self._deviations, strict=True)):
+        for channel, (stream, deviation) in enumerate(
+            zip(self._streams, self._deviations, strict=True)
+        ):
             drawn = stream.standard_normal(len(clean))
             drawn *= deviation
             np.add(clean[:, channel], drawn, out=measured[:, channel])

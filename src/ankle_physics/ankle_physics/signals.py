@@ -1,4 +1,6 @@
-"""What happens along the signal path during a stretch of time, from the footplate to the torque sensor."""
+"""What happens along the signal path during a stretch of time, from the footplate to the torque
+sensor.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,32 @@ import numpy as np
 class Signals:
     """One stretch of n samples on its way through the terms of a model; terms change it in place.
 
-    Signs: position, velocity and torque positive in dorsiflexion; torque is what is needed to move the ankle.
+    Signs: position, velocity and torque positive in dorsiflexion; torque is what is needed to move
+        the ankle.
 
-    Attributes:
-        rate: sampling rate of all arrays [Hz].
-        position: footplate angle [rad], shape (n,).
-        velocity: footplate velocity [rad/s], shape (n,).
-        acceleration: footplate acceleration [rad/s^2], shape (n,).
-        activation: muscle activation as the background torque that goes with it [N.m], shape (n,); zero at rest.
-        foot_position, foot_velocity, foot_acceleration: the same for the foot; equal to the
-            footplate's until a coupling term moves the foot differently.
-        drive: stretch velocity that the spindles signal [rad/s], shape (n,); the foot's velocity
-            until a reflex-input term shapes it. The reflex rectifies it.
-        torque: torque at the footplate [N.m], shape (n,); filled when the torque terms are summed.
-        measured_position: what the position sensor reports [rad], shape (n,).
+    Attributes
+    ----------
+    rate
+        Sampling rate of all arrays [Hz].
+    position
+        Footplate angle [rad], shape (n,).
+    velocity
+        Footplate velocity [rad/s], shape (n,).
+    acceleration
+        Footplate acceleration [rad/s^2], shape (n,).
+    activation
+        Muscle activation as the background torque that goes with it [N.m], shape (n,); zero at
+        rest.
+    foot_position, foot_velocity, foot_acceleration
+        The same for the foot; equal to the footplate's until a coupling term moves the foot
+        differently.
+    drive
+        Stretch velocity that the spindles signal [rad/s], shape (n,); the foot's velocity until a
+        reflex-input term shapes it. The reflex rectifies it.
+    torque
+        Torque at the footplate [N.m], shape (n,); filled when the torque terms are summed.
+    measured_position
+        What the position sensor reports [rad], shape (n,).
     """
 
     rate: float
@@ -46,7 +60,13 @@ class Signals:
         self.torque = np.zeros(len(self.position))
         self.move_foot(self.position, self.velocity, self.acceleration)
 
-    def move_foot(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> None:
+    def move_foot(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> None:
         """Give the foot a motion of its own; the spindles feel it."""
-        self.foot_position, self.foot_velocity, self.foot_acceleration = position, velocity, acceleration
+        self.foot_position, self.foot_velocity, self.foot_acceleration = (
+            position,
+            velocity,
+            acceleration,
+        )
         self.drive = velocity

@@ -2,12 +2,15 @@
 
 ``e = X (s(t) n(t)) + artefact + hum + amplifier noise + offset``
 
-- ``n``: noise with the spectrum of surface EMG, one stream a muscle: motor units fire out of step, so their sum is
-  coloured noise whose standard deviation s is the muscle's activity (Hogan & Mann 1980, IEEE Trans. Biomed. Eng. 27, 382).
-- ``s = background (1 + drift) + burst``: the burst is the stretch velocity of the muscle, `LATENCY` later, spread over the
-  length of an action potential, times the reflex drive and a factor that is drawn for each stretch.
+- ``n``: noise with the spectrum of surface EMG, one stream a muscle: motor units fire out of step,
+  so their sum is coloured noise whose standard deviation s is the muscle's activity (Hogan & Mann
+  1980, IEEE Trans. Biomed. Eng. 27, 382).
+- ``s = background (1 + drift) + burst``: the burst is the stretch velocity of the muscle, `LATENCY`
+  later, spread over the length of an action potential, times the reflex drive and a factor that is
+  drawn for each stretch.
 - ``X``: cross-talk from muscle to electrode.
-- artefact: cables and electrodes move with the leg, low frequencies that follow the plate's velocity.
+- artefact: cables and electrodes move with the leg, low frequencies that follow the plate's
+  velocity.
 """
 
 from __future__ import annotations
@@ -23,34 +26,54 @@ from ankle_physics.linear_dynamics import Delay, FirstOrder
 CHANNELS = ("SOL", "TA", "GL", "GM")
 STRETCHED_BY = (1.0, -1.0, 1.0, 1.0)
 """Direction of the movement that stretches each muscle."""
-_GROUPS = {direction: [k for k, own in enumerate(STRETCHED_BY) if own == direction] for direction in (1.0, -1.0)}
+_GROUPS = {
+    direction: [k for k, own in enumerate(STRETCHED_BY) if own == direction]
+    for direction in (1.0, -1.0)
+}
 BAND = (30.0, 180.0)
-"""[Hz] Second-order band-pass for n: median frequency 112 Hz; surface EMG has 70 to 130 Hz (De Luca 1997)."""
+"""[Hz] Second-order band-pass for n: median frequency 112 Hz; surface EMG has 70 to 130 Hz (De Luca
+1997).
+"""
 LATENCY = 0.035
-"""[s] Stretch to EMG: soleus 35 to 45 ms; 5 ms ahead of the paper's 40 ms for torque, which adds excitation-contraction coupling."""
+"""[s] Stretch to EMG: soleus 35 to 45 ms; 5 ms ahead of the paper's 40 ms for torque, which adds
+excitation-contraction coupling.
+"""
 POTENTIAL = 0.003
-"""[s] Time constant that spreads a volley over the length of an action potential and of conduction."""
+"""[s] Time constant that spreads a volley over the length of an action potential and of conduction.
+"""
 MOVING = 0.05
 """[rad/s] Stretch velocity from which a stretch counts as a new one."""
 DRIFT_TIME = 1.0
-"""[s] Correlation time of the background's fluctuation: common drive and force corrections below 1 Hz."""
+"""[s] Correlation time of the background's fluctuation: common drive and force corrections below 1
+Hz.
+"""
 ARTEFACT_TIME = 0.015
 """[s] Time constant of the artefact: electrodes and cables follow below 10 Hz."""
-_EMG_STREAM = 9_127  # labels the random streams, so that they differ from those of terms and sensors for the same seed
+# labels the random streams, so that they differ from those of terms and sensors for the same seed
+_EMG_STREAM = 9_127
 
 
 @dataclass(frozen=True)
 class Electrodes:
-    """What is not muscle. Sources: input noise and hum of a Porti-class amplifier; cross-talk De Luca & Merletti 1988 (5 to 17 %).
+    """What is not muscle. Sources: input noise and hum of a Porti-class amplifier; cross-talk De
+    Luca & Merletti 1988 (5 to 17 %).
 
-    Attributes:
-        noise: of skin and amplifier, white, rms [V].
-        hum: amplitude of the 50 Hz hum [V].
-        hum_frequency: [Hz].
-        artefact: per plate velocity [V.s/rad].
-        offset: half-cell potential [V].
-        crosstalk: share that reaches an electrode from a neighbour in the same group (calf), [1].
-        crosstalk_across: share between shin and calf [1].
+    Attributes
+    ----------
+    noise
+        Of skin and amplifier, white, rms [V].
+    hum
+        Amplitude of the 50 Hz hum [V].
+    hum_frequency
+        [Hz].
+    artefact
+        Per plate velocity [V.s/rad].
+    offset
+        Half-cell potential [V].
+    crosstalk
+        Share that reaches an electrode from a neighbour in the same group (calf), [1].
+    crosstalk_across
+        Share between shin and calf [1].
     """
 
     noise: float = 1.5e-6
@@ -73,10 +96,16 @@ class Electrodes:
 class Variability:
     """Coefficients of variation.
 
-    Attributes:
-        drift: of the background within a contraction: 10 % (steady isometric contractions, after smoothing over a second).
-        stretch_common: of the reflex from stretch to stretch, in all muscles alike: excitability of the pool.
-        stretch_own: the same for each muscle by itself. Together 30 %, as stretch reflexes of the soleus (20 to 40 %).
+    Attributes
+    ----------
+    drift
+        Of the background within a contraction: 10 % (steady isometric contractions, after smoothing
+        over a second).
+    stretch_common
+        Of the reflex from stretch to stretch, in all muscles alike: excitability of the pool.
+    stretch_own
+        The same for each muscle by itself. Together 30 %, as stretch reflexes of the soleus (20 to
+        40 %).
     """
 
     drift: float = 0.10
@@ -87,18 +116,34 @@ class Variability:
 class SurfaceEmg:
     """EMG sample by sample; the same for a seed whatever the size of the stretches.
 
-    Args:
-        rate: of the samples [Hz].
-        seed: of all random draws.
-        electrodes, variability: defaults where None.
+    Parameters
+    ----------
+    rate
+        Of the samples [Hz].
+    seed
+        Of all random draws.
+    electrodes, variability
+        Defaults where None.
     """
 
-    def __init__(self, rate: float, seed: int, electrodes: Electrodes | None = None, variability: Variability | None = None) -> None:
+    def __init__(
+        self,
+        rate: float,
+        seed: int,
+        electrodes: Electrodes | None = None,
+        variability: Variability | None = None,
+    ) -> None:
         self.rate = rate
         self.electrodes = electrodes or Electrodes()
         self.variability = variability or Variability()
-        self._random = [[np.random.default_rng([_EMG_STREAM, seed, channel, use]) for use in range(3)] for channel in range(4)]
-        self._stretches = {direction: np.random.default_rng([_EMG_STREAM, seed, 4, int(direction > 0)]) for direction in _GROUPS}
+        self._random = [
+            [np.random.default_rng([_EMG_STREAM, seed, channel, use]) for use in range(3)]
+            for channel in range(4)
+        ]
+        self._stretches = {
+            direction: np.random.default_rng([_EMG_STREAM, seed, 4, int(direction > 0)])
+            for direction in _GROUPS
+        }
         self._sections = butter(2, BAND, "bandpass", fs=rate, output="sos")
         self._scale = 1.0 / _noise_gain(self._sections)
         self._coloured = np.zeros((self._sections.shape[0], 2, 4))
@@ -117,20 +162,33 @@ class SurfaceEmg:
     def run(self, velocity: np.ndarray, background: np.ndarray, reflex: np.ndarray) -> np.ndarray:
         """The next samples.
 
-        Args:
-            velocity: of the plate [rad/s], shape (n,).
-            background: rms of each muscle's background activity [V], shape (4,).
-            reflex: rms of each muscle's burst per stretch velocity [V.s/rad], shape (4,).
+        Parameters
+        ----------
+        velocity
+            Of the plate [rad/s], shape (n,).
+        background
+            Rms of each muscle's background activity [V], shape (4,).
+        reflex
+            Rms of each muscle's burst per stretch velocity [V.s/rad], shape (4,).
 
-        Returns:
+        Returns
+        -------
+        np.ndarray
             EMG [V], shape (n, 4), muscles in the order of `CHANNELS`.
         """
         n = len(velocity)
         volleys = self._volleys(velocity)
-        white, wander, own = (np.column_stack([streams[use].standard_normal(n) for streams in self._random]) for use in range(3))
-        coloured, self._coloured = sosfilt(self._sections, self._scale * white, axis=0, zi=self._coloured)
+        white, wander, own = (
+            np.column_stack([streams[use].standard_normal(n) for streams in self._random])
+            for use in range(3)
+        )
+        coloured, self._coloured = sosfilt(
+            self._sections, self._scale * white, axis=0, zi=self._coloured
+        )
         slow, self._drifts = sosfilt(self._drift_filter, wander, axis=0, zi=self._drifts)
-        sources = (background * np.maximum(1.0 + self.variability.drift * slow, 0.0) + reflex * volleys) * coloured
+        sources = (
+            background * np.maximum(1.0 + self.variability.drift * slow, 0.0) + reflex * volleys
+        ) * coloured
         out = sources @ self._mixing.T
         time = (self._count + np.arange(n)) / self.rate
         self._count += n
@@ -141,7 +199,9 @@ class SurfaceEmg:
         return out
 
     def _volleys(self, velocity: np.ndarray) -> np.ndarray:
-        """Stretch velocity as the motor units of each muscle answer it [rad/s], with the factor of each stretch, shape (n, 4)."""
+        """Stretch velocity as the motor units of each muscle answer it [rad/s], with the factor of
+        each stretch, shape (n, 4).
+        """
         out = np.empty((len(velocity), 4))
         for direction, members in _GROUPS.items():
             stretch = np.maximum(direction * velocity, 0.0)
@@ -158,10 +218,19 @@ class SurfaceEmg:
         return out
 
     def _draw(self, direction: float, muscles: int) -> np.ndarray:
-        """Factors of one stretch for the muscles of a group: log-normal with mean 1, in part common to them."""
-        variances = math.log1p(self.variability.stretch_common**2), math.log1p(self.variability.stretch_own**2)
+        """Factors of one stretch for the muscles of a group: log-normal with mean 1, in part common
+        to them.
+        """
+        variances = (
+            math.log1p(self.variability.stretch_common**2),
+            math.log1p(self.variability.stretch_own**2),
+        )
         common, *own = self._stretches[direction].standard_normal(1 + muscles)
-        return np.exp(math.sqrt(variances[0]) * common + math.sqrt(variances[1]) * np.array(own) - 0.5 * sum(variances))
+        return np.exp(
+            math.sqrt(variances[0]) * common
+            + math.sqrt(variances[1]) * np.array(own)
+            - 0.5 * sum(variances)
+        )
 
 
 def _noise_gain(sections: np.ndarray) -> float:

@@ -56,15 +56,23 @@ PATH = tuple(Place)
 class Parameter:
     """One parameter of a term.
 
-    Attributes:
-        symbol: as in the equation, ``K``.
-        unit: ``N.m/rad``.
-        lower, upper: physically possible range, inclusive.
-        typical: where a search starts and what a simulation takes unless told otherwise.
-        source: where range and typical value come from.
-        linear: whether the torque is proportional to it (then `Term.torque` returns its column).
-        fitted: False for a convention, as the angle about which a curve is written; whoever fits sets
-            it (an angle: to the mean angle of the recording) and leaves it.
+    Attributes
+    ----------
+    symbol
+        As in the equation, ``K``.
+    unit
+        ``N.m/rad``.
+    lower, upper
+        Physically possible range, inclusive.
+    typical
+        Where a search starts and what a simulation takes unless told otherwise.
+    source
+        Where range and typical value come from.
+    linear
+        Whether the torque is proportional to it (then `Term.torque` returns its column).
+    fitted
+        False for a convention, as the angle about which a curve is written; whoever fits sets it
+        (an angle: to the mean angle of the recording) and leaves it.
     """
 
     symbol: str
@@ -84,15 +92,20 @@ class Parameter:
     def check(self, value: Any, term: str) -> float:
         """The value as a float.
 
-        Raises:
-            ModelError: not a finite number or outside lower...upper.
+        Raises
+        ------
+        ModelError
+            Not a finite number or outside lower...upper.
         """
         try:
             number = float(value)
         except (TypeError, ValueError):
             number = math.nan
         if not self.lower <= number <= self.upper:
-            raise ModelError(f"{term}: {self.symbol} = {value} {self.unit} is outside {self.lower:g} to {self.upper:g} {self.unit}")
+            raise ModelError(
+                f"{term}: {self.symbol} = {value} {self.unit} is outside {self.lower:g} to "
+                f"{self.upper:g} {self.unit}"
+            )
         return number
 
 
@@ -108,12 +121,18 @@ class Turn(NamedTuple):
 class Term(ABC):
     """One physical effect. Subclasses state the class attributes and override what they do.
 
-    Attributes:
-        name: as in model files, ``maxwell_relaxation``.
-        place: where in the signal path it acts.
-        sentence: one sentence in plain words that says what it is.
-        parameters: all of them, linear and not.
-        turn: where the sentence depends on the direction of the effect; else None.
+    Attributes
+    ----------
+    name
+        As in model files, ``maxwell_relaxation``.
+    place
+        Where in the signal path it acts.
+    sentence
+        One sentence in plain words that says what it is.
+    parameters
+        All of them, linear and not.
+    turn
+        Where the sentence depends on the direction of the effect; else None.
     """
 
     name: ClassVar[str]
@@ -127,17 +146,20 @@ class Term(ABC):
         """The sentence for these values."""
         if cls.turn is None:
             return cls.sentence
-        return cls.turn.below if float(values[cls.turn.symbol]) < cls.turn.neutral else cls.turn.above
+        return (
+            cls.turn.below if float(values[cls.turn.symbol]) < cls.turn.neutral else cls.turn.above
+        )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        """Fresh state for a run at `rate` [Hz]; `seed` matters to terms that draw random numbers."""
+        """Fresh state for a run at `rate` [Hz]; `seed` matters to terms that draw random numbers."""  # noqa: E501
         return {}
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:
         """Change a signal of the path in place."""
 
     def response(self, frequency: np.ndarray, values: Values) -> np.ndarray | None:
-        """Frequency response of a linear filter on the measured torque, complex, at each frequency [Hz].
+        """Frequency response of a linear filter on the measured torque, complex, at each frequency
+        [Hz].
 
         Terms at the torque sensor state it beside `transform`, so that a fit can apply it to each
         column's spectrum; None for all others.
@@ -152,8 +174,10 @@ class Term(ABC):
     def parameter(cls, symbol: str) -> Parameter:
         """One parameter by its symbol.
 
-        Raises:
-            ModelError: no such parameter.
+        Raises
+        ------
+        ModelError
+            No such parameter.
         """
         for parameter in cls.parameters:
             if parameter.symbol == symbol:

@@ -1,7 +1,8 @@
 """A rig and a subject in software: perturbation in, samples out, and what was true meanwhile.
 
-Signal path: reference -> actuator (`actuator`) -> joint model (`model`), scripted parameters (`scenario`) -> anti-alias
-filter, sampling, noise (`sensors`). Actuator and joint run at the internal rate, a whole multiple of the sampling rate.
+Signal path: reference -> actuator (`actuator`) -> joint model (`model`), scripted parameters
+(`scenario`) -> anti-alias filter, sampling, noise (`sensors`). Actuator and joint run at the
+internal rate, a whole multiple of the sampling rate.
 
 `VirtualRig` works block by block, `simulate` on a whole reference; both give the same samples.
 """
@@ -22,7 +23,8 @@ from ankle_physics.sensors import Noise, Sampler, SignalToNoise
 from ankle_physics.signals import Signals
 
 LOWEST_RATE, HIGHEST_RATE = 500.0, 10_000.0  # Hz
-# Reference samples that `simulate` takes at once: few calls, and internal signals (128 kB each) that stay in the processor's cache.
+# Reference samples that `simulate` takes at once: few calls, and internal signals (128 kB each)
+# that stay in the processor's cache.
 STRETCH = 4096
 
 
@@ -30,10 +32,17 @@ STRETCH = 4096
 class Samples:
     """What a stretch of n reference samples gave.
 
-    Attributes:
-        clean: position [rad], velocity [rad/s], torque [N.m] behind the anti-alias filter, without noise, shape (n, 3).
-        truth: value of each linear parameter at the sample times, keyed ``stiffness.K[N.m/rad]``, each of shape (n,).
-        parts: torque [N.m] of each term at the sample times, before the anti-alias filter, by term name, each of shape (n,).
+    Attributes
+    ----------
+    clean
+        Position [rad], velocity [rad/s], torque [N.m] behind the anti-alias filter, without noise,
+        shape (n, 3).
+    truth
+        Value of each linear parameter at the sample times, keyed ``stiffness.K[N.m/rad]``, each of
+        shape (n,).
+    parts
+        Torque [N.m] of each term at the sample times, before the anti-alias filter, by term name,
+        each of shape (n,).
     """
 
     clean: np.ndarray
@@ -44,27 +53,45 @@ class Samples:
 class VirtualRig:
     """One run of rig and subject, stretch by stretch; the same whatever the size of the stretches.
 
-    Args:
-        model: the joint; copied, so that a run does not change it. None: the paper's.
-        rate: of reference and samples [Hz].
-        servo: of the actuator; None: 30 Hz.
-        scenario: changes of parameters; its time starts with the first sample.
-        seed: of every random term.
+    Parameters
+    ----------
+    model
+        The joint; copied, so that a run does not change it. None: the paper's.
+    rate
+        Of reference and samples [Hz].
+    servo
+        Of the actuator; None: 30 Hz.
+    scenario
+        Changes of parameters; its time starts with the first sample.
+    seed
+        Of every random term.
 
-    Raises:
-        ModelError: rate out of range, or a scenario that the model cannot follow.
+    Raises
+    ------
+    ModelError
+        Rate out of range, or a scenario that the model cannot follow.
     """
 
     def __init__(
-        self, model: Model | None = None, rate: float = 2048.0, servo: Servo | None = None, scenario: Scenario | None = None, seed: int = 0
+        self,
+        model: Model | None = None,
+        rate: float = 2048.0,
+        servo: Servo | None = None,
+        scenario: Scenario | None = None,
+        seed: int = 0,
     ) -> None:
         if not LOWEST_RATE <= rate <= HIGHEST_RATE:
-            raise ModelError(f"sampling rate {rate:g} Hz is outside {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz")
+            raise ModelError(
+                f"sampling rate {rate:g} Hz is outside {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz"
+            )
         self.model = copy.deepcopy(model or Model.of())
         self.rate = rate
         self.scenario = scenario or Scenario([])
         self.scenario.require(self.model)
-        self._before = {track.key: float(self.model.entry(track.term).values[track.parameter.symbol]) for track in self.scenario.tracks}
+        self._before = {
+            track.key: float(self.model.entry(track.term).values[track.parameter.symbol])
+            for track in self.scenario.tracks
+        }
         self._actuator = Actuator(servo or Servo(), rate)
         self._factor = self._actuator.factor
         self._run = self.model.start(rate * self._factor, seed)
@@ -74,8 +101,10 @@ class VirtualRig:
     def set(self, term: str, symbol: str, value: float) -> None:
         """Change a parameter from the next stretch on.
 
-        Raises:
-            ModelError: no such term or parameter, value out of range, or the scenario determines it.
+        Raises
+        ------
+        ModelError
+            No such term or parameter, value out of range, or the scenario determines it.
         """
         entry = self.model.entry(term)
         parameter = entry.term.parameter(symbol)
@@ -85,17 +114,24 @@ class VirtualRig:
     def run(self, reference: np.ndarray) -> Samples:
         """The next stretch.
 
-        Args:
-            reference: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), n >= 1, finite; or
-                position alone, shape (n, 1).
+        Parameters
+        ----------
+        reference
+            Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), n >= 1, finite;
+            or position alone, shape (n, 1).
         """
         factor = self._factor
         motion = self._actuator.run(np.ascontiguousarray(reference, dtype=float))
-        # Internal sample factor - 1 of the run is at the time of the first reference sample, scenario time 0.
-        time = (np.arange(1 - factor, motion.shape[1] + 1 - factor) + self._count * factor) / (self.rate * factor)
+        # Internal sample factor - 1 of the run is at the time of the first reference sample,
+        # scenario time 0.
+        time = (np.arange(1 - factor, motion.shape[1] + 1 - factor) + self._count * factor) / (
+            self.rate * factor
+        )
         self._count += len(reference)
         for track in self.scenario.tracks:
-            self.model.entry(track.term).values[track.parameter.symbol] = track.values(time, self._before[track.key])
+            self.model.entry(track.term).values[track.parameter.symbol] = track.values(
+                time, self._before[track.key]
+            )
         signals = Signals(self.rate * factor, motion[0], motion[1], motion[2])
         self._run.torque(signals)
         clean = self._sampler.run(signals.measured_position, signals.velocity, signals.torque)
@@ -106,22 +142,33 @@ class VirtualRig:
                 if parameter.linear:
                     value = entry.values[parameter.symbol]
                     truth[f"{entry.term.name}.{parameter.key}"] = (
-                        value[at_samples] if np.ndim(value) else np.full(len(reference), float(value))
+                        value[at_samples]
+                        if np.ndim(value)
+                        else np.full(len(reference), float(value))
                     )
-        return Samples(clean, truth, {name: torque[at_samples] for name, torque in self._run.parts.items()})
+        return Samples(
+            clean, truth, {name: torque[at_samples] for name, torque in self._run.parts.items()}
+        )
 
 
 @dataclass(frozen=True)
 class Recording:
     """A simulated recording of n samples.
 
-    Attributes:
-        rate: [Hz].
-        measured: position [rad], velocity [rad/s], torque [N.m] with noise, shape (n, 3).
-        clean: the same without noise.
-        truth: value of each linear parameter, keyed ``stiffness.K[N.m/rad]``, each of shape (n,).
-        parts: torque [N.m] of each term before the anti-alias filter, by term name, each of shape (n,).
-        noise: standard deviations of the noise [rad, rad/s, N.m], shape (3,).
+    Attributes
+    ----------
+    rate
+        [Hz].
+    measured
+        Position [rad], velocity [rad/s], torque [N.m] with noise, shape (n, 3).
+    clean
+        The same without noise.
+    truth
+        Value of each linear parameter, keyed ``stiffness.K[N.m/rad]``, each of shape (n,).
+    parts
+        Torque [N.m] of each term before the anti-alias filter, by term name, each of shape (n,).
+    noise
+        Standard deviations of the noise [rad, rad/s, N.m], shape (3,).
     """
 
     rate: float
@@ -162,26 +209,44 @@ def simulate(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
-    """Simulate a whole reference; the noise follows from the standard deviations of the clean signals themselves.
+    """Simulate a whole reference; the noise follows from the standard deviations of the clean
+    signals themselves.
 
-    Args:
-        reference: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), finite.
-        rate: of the reference and the samples [Hz].
-        model: None: the paper's.
-        servo: None: 30 Hz, damping 0.7.
-        signal_to_noise: None: the paper's; `sensors.NO_NOISE` for none.
-        scenario: changes of parameters.
-        seed: of every random term and of the noise.
-        progress: called now and then with the part done, 0 to 1.
+    Parameters
+    ----------
+    reference
+        Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), finite.
+    rate
+        Of the reference and the samples [Hz].
+    model
+        None: the paper's.
+    servo
+        None: 30 Hz, damping 0.7.
+    signal_to_noise
+        None: the paper's; `sensors.NO_NOISE` for none.
+    scenario
+        Changes of parameters.
+    seed
+        Of every random term and of the noise.
+    progress
+        Called now and then with the part done, 0 to 1.
 
-    Raises:
-        ModelError: rate out of range, not a finite reference, or a scenario that the model cannot follow.
+    Raises
+    ------
+    ModelError
+        Rate out of range, not a finite reference, or a scenario that the model cannot follow.
     """
     reference = np.asarray(reference, dtype=float)
     if reference.ndim != 2 or reference.shape[1] not in (1, 3) or not len(reference):
-        raise ModelError(f"the reference has shape {reference.shape}, expected (n, 3): position, velocity, acceleration")
+        raise ModelError(
+            f"the reference has shape {reference.shape}, expected (n, 3): position, velocity, "
+            "acceleration"
+        )
     if not np.isfinite(reference).all():
-        raise ModelError(f"the reference has {np.count_nonzero(~np.isfinite(reference).all(axis=1))} samples that are not finite")
+        raise ModelError(
+            f"the reference has {np.count_nonzero(~np.isfinite(reference).all(axis=1))} samples "
+            "that are not finite"
+        )
     rig = VirtualRig(model, rate, servo, scenario, seed)
     total = len(reference)
     # Each channel in one piece.
@@ -200,7 +265,9 @@ def simulate(
     return Recording(rate, Noise(noise, seed).add(clean), clean, truth, parts, noise)
 
 
-def _collect(into: dict[str, np.ndarray], found: Mapping[str, np.ndarray], start: int, stop: int, total: int) -> None:
+def _collect(
+    into: dict[str, np.ndarray], found: Mapping[str, np.ndarray], start: int, stop: int, total: int
+) -> None:
     for key, values in found.items():
         if key not in into:
             into[key] = np.empty(total)

@@ -41,9 +41,12 @@ def stiffness_at(t):
 
 
 def integrated(time, k_s, b_s, maxwell_k=0.0, maxwell_T=0.05, K=stiffness_at):
-    """Foot, muscle and Maxwell element as one delay equation, by the method of steps with an adaptive solver.
+    """Foot, muscle and Maxwell element as one delay equation, by the method of steps with an
+    adaptive solver.
 
-    Returns:
+    Returns
+    -------
+    object
         Torque through the strap [N.m] and foot angle [rad], each of shape (n,).
     """
     steps = []
@@ -60,17 +63,34 @@ def integrated(time, k_s, b_s, maxwell_k=0.0, maxwell_T=0.05, K=stiffness_at):
         maxwell = maxwell_k * (foot - lagged)
         acceleration = (strap - B * v - K(t) * foot - G * muscle - maxwell) / I
         stretch = max(foot_velocity(t - DELAY), 0.0)
-        return [v, acceleration, muscle_rate, OMEGA**2 * (stretch - muscle) - 2 * Z * OMEGA * muscle_rate, (foot - lagged) / maxwell_T]
+        return [
+            v,
+            acceleration,
+            muscle_rate,
+            OMEGA**2 * (stretch - muscle) - 2 * Z * OMEGA * muscle_rate,
+            (foot - lagged) / maxwell_T,
+        ]
 
     state = np.zeros(5)
     for index in range(int(np.ceil(time[-1] / DELAY))):
         span = [index * DELAY, (index + 1) * DELAY]
-        part = solve_ivp(rates, span, state, method="DOP853", rtol=1e-8, atol=1e-11, max_step=2e-3, dense_output=True)
+        part = solve_ivp(
+            rates,
+            span,
+            state,
+            method="DOP853",
+            rtol=1e-8,
+            atol=1e-11,
+            max_step=2e-3,
+            dense_output=True,
+        )
         steps.append(part.sol)
         state = part.y[:, -1]
     solution = np.array([steps[min(int(t / DELAY), len(steps) - 1)](t) for t in time])
     plate = np.array([plate_motion(t) for t in time])
-    return k_s * (plate[:, 0] - solution[:, 0]) + b_s * (plate[:, 1] - solution[:, 1]), solution[:, 0]
+    return k_s * (plate[:, 0] - solution[:, 0]) + b_s * (plate[:, 1] - solution[:, 1]), solution[
+        :, 0
+    ]
 
 
 @pytest.mark.parametrize(("k_s", "b_s"), [(400.0, 1.0), (3000.0, 2.0)])
@@ -85,7 +105,9 @@ def test_strap_torque_against_the_full_equation(k_s, b_s):
             "fixation_compliance": {"k_s": k_s, "b_s": b_s},
         }
     )
-    scenario = Scenario.from_content({"changes": [{"at[s]": 0.5, "over[s]": 0.1, "stiffness.K[N.m/rad]": 160}]})
+    scenario = Scenario.from_content(
+        {"changes": [{"at[s]": 0.5, "over[s]": 0.1, "stiffness.K[N.m/rad]": 160}]}
+    )
     recording = simulate(sampled(1.0), RATE, model, Servo(0.0), NO_NOISE, scenario)
     expected, _ = integrated(recording.time, k_s, b_s, maxwell_k=60.0)
     torque = sum(recording.parts.values())
@@ -97,7 +119,15 @@ def test_error_falls_with_the_square_of_the_step():
     for rate in (2048.0, 8192.0):
         time = np.arange(int(0.8 * rate)) / rate
         signals = Signals(rate, *sampled(0.8, rate).T)
-        model = Model.of({"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}, "fixation_compliance": {}})
+        model = Model.of(
+            {
+                "inertia": {},
+                "viscosity": {},
+                "stiffness": {},
+                "reflex": {},
+                "fixation_compliance": {},
+            }
+        )
         expected, foot = integrated(time, 2000.0, 2.0, K=lambda t: 100.0)
         errors.append(np.abs(model.torque(signals) - expected).max() / np.abs(expected).max())
     assert errors[1] < 1e-4
@@ -109,13 +139,21 @@ def test_a_very_stiff_strap_is_no_strap():
     paper = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
     rigid = simulate(sampled(1.0), model=Model.of(paper), signal_to_noise=NO_NOISE)
     strapped = simulate(
-        sampled(1.0), model=Model.of({**paper, "fixation_compliance": {"k_s": 50_000.0, "b_s": 30.0}}), signal_to_noise=NO_NOISE
+        sampled(1.0),
+        model=Model.of({**paper, "fixation_compliance": {"k_s": 50_000.0, "b_s": 30.0}}),
+        signal_to_noise=NO_NOISE,
     )
     assert np.abs(strapped.torque - rigid.torque).max() < 0.02 * np.abs(rigid.torque).max()
 
 
 def test_the_foot_starts_at_rest_in_equilibrium():
-    model = Model.of({"inertia": {}, "stiffness": {"K": 100.0, "x0": -0.05}, "fixation_compliance": {"k_s": 300.0}})
+    model = Model.of(
+        {
+            "inertia": {},
+            "stiffness": {"K": 100.0, "x0": -0.05},
+            "fixation_compliance": {"k_s": 300.0},
+        }
+    )
     still = np.full(100, 0.1)
     signals = Signals(8192.0, still, np.zeros(100), np.zeros(100))
     torque = model.torque(signals)
@@ -127,7 +165,16 @@ def test_the_foot_starts_at_rest_in_equilibrium():
 @pytest.mark.parametrize("name", sorted(set(term_library()) - {"fixation_compliance"}))
 def test_every_other_term_works_behind_the_strap_in_blocks_as_in_one_go(name):
     x, v, a = sampled(0.3, 8192.0).T
-    model = Model.of({"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}, "fixation_compliance": {}, name: {}})
+    model = Model.of(
+        {
+            "inertia": {},
+            "viscosity": {},
+            "stiffness": {},
+            "reflex": {},
+            "fixation_compliance": {},
+            name: {},
+        }
+    )
     whole = model.torque(Signals(8192.0, x, v, a))
     run = model.start(8192.0)
     cuts = [0, 1, 100, 228, 900, len(x)]
@@ -142,7 +189,14 @@ def test_a_foot_without_inertia_is_refused():
 
 
 def test_inertia_that_triples_in_mid_run_renews_the_linear_system():
-    model = Model.of({"inertia": {"I": 0.01}, "viscosity": {"B": 3.0}, "stiffness": {}, "fixation_compliance": {}})
+    model = Model.of(
+        {
+            "inertia": {"I": 0.01},
+            "viscosity": {"B": 3.0},
+            "stiffness": {},
+            "fixation_compliance": {},
+        }
+    )
     x, v, a = sampled(1.0, 8192.0).T
     run = model.start(8192.0)
     run.torque(Signals(8192.0, x[:6200], v[:6200], a[:6200]))

@@ -18,12 +18,18 @@ TIME = np.arange(int(2 * RATE)) / RATE
 
 def sine(frequency=3.0, amplitude=0.04):
     w = 2 * np.pi * frequency
-    return amplitude * np.cos(w * TIME), -amplitude * w * np.sin(w * TIME), -amplitude * w**2 * np.cos(w * TIME)
+    return (
+        amplitude * np.cos(w * TIME),
+        -amplitude * w * np.sin(w * TIME),
+        -amplitude * w**2 * np.cos(w * TIME),
+    )
 
 
 def test_paper_model_against_an_independent_integration():
     x, v, a = sine()
-    rate_of_stretch = lambda t: max(-0.04 * 6 * np.pi * np.sin(6 * np.pi * (t - 0.04)), 0.0) if t >= 0.04 else 0.0  # noqa: E731
+    rate_of_stretch = lambda t: (  # noqa: E731
+        max(-0.04 * 6 * np.pi * np.sin(6 * np.pi * (t - 0.04)), 0.0) if t >= 0.04 else 0.0
+    )
     muscle = solve_ivp(
         lambda t, y: [y[1], 21.0**2 * (rate_of_stretch(t) - y[0]) - 2 * 0.8 * 21.0 * y[1]],
         [0, TIME[-1]],
@@ -34,7 +40,10 @@ def test_paper_model_against_an_independent_integration():
         atol=1e-12,
     )
     expected = 0.0137 * a + 0.63 * v + 100.0 * x + 10.0 * muscle.y[0]
-    assert np.abs(Model.of().torque(Signals(RATE, x, v, a)) - expected).max() < 1e-4 * np.abs(expected).max()
+    assert (
+        np.abs(Model.of().torque(Signals(RATE, x, v, a)) - expected).max()
+        < 1e-4 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize("name", sorted(term_library()))
@@ -44,7 +53,11 @@ def test_every_term_gives_the_same_in_blocks_as_in_one_go(name):
     whole = model.torque(Signals(RATE, x, v, a))
     run = model.start(RATE)
     cuts = np.cumsum([0, 1, 31, 64, 3, 500, 32, len(x)])
-    parts = [run.torque(Signals(RATE, x[i:j], v[i:j], a[i:j])) for i, j in itertools.pairwise(cuts) if i < len(x)]
+    parts = [
+        run.torque(Signals(RATE, x[i:j], v[i:j], a[i:j]))
+        for i, j in itertools.pairwise(cuts)
+        if i < len(x)
+    ]
     assert np.abs(np.concatenate(parts) - whole).max() < 1e-9
 
 
@@ -59,7 +72,10 @@ def test_every_term_states_its_parameters(name):
 
 
 def test_a_model_file_survives_saving(tmp_path):
-    model = Model.of({"inertia": {}, "stiffness": {"K": 55.5}, "reflex": {"delay": 0.045}}, title="subject 3, block 2")
+    model = Model.of(
+        {"inertia": {}, "stiffness": {"K": 55.5}, "reflex": {"delay": 0.045}},
+        title="subject 3, block 2",
+    )
     model.entry("stiffness").standard_errors["K"] = 0.25
     model.save(tmp_path / "model.yaml")
     again = Model.load(tmp_path / "model.yaml")
@@ -73,7 +89,10 @@ def test_a_model_file_survives_saving(tmp_path):
     [
         ("terms: [{term: spring}]", "unknown term 'spring'"),
         ("terms: [{term: stiffness, 'K[N.m/deg]': 3}]", "unknown parameter 'K\\[N.m/deg\\]'"),
-        ("terms: [{term: stiffness, 'K[N.m/rad]': -3}]", "K = -3 N.m/rad is outside 0 to 1000 N.m/rad"),
+        (
+            "terms: [{term: stiffness, 'K[N.m/rad]': -3}]",
+            "K = -3 N.m/rad is outside 0 to 1000 N.m/rad",
+        ),
         ("terms: [{term: stiffness, 'K[N.m/rad]': soft}]", "K = soft"),
         ("terms: [{term: inertia}, {term: inertia}]", "appears 2 times"),
         ("hello", "list 'terms'"),

@@ -38,7 +38,12 @@ def test_jump_interrupted_ramp_and_sinusoid():
 
 def test_a_ramp_starts_where_the_change_before_it_has_got():
     (track,) = Scenario.from_content(
-        {"changes": [{"at[s]": 0, "over[s]": 10, "reflex.G[N.m.s/rad]": 20}, {"at[s]": 5, "over[s]": 1, "reflex.G[N.m.s/rad]": 0}]}
+        {
+            "changes": [
+                {"at[s]": 0, "over[s]": 10, "reflex.G[N.m.s/rad]": 20},
+                {"at[s]": 5, "over[s]": 1, "reflex.G[N.m.s/rad]": 0},
+            ]
+        }
     ).tracks
     assert track.values(np.array([5.0, 5.5, 6.0]), before=0.0) == pytest.approx([10.0, 5.0, 0.0])
 
@@ -58,8 +63,14 @@ def test_the_torque_jumps_at_the_time_written():
     [
         ({"stiffness.K[N.m/rad]": 50}, r"change 1: lacks its time 'at\[s\]'"),
         ({"at[s]": -1, "stiffness.K[N.m/rad]": 50}, r"at\[s\] = -1 s is outside 0"),
-        ({"at[s]": 0, "stiffness.K[N.m/rad]": 5000}, r"stiffness.K\[N.m/rad\] = 5000 N.m/rad is outside 0 to 1000 N.m/rad"),
-        ({"at[s]": 0, "stiffness.K[N.m/deg]": 5}, "cannot be scripted; parameters of 'stiffness' that can: stiffness.K"),
+        (
+            {"at[s]": 0, "stiffness.K[N.m/rad]": 5000},
+            r"stiffness.K\[N.m/rad\] = 5000 N.m/rad is outside 0 to 1000 N.m/rad",
+        ),
+        (
+            {"at[s]": 0, "stiffness.K[N.m/deg]": 5},
+            "cannot be scripted; parameters of 'stiffness' that can: stiffness.K",
+        ),
         ({"at[s]": 0, "reflex.delay[s]": 0.05}, "cannot be scripted"),
         ({"at[s]": 0, "spring.K[N.m/rad]": 5}, "unknown key 'spring.K"),
         ({"at[s]": 0, "stiffness.K[N.m/rad]": "stiff"}, "= stiff N.m/rad"),
@@ -80,7 +91,14 @@ def test_bad_changes_are_named_with_their_file(tmp_path, change, words):
 
 def test_times_out_of_order_and_missing_terms_are_refused():
     with pytest.raises(ModelError, match=r"change 2: .* does not come after its change at 3 s"):
-        Scenario.from_content({"changes": [{"at[s]": 3, "reflex.G[N.m.s/rad]": 1}, {"at[s]": 2, "reflex.G[N.m.s/rad]": 2}]})
+        Scenario.from_content(
+            {
+                "changes": [
+                    {"at[s]": 3, "reflex.G[N.m.s/rad]": 1},
+                    {"at[s]": 2, "reflex.G[N.m.s/rad]": 2},
+                ]
+            }
+        )
     scenario = Scenario.from_content({"changes": [{"at[s]": 0, "voluntary_torque.level[N.m]": -5}]})
     with pytest.raises(ModelError, match="no term 'voluntary_torque'"):
         VirtualRig(Model.of(), scenario=scenario)

@@ -1,4 +1,6 @@
-"""Simulation against independent integration of the same equations; blocks against one go; noise and sampling."""
+"""Simulation against independent integration of the same equations; blocks against one go; noise
+and sampling.
+"""
 
 from itertools import pairwise
 
@@ -34,9 +36,17 @@ def sampled(duration=1.0, rate=RATE):
     return np.array([pulse_step(k / rate) for k in range(int(duration * rate))])
 
 
-def integrated_torque(time, bandwidth, damping=0.7, K=100.0, B=0.63, I=0.0137, G=10.0, delay=0.04, omega=21.0, z=0.8):
+def integrated_torque(
+    time, bandwidth, damping=0.7, K=100.0, B=0.63, I=0.0137, G=10.0, delay=0.04, omega=21.0, z=0.8
+):
     """The paper's model behind the servo, by an adaptive solver of order 8."""
-    tight = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-12, "max_step": 2e-3, "dense_output": True}
+    tight = {
+        "method": "DOP853",
+        "rtol": 1e-9,
+        "atol": 1e-12,
+        "max_step": 2e-3,
+        "dense_output": True,
+    }
     w = 2 * np.pi * bandwidth
     if bandwidth:
 
@@ -73,17 +83,32 @@ def test_torque_against_an_adaptive_solver(bandwidth):
 def test_other_rates_give_the_same_torque(rate):
     recording = simulate(sampled(rate=rate), rate, signal_to_noise=NO_NOISE)
     expected = integrated_torque(recording.time, 30.0)
-    # At 500 Hz an edge of 24 ms has 12 samples; the quintic between them still meets the polynomial.
+    # At 500 Hz an edge of 24 ms has 12 samples; the quintic between them still meets the
+    # polynomial.
     assert np.abs(sum(recording.parts.values()) - expected).max() < 2e-4 * np.abs(expected).max()
 
 
 def everything():
-    model = Model.of({"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}, "voluntary_torque": {}, "fixation_compliance": {}})
+    model = Model.of(
+        {
+            "inertia": {},
+            "viscosity": {},
+            "stiffness": {},
+            "reflex": {},
+            "voluntary_torque": {},
+            "fixation_compliance": {},
+        }
+    )
     scenario = Scenario.from_content(
         {
             "changes": [
                 {"at[s]": 0.2, "stiffness.K[N.m/rad]": 50},
-                {"at[s]": 0.4, "over[s]": 0.3, "stiffness.K[N.m/rad]": 120, "reflex.G[N.m.s/rad]": 3},
+                {
+                    "at[s]": 0.4,
+                    "over[s]": 0.3,
+                    "stiffness.K[N.m/rad]": 120,
+                    "reflex.G[N.m.s/rad]": 3,
+                },
             ]
         }
     )
@@ -111,8 +136,12 @@ def test_a_seed_repeats_and_another_differs():
 
 
 def test_noise_has_the_asked_signal_to_noise_ratio():
-    recording = simulate(np.tile(sampled(), (20, 1)), RATE, signal_to_noise=SignalToNoise(52.7, 37.7, 24.1))
-    ratio = 20 * np.log10(recording.clean.std(axis=0) / (recording.measured - recording.clean).std(axis=0))
+    recording = simulate(
+        np.tile(sampled(), (20, 1)), RATE, signal_to_noise=SignalToNoise(52.7, 37.7, 24.1)
+    )
+    ratio = 20 * np.log10(
+        recording.clean.std(axis=0) / (recording.measured - recording.clean).std(axis=0)
+    )
     assert np.abs(ratio - [52.7, 37.7, 24.1]).max() < 0.1
     noise = recording.measured - recording.clean
     assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.02
@@ -123,7 +152,9 @@ def test_anti_alias_filter_is_a_fourth_order_butterworth_settled_at_the_start():
     factor = oversampling(RATE)
     t = np.arange(4096 * factor) / (RATE * factor)
     corner, above = 0.9 * RATE / 2, 3500.0
-    signals = np.stack([np.sin(2 * np.pi * corner * t), np.sin(2 * np.pi * above * t), np.full(len(t), 2.5)])
+    signals = np.stack(
+        [np.sin(2 * np.pi * corner * t), np.sin(2 * np.pi * above * t), np.full(len(t), 2.5)]
+    )
     samples = Sampler(RATE, factor).run(*signals)
     sections = butter(4, corner, fs=RATE * factor, output="sos")
     expected = sosfilt(sections, signals[:2], axis=1)[:, factor - 1 :: factor].T
@@ -135,11 +166,16 @@ def test_anti_alias_filter_is_a_fourth_order_butterworth_settled_at_the_start():
 
 
 def test_servo_reaches_a_step_with_the_overshoot_of_its_damping():
-    motion = Actuator(Servo(30.0, 0.7), RATE).run(np.vstack([np.zeros((10, 3)), np.tile([0.1, 0.0, 0.0], (1000, 1))]))
+    motion = Actuator(Servo(30.0, 0.7), RATE).run(
+        np.vstack([np.zeros((10, 3)), np.tile([0.1, 0.0, 0.0], (1000, 1))])
+    )
     overshoot = np.exp(-np.pi * 0.7 / np.sqrt(1 - 0.49))
     assert motion[0].max() / 0.1 - 1 == pytest.approx(overshoot, abs=2e-3)
     assert motion[0, -1] == pytest.approx(0.1, abs=1e-6)
-    assert np.abs(np.gradient(motion[0], 1 / (4 * RATE)) - motion[1])[2:-2].max() < 2e-2 * motion[1].max()
+    assert (
+        np.abs(np.gradient(motion[0], 1 / (4 * RATE)) - motion[1])[2:-2].max()
+        < 2e-2 * motion[1].max()
+    )
 
 
 def test_ideal_actuator_meets_every_reference_sample():
@@ -147,7 +183,8 @@ def test_ideal_actuator_meets_every_reference_sample():
     motion = Actuator(Servo(0.0), RATE).run(reference)
     assert np.array_equal(motion[:, 3::4].T, reference)
     finer = sampled(1.0, 4 * RATE)[1 : 4 * len(reference) - 3]
-    # Where an edge begins or ends between two samples its jerk jumps, which no polynomial can follow.
+    # Where an edge begins or ends between two samples its jerk jumps, which no polynomial can
+    # follow.
     assert np.abs(motion[0, 4:] - finer[:, 0]).max() < 1e-6 * 0.04
 
 

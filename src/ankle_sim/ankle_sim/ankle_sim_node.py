@@ -10,10 +10,11 @@
 | /session/event | out, with holds | String | | hold started, hold ended |
 | /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
 
-A term that the model lacks is NaN in /ankle/truth. The node advances by the samples of the reference, never by timers:
-it is as fast as its input. A virtual subject (parameter `subject`) sets K, G and the voluntary torque by what its muscles do;
-they cannot be set by hand then. Parameters: `ankle_sim.parameters`.
-"""
+A term that the model lacks is NaN in /ankle/truth. The node advances by the samples of the
+reference, never by timers: it is as fast as its input. A virtual subject (parameter `subject`) sets
+K, G and the voluntary torque by what its muscles do; they cannot be set by hand then. Parameters:
+`ankle_sim.parameters`.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -25,6 +26,9 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from ankle_interfaces.block import Block, require_columns
+from ankle_interfaces.continuity import Finding
+from ankle_interfaces.errors import BlockError
 from ankle_node import session_event
 from ankle_node.node import ERROR, WARN, AnkleNode, run
 from ankle_node.parameters import ParameterError, Value
@@ -48,9 +52,6 @@ from ankle_sim.parameters import (
 from ankle_sim.procedure import some_holds
 from ankle_sim.start_values import start_value
 from ankle_sim.virtual_subject import MUSCLES, State, draw_subject
-from sample_blocks.block import Block, require_columns
-from sample_blocks.continuity import Finding
-from sample_blocks.errors import BlockError
 
 NAME = "ankle_sim"
 REFERENCE = "/perturbation/reference"
@@ -63,20 +64,31 @@ USUAL_RATE = 2048.0  # Hz; what the warm-up compiles and prepares for, any other
 class AnkleSimNode(AnkleNode):
     """Wires a `LiveRig` to its topics.
 
-    Args:
-        model: the joint; its values are the defaults of the model's parameters.
+    Parameters
+    ----------
+    model
+        The joint; its values are the defaults of the model's parameters.
     """
 
     def __init__(self, model: Model) -> None:
         self._of_model = model_parameters(model)
-        super().__init__(NAME, [*RIG_PARAMETERS, *SUBJECT_PARAMETERS, *(declared for declared, _, _ in self._of_model.values())])
+        super().__init__(
+            NAME,
+            [
+                *RIG_PARAMETERS,
+                *SUBJECT_PARAMETERS,
+                *(declared for declared, _, _ in self._of_model.values()),
+            ],
+        )
         for name, (_, term, symbol) in self._of_model.items():
             model.entry(term).values[symbol] = self.number(name)
         scenario = Scenario.load(self.text("scenario")) if self.text("scenario") else Scenario([])
         setup = Setup(
             model,
             Servo(self.number("actuator_bandwidth"), self.number("actuator_damping")),
-            SignalToNoise(self.number("snr_position"), self.number("snr_velocity"), self.number("snr_torque")),
+            SignalToNoise(
+                self.number("snr_position"), self.number("snr_velocity"), self.number("snr_torque")
+            ),
             scenario,
             self.number("noise_amplitude"),
             int(self.number("seed")),
@@ -86,8 +98,12 @@ class AnkleSimNode(AnkleNode):
             self._rig = self._make_subject(setup)
         else:
             self._rig = LiveRig(setup, self._report, bool(self.value("noise")))
-        self._samples = self.block_publisher(SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"))
-        self._truth = self.block_publisher(TRUTH, ("t[s]", "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]"))
+        self._samples = self.block_publisher(
+            SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
+        )
+        self._truth = self.block_publisher(
+            TRUTH, ("t[s]", "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]")
+        )
         self._joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
         self._simulated, self._busy = 0, 0.0
         self.get_logger().info("preparing (compiles the simulation at the first start, about 20 s)")
@@ -96,28 +112,51 @@ class AnkleSimNode(AnkleNode):
         terms = ", ".join(entry.term.name for entry in model.entries)
         self.get_logger().info(
             f"ready; model: {terms}; scenario: {scenario.title or 'none'}; "
-            f"noise {noise[0]:.2g} rad, {noise[1]:.2g} rad/s, {noise[2]:.2g} N.m (standard deviations)"
+            f"noise {noise[0]:.2g} rad, {noise[1]:.2g} rad/s, {noise[2]:.2g} N.m (standard "
+            "deviations)"
         )
 
     def _make_subject(self, setup: Setup) -> LiveRig:
         person = draw_subject(int(self.number(SUBJECT.name)))
-        holds = some_holds(int(self.number("holds")), setup.seed, self.number("hold_duration"), self.number("reach_duration"))
+        holds = some_holds(
+            int(self.number("holds")),
+            setup.seed,
+            self.number("hold_duration"),
+            self.number("reach_duration"),
+        )
         self._subject = LiveSubject(setup, person, holds, self._report, bool(self.value("noise")))
-        self._subject.told(State(**{parameter.name: self.number(parameter.name) for parameter in STATE_PARAMETERS}))
-        self._emg = self.block_publisher("/emg/samples", ("t[s]", *(f"{muscle}[V]" for muscle in MUSCLES)))
+        self._subject.told(
+            State(**{parameter.name: self.number(parameter.name) for parameter in STATE_PARAMETERS})
+        )
+        self._emg = self.block_publisher(
+            "/emg/samples", ("t[s]", *(f"{muscle}[V]" for muscle in MUSCLES))
+        )
         self._events = self.create_publisher(String, session_event.TOPIC, 10)
         return self._subject.rig
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         """Model parameters, noise and the subject's state hold from the next block on."""
         if self._subject is not None:
-            taken = [name for name in values if name in self._of_model and self._of_model[name][1:] in OF_SUBJECT]
+            taken = [
+                name
+                for name in values
+                if name in self._of_model and self._of_model[name][1:] in OF_SUBJECT
+            ]
             if taken:
-                raise ParameterError(f"parameter '{taken[0]}' follows the virtual subject; set cocontraction, excitability or push")
-            wanted = {p.name: float(values.get(p.name, self.number(p.name))) for p in STATE_PARAMETERS}
+                raise ParameterError(
+                    f"parameter '{taken[0]}' follows the virtual subject; set cocontraction, "
+                    "excitability or push"
+                )
+            wanted = {
+                p.name: float(values.get(p.name, self.number(p.name))) for p in STATE_PARAMETERS
+            }
             if wanted != {name: self.number(name) for name in wanted}:
                 self._subject.told(State(**wanted))
-        changes = [(*self._of_model[name][1:], float(value)) for name, value in values.items() if name in self._of_model]
+        changes = [
+            (*self._of_model[name][1:], float(value))
+            for name, value in values.items()
+            if name in self._of_model
+        ]
         try:
             for change in changes:
                 self._rig.check(*change)
@@ -145,7 +184,10 @@ class AnkleSimNode(AnkleNode):
         self.count("samples", self._simulated)
         self.count("held samples", self._rig.held)
         if self._simulated and self._rig.rate:
-            self.count("processor time of the simulation [%]", f"{100.0 * self._busy * self._rig.rate / self._simulated:.2f}")
+            self.count(
+                "processor time of the simulation [%]",
+                f"{100.0 * self._busy * self._rig.rate / self._simulated:.2f}",
+            )
 
     def _simulate(self, stamps: np.ndarray, reference: np.ndarray) -> list[Stretch]:
         if self._subject is None:
@@ -162,16 +204,26 @@ class AnkleSimNode(AnkleNode):
         known = MOTION if all(in_si.has(name) for name in MOTION) else MOTION[:1]
         data = require_columns(block, known, REFERENCE).data
         if known != MOTION:
-            self.health("reference", WARN, "without velocity and acceleration; position taken as linear between samples")
+            self.health(
+                "reference",
+                WARN,
+                "without velocity and acceleration; position taken as linear between samples",
+            )
         return data[:, 0], data[:, 1:]
 
     def _publish(self, stretch: Stretch) -> None:
         self._samples(np.column_stack([stretch.time, stretch.samples]))
         voluntary = stretch.parts.get(VOLUNTARY_TORQUE, math.nan)
-        row = [stretch.truth.get("stiffness.K[N.m/rad]", math.nan), stretch.truth.get("reflex.G[N.m.s/rad]", math.nan), voluntary]
+        row = [
+            stretch.truth.get("stiffness.K[N.m/rad]", math.nan),
+            stretch.truth.get("reflex.G[N.m.s/rad]", math.nan),
+            voluntary,
+        ]
         self._truth(np.array([[stretch.time[-1], *row]]))
         position, velocity, torque = (float(value) for value in stretch.samples[-1])
-        state = JointState(name=["ankle"], position=[position], velocity=[velocity], effort=[torque])
+        state = JointState(
+            name=["ankle"], position=[position], velocity=[velocity], effort=[torque]
+        )
         state.header.stamp = Time(nanoseconds=round(stretch.time[-1] * 1e9)).to_msg()
         self._joint.publish(state)
 
@@ -189,7 +241,9 @@ def make() -> AnkleSimNode:
     path, subject = str(start_value(NAME, MODEL)), start_value(NAME, SUBJECT)
     if path:
         return AnkleSimNode(with_voluntary_torque(Model.load(path)))
-    return AnkleSimNode(subject_model(draw_subject(int(subject))) if subject else with_voluntary_torque(Model.of()))
+    return AnkleSimNode(
+        subject_model(draw_subject(int(subject))) if subject else with_voluntary_torque(Model.of())
+    )
 
 
 def main() -> int:

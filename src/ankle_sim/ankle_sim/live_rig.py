@@ -1,7 +1,9 @@
-"""The virtual rig behind a stream of reference blocks that may have gaps, damaged samples or another rate.
+"""The virtual rig behind a stream of reference blocks that may have gaps, damaged samples or
+another rate.
 
-Time is the reference's own. What is missing in the reference is missing in the samples: the plate holds its last
-commanded position for as long, the joint lives on, and nothing is given out for that stretch.
+Time is the reference's own. What is missing in the reference is missing in the samples: the plate
+holds its last commanded position for as long, the joint lives on, and nothing is given out for that
+stretch.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ankle_interfaces.continuity import RATE_TOLERANCE, sampling_rate
 from ankle_physics.actuator import Servo
 from ankle_physics.model import Model
 from ankle_physics.scenario import Scenario
@@ -20,11 +23,12 @@ from ankle_physics.virtual_rig import VirtualRig, simulate
 from ankle_sim.parameters import VOLUNTARY_TORQUE
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
-from sample_blocks.continuity import RATE_TOLERANCE, sampling_rate
 
-# Long enough for about 60 pulses and steps, so that their random order matters little to the standard deviation.
+# Long enough for about 60 pulses and steps, so that their random order matters little to the
+# standard deviation.
 NOMINAL_DURATION = 30.0  # s
-# A longer hold ends the run: simulating it would keep the node from its next blocks for about 0.1 s.
+# A longer hold ends the run: simulating it would keep the node from its next blocks for about 0.1
+# s.
 LONGEST_HOLD = 60.0  # s
 
 
@@ -32,8 +36,10 @@ LONGEST_HOLD = 60.0  # s
 class Setup:
     """Everything that a rig is made of but the rate.
 
-    Attributes:
-        noise_amplitude: of the pulse-step perturbation [rad] whose response sets the noise.
+    Attributes
+    ----------
+    noise_amplitude
+        Of the pulse-step perturbation [rad] whose response sets the noise.
     """
 
     model: Model
@@ -48,12 +54,18 @@ class Setup:
 class Stretch:
     """Uninterrupted samples.
 
-    Attributes:
-        time: [s], shape (n,).
-        samples: position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
-        clean: the same without noise.
-        truth: value of each linear parameter at the last sample, keyed ``stiffness.K[N.m/rad]``.
-        parts: torque [N.m] of each term at the last sample, by term name.
+    Attributes
+    ----------
+    time
+        [s], shape (n,).
+    samples
+        Position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
+    clean
+        The same without noise.
+    truth
+        Value of each linear parameter at the last sample, keyed ``stiffness.K[N.m/rad]``.
+    parts
+        Torque [N.m] of each term at the last sample, by term name.
     """
 
     time: np.ndarray
@@ -66,14 +78,21 @@ class Stretch:
 class LiveRig:
     """Takes reference blocks, gives samples.
 
-    Args:
-        setup: what the rig is made of; its model is changed by `set`.
-        tell: called with a sentence when something happens that a person should know.
-        noisy: whether the samples have noise; may be changed at any time.
+    Parameters
+    ----------
+    setup
+        What the rig is made of; its model is changed by `set`.
+    tell
+        Called with a sentence when something happens that a person should know.
+    noisy
+        Whether the samples have noise; may be changed at any time.
 
-    Attributes:
-        held: samples for which the plate was held because the reference was missing.
-        rate: of the present run [Hz]; None before the first block.
+    Attributes
+    ----------
+    held
+        Samples for which the plate was held because the reference was missing.
+    rate
+        Of the present run [Hz]; None before the first block.
     """
 
     def __init__(self, setup: Setup, tell: Callable[[str], None], noisy: bool = True) -> None:
@@ -93,24 +112,36 @@ class LiveRig:
     def noise_deviations(self, rate: float) -> np.ndarray:
         """Standard deviations of the noise at a rate [Hz]: [rad, rad/s, N.m], shape (3,).
 
-        A signal-to-noise ratio refers to the whole signal, which a live rig does not know in advance. So the paper's
-        pulse-step perturbation is simulated once with the model as it is at the start, without scenario and voluntary
-        torque, and the noise that belongs to it stays, whatever perturbation then comes.
+        A signal-to-noise ratio refers to the whole signal, which a live rig does not know in
+        advance. So the paper's pulse-step perturbation is simulated once with the model as it is at
+        the start, without scenario and voluntary torque, and the noise that belongs to it stays,
+        whatever perturbation then comes.
         """
         if rate not in self._deviations:
-            reference = PulseStep(Settings(rate=rate, amplitude=self.setup.noise_amplitude, seed=self.setup.seed)).next(
-                int(NOMINAL_DURATION * rate)
+            reference = PulseStep(
+                Settings(rate=rate, amplitude=self.setup.noise_amplitude, seed=self.setup.seed)
+            ).next(int(NOMINAL_DURATION * rate))
+            entries = [
+                entry for entry in self.setup.model.entries if entry.term.name != VOLUNTARY_TORQUE
+            ]
+            recording = simulate(
+                reference,
+                rate,
+                Model(entries),
+                self.setup.servo,
+                self.setup.signal_to_noise,
+                seed=self.setup.seed,
             )
-            entries = [entry for entry in self.setup.model.entries if entry.term.name != VOLUNTARY_TORQUE]
-            recording = simulate(reference, rate, Model(entries), self.setup.servo, self.setup.signal_to_noise, seed=self.setup.seed)
             self._deviations[rate] = recording.noise
         return self._deviations[rate]
 
     def check(self, term: str, symbol: str, value: float) -> None:
         """Whether `set` would accept the value.
 
-        Raises:
-            ModelError: as `set`.
+        Raises
+        ------
+        ModelError
+            As `set`.
         """
         self.setup.scenario.require_free(term, symbol)
         self.setup.model.entry(term).term.parameter(symbol).check(value, term)
@@ -118,8 +149,10 @@ class LiveRig:
     def set(self, term: str, symbol: str, value: float) -> None:
         """Change a parameter of the model from the next block on.
 
-        Raises:
-            ModelError: no such parameter, value out of range, or the scenario determines it.
+        Raises
+        ------
+        ModelError
+            No such parameter, value out of range, or the scenario determines it.
         """
         self.check(term, symbol, value)
         self.setup.model.entry(term).values[symbol] = value
@@ -129,16 +162,23 @@ class LiveRig:
     def take(self, time: np.ndarray, reference: np.ndarray) -> list[Stretch]:
         """Simulate one block.
 
-        Args:
-            time: [s], shape (n,).
-            reference: position, velocity, acceleration, shape (n, 3), or position alone, shape (n, 1). Samples that are
-                not finite count as missing.
+        Parameters
+        ----------
+        time
+            [s], shape (n,).
+        reference
+            Position, velocity, acceleration, shape (n, 3), or position alone, shape (n, 1). Samples
+            that are not finite count as missing.
 
-        Returns:
+        Returns
+        -------
+        list[Stretch]
             One stretch for each uninterrupted part; empty where nothing could be simulated.
 
-        Raises:
-            ModelError: a sampling rate out of range.
+        Raises
+        ------
+        ModelError
+            A sampling rate out of range.
         """
         good = np.isfinite(time) & np.isfinite(reference).all(axis=1)
         time, reference = time[good], reference[good]
@@ -146,7 +186,10 @@ class LiveRig:
             return []
         self._follow_rate(time)
         if self.rate is None:
-            self._tell(f"{len(time)} sample(s) at t = {time[0]:.3f} s do not tell a sampling rate and are dropped")
+            self._tell(
+                f"{len(time)} sample(s) at t = {time[0]:.3f} s do not tell a sampling rate and "
+                "are dropped"
+            )
             return []
         found = []
         steps = np.round(np.diff(time, prepend=self._last_time) * self.rate).astype(int)
@@ -173,7 +216,8 @@ class LiveRig:
             return
         if self.rate is not None:
             self._tell(
-                f"the reference comes at {rate:g} Hz instead of {self.rate:g} Hz: rig and scenario start again at t = {time[0]:.3f} s"
+                f"the reference comes at {rate:g} Hz instead of {self.rate:g} Hz: rig and "
+                f"scenario start again at t = {time[0]:.3f} s"
             )
         self._restart(rate)
 
@@ -188,13 +232,21 @@ class LiveRig:
         """Let time pass for missing samples with the plate held."""
         assert self.rate is not None
         if missing < 0:
-            self._tell(f"the reference runs back in time at t = {at:.3f} s: rig and scenario start again")
+            self._tell(
+                f"the reference runs back in time at t = {at:.3f} s: rig and scenario start again"
+            )
             self._restart(self.rate)
         elif missing > LONGEST_HOLD * self.rate:
-            self._tell(f"no reference for {missing / self.rate:.1f} s before t = {at:.3f} s: rig and scenario start again")
+            self._tell(
+                f"no reference for {missing / self.rate:.1f} s before t = {at:.3f} s: rig and "
+                "scenario start again"
+            )
             self._restart(self.rate)
         elif missing:
-            self._tell(f"no reference for {missing} samples before t = {at:.3f} s: the plate was held, nothing is published for them")
+            self._tell(
+                f"no reference for {missing} samples before t = {at:.3f} s: the plate was held, "
+                "nothing is published for them"
+            )
             hold = np.zeros((missing, columns))
             hold[:, 0] = self._last_position
             assert self._rig is not None
@@ -209,7 +261,13 @@ class LiveRig:
         self._last_time, self._last_position = float(time[-1]), float(reference[-1, 0])
         samples = self._noise.add(result.clean) if self.noisy else result.clean
         truth = {key: float(values[-1]) for key, values in result.truth.items()}
-        return Stretch(time, samples, result.clean, truth, {name: float(torque[-1]) for name, torque in result.parts.items()})
+        return Stretch(
+            time,
+            samples,
+            result.clean,
+            truth,
+            {name: float(torque[-1]) for name, torque in result.parts.items()},
+        )
 
 
 def _matches(value: float, expected: float) -> bool:

@@ -20,7 +20,9 @@ OF_SUBJECT = (("stiffness", "K"), ("reflex", "G"), (VOLUNTARY_TORQUE, "level"))
 
 
 def subject_model(subject: Subject, rms: float = 0.5) -> Model:
-    """The paper's model with the subject's I and B, and a voluntary torque that drifts by `rms` [N.m]."""
+    """The paper's model with the subject's I and B, and a voluntary torque that drifts by `rms`
+    [N.m].
+    """
     return Model.of(
         {
             "inertia": {"I": subject.I},
@@ -37,9 +39,12 @@ def subject_model(subject: Subject, rms: float = 0.5) -> Model:
 class Piece:
     """Uninterrupted samples of rig and electrodes.
 
-    Attributes:
-        stretch: of the rig.
-        emg: [V], shape (n, 4), muscles SOL, TA, GL, GM.
+    Attributes
+    ----------
+    stretch
+        Of the rig.
+    emg
+        [V], shape (n, 4), muscles SOL, TA, GL, GM.
     """
 
     stretch: Stretch
@@ -49,20 +54,32 @@ class Piece:
 class LiveSubject:
     """Takes reference blocks, gives samples, EMG and events.
 
-    Args:
-        setup: the rig; its model needs stiffness, reflex and voluntary torque.
-        subject: the person.
-        holds: that the subject goes through; without any the state changes by `told` alone.
-        tell: called with a sentence when something happens that a person should know.
-        noisy: whether the rig's samples have noise.
-        steady: as `VirtualSubject`.
+    Parameters
+    ----------
+    setup
+        The rig; its model needs stiffness, reflex and voluntary torque.
+    subject
+        The person.
+    holds
+        That the subject goes through; without any the state changes by `told` alone.
+    tell
+        Called with a sentence when something happens that a person should know.
+    noisy
+        Whether the rig's samples have noise.
+    steady
+        As `VirtualSubject`.
 
-    Raises:
-        ModelError: the model lacks a term, or a scenario determines what the subject determines.
+    Raises
+    ------
+    ModelError
+        The model lacks a term, or a scenario determines what the subject determines.
 
-    Attributes:
-        rig: the rig.
-        drive: what the subject does now.
+    Attributes
+    ----------
+    rig
+        The rig.
+    drive
+        What the subject does now.
     """
 
     def __init__(
@@ -83,22 +100,33 @@ class LiveSubject:
         self._start: float | None = None
         self._ahead: list[tuple[float, PlannedHold, str]] = []
         for hold in holds:
-            self._ahead += [(hold.reach, hold, ""), (hold.start, hold, HOLD_STARTED), (hold.end, hold, HOLD_ENDED)]
+            self._ahead += [
+                (hold.reach, hold, ""),
+                (hold.start, hold, HOLD_STARTED),
+                (hold.end, hold, HOLD_ENDED),
+            ]
         self._ahead.sort(key=lambda entry: entry[0])
 
     def told(self, state: State) -> None:
         """A new state by hand."""
         self._virtual.command(state)
 
-    def take(self, time: np.ndarray, reference: np.ndarray) -> tuple[list[Piece], list[SessionEvent]]:
+    def take(
+        self, time: np.ndarray, reference: np.ndarray
+    ) -> tuple[list[Piece], list[SessionEvent]]:
         """Simulate one block.
 
-        Args:
-            time: [s], shape (n,).
-            reference: as `LiveRig.take`.
+        Parameters
+        ----------
+        time
+            [s], shape (n,).
+        reference
+            As `LiveRig.take`.
 
-        Raises:
-            ModelError: as `LiveRig.take`.
+        Raises
+        ------
+        ModelError
+            As `LiveRig.take`.
         """
         events = self._follow_procedure(time)
         pieces = []
@@ -107,14 +135,23 @@ class LiveSubject:
             if self._emg is None or self._emg.rate != self.rig.rate:
                 assert self.rig.rate is not None
                 self._emg = SurfaceEmg(self.rig.rate, self._seed)
-            pieces.append(Piece(stretch, self._emg.run(stretch.clean[:, 1], self.drive.background, self.drive.burst)))
+            pieces.append(
+                Piece(
+                    stretch,
+                    self._emg.run(stretch.clean[:, 1], self.drive.background, self.drive.burst),
+                )
+            )
         if self.rig.rate:
-            self.drive = self._virtual.advance(sum(len(stretch.time) for stretch in stretches) / self.rig.rate)
+            self.drive = self._virtual.advance(
+                sum(len(stretch.time) for stretch in stretches) / self.rig.rate
+            )
             self._drive_rig()
         return pieces, events
 
     def _drive_rig(self) -> None:
-        for (term, symbol), value in zip(OF_SUBJECT, (self.drive.K, self.drive.G, self.drive.torque), strict=True):
+        for (term, symbol), value in zip(
+            OF_SUBJECT, (self.drive.K, self.drive.G, self.drive.torque), strict=True
+        ):
             self.rig.set(term, symbol, value)
 
     def _follow_procedure(self, time: np.ndarray) -> list[SessionEvent]:
@@ -128,7 +165,11 @@ class LiveSubject:
         while self._ahead and self._start + self._ahead[0][0] <= known[-1]:
             at, hold, event = self._ahead.pop(0)
             if event:
-                events.append(SessionEvent(event, self._start + at, {"hold": hold.number, TORQUE_TARGET: hold.target}))
+                events.append(
+                    SessionEvent(
+                        event, self._start + at, {"hold": hold.number, TORQUE_TARGET: hold.target}
+                    )
+                )
             else:
                 self._virtual.command(hold.state)
         return events

@@ -1,7 +1,7 @@
 """The holds of a session, as in van 't Veld et al. 2018, section III-B.2.
 
-Perturbations in blocks of 10 minutes with breaks; for each novel state the subject first goes to it and then holds it for 60 s,
-at a torque target of 0 or -5 N.m.
+Perturbations in blocks of 10 minutes with breaks; for each novel state the subject first goes to it
+and then holds it for 60 s, at a torque target of 0 or -5 N.m.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from ankle_sim.virtual_subject import State
 HOLD = 60.0
 """[s] Length of a hold (paper)."""
 REACH = 60.0
-"""[s] From one hold to the next: long enough for the estimates to follow (rise time of K 16 s), and with it 18 holds fill the
-paper's four blocks."""
+"""[s] From one hold to the next: long enough for the estimates to follow (rise time of K 16 s), and
+with it 18 holds fill the paper's four blocks."""
 BLOCK = 600.0
 """[s] Perturbations without a break (paper: 10 to 12.5 minutes)."""
 BREAK = 150.0
@@ -31,12 +31,18 @@ PAPER_HOLDS = ((11, 7), (11, 7), (11, 8))
 class PlannedHold:
     """One hold.
 
-    Attributes:
-        number: counted from 1.
-        reach: when the subject sets out for the state [s since the first sample].
-        start, end: of the hold [s since the first sample].
-        target: torque target [N.m].
-        state: that is held.
+    Attributes
+    ----------
+    number
+        Counted from 1.
+    reach
+        When the subject sets out for the state [s since the first sample].
+    start, end
+        Of the hold [s since the first sample].
+    target
+        Torque target [N.m].
+    state
+        That is held.
     """
 
     number: int
@@ -47,20 +53,36 @@ class PlannedHold:
     state: State
 
 
-def plan(counts: tuple[int, int], seed: int, modulates: bool = True, hold: float = HOLD, reach: float = REACH) -> list[PlannedHold]:
+def plan(
+    counts: tuple[int, int],
+    seed: int,
+    modulates: bool = True,
+    hold: float = HOLD,
+    reach: float = REACH,
+) -> list[PlannedHold]:
     """Holds in random order, as many in a block as it has room for.
 
-    Args:
-        counts: holds at each of `TARGETS`.
-        seed: of states and order.
-        modulates: whether the subject can change stiffness and reflex; else every hold has the same state at a target.
-        hold, reach: [s].
+    Parameters
+    ----------
+    counts
+        Holds at each of `TARGETS`.
+    seed
+        Of states and order.
+    modulates
+        Whether the subject can change stiffness and reflex; else every hold has the same state at a
+        target.
+    hold, reach
+        [s].
     """
     random = np.random.default_rng([6_173, seed])
     wanted = []
     for target, count in zip(TARGETS, counts, strict=True):
-        # One state in each part of the range, in random order: a session looks for states that were not there before.
-        cocontraction, excitability = ((random.permutation(count) + random.uniform(size=count)) / max(count, 1) for _ in range(2))
+        # One state in each part of the range, in random order: a session looks for states that were
+        # not there before.
+        cocontraction, excitability = (
+            (random.permutation(count) + random.uniform(size=count)) / max(count, 1)
+            for _ in range(2)
+        )
         for c, e in zip(cocontraction, excitability, strict=True):
             state = State(float(c), float(e), -target) if modulates else State(push=-target)
             wanted.append((target, state))
@@ -70,10 +92,14 @@ def plan(counts: tuple[int, int], seed: int, modulates: bool = True, hold: float
         block, position = divmod(index, each)
         begin = block * (BLOCK + BREAK) + position * (hold + reach)
         target, state = wanted[place]
-        planned.append(PlannedHold(index + 1, begin, begin + reach, begin + reach + hold, target, state))
+        planned.append(
+            PlannedHold(index + 1, begin, begin + reach, begin + reach + hold, target, state)
+        )
     return planned
 
 
 def some_holds(count: int, seed: int, hold: float, reach: float) -> list[PlannedHold]:
-    """A shorter session: `count` holds of `hold` seconds, one third of them at -5 N.m as in the paper."""
+    """A shorter session: `count` holds of `hold` seconds, one third of them at -5 N.m as in the
+    paper.
+    """
     return plan((count - count // 3, count // 3), seed, hold=hold, reach=reach)

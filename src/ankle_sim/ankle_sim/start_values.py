@@ -1,4 +1,6 @@
-"""Start values of parameters on which the declaration of others depends: the model file and the subject's number."""
+"""Start values of parameters on which the declaration of others depends: the model file and the
+subject's number.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,13 @@ from ankle_node.parameters import Parameter, Value
 def start_value(node: str, parameter: Parameter) -> Value:
     """A parameter's start value, read by a short-lived node of the same name.
 
-    The defaults of the node's other parameters come from the model, so it must be known before they are declared.
+    The defaults of the node's other parameters come from the model, so it must be known before they
+    are declared.
 
-    Raises:
-        ParameterError: a value that is refused.
+    Raises
+    ------
+    ParameterError
+        A value that is refused.
     """
     probe = Node(node, start_parameter_services=False, enable_rosout=False)
     try:

@@ -1,14 +1,18 @@
-"""A virtual subject: what co-contraction, push and reflex excitability make of K, G, torque and EMG.
+"""A virtual subject: what co-contraction, push and reflex excitability make of K, G, torque and
+EMG.
 
-Calf and shin muscles act against each other. With the co-contraction c (0 to 1) the calf holds ``c F`` and the shin the same,
-so that the net torque does not change; a push P (plantarflexing, N.m) is added to the calf:
+Calf and shin muscles act against each other. With the co-contraction c (0 to 1) the calf holds ``c
+F`` and the shin the same, so that the net torque does not change; a push P (plantarflexing, N.m) is
+added to the calf:
 
-    calf = c F + max(P, 0),  shin = c F + max(-P, 0)                           [N.m], F = largest co-contraction
-    K    = K_rest + K_range (1 - exp(-(calf + shin) / saturation))             stiffness saturates with muscle force
-    G    = sum over SOL, GL, GM of G_range e (1 + calf / compensation) share   reflex grows with the calf's activity
+    calf = c F + max(P, 0),  shin = c F + max(-P, 0)                           [N.m], F = largest
+    co-contraction K    = K_rest + K_range (1 - exp(-(calf + shin) / saturation))
+    stiffness saturates with muscle force G    = sum over SOL, GL, GM of G_range e (1 + calf /
+    compensation) share   reflex grows with the calf's activity
 
-Every hold draws how the muscles share force and reflex: the same joint torque comes from another mixture of SOL, GL and GM each
-time, so no single electrode tells K or G. Every subject has other slopes and intercepts (`draw_subject`).
+Every hold draws how the muscles share force and reflex: the same joint torque comes from another
+mixture of SOL, GL and GM each time, so no single electrode tells K or G. Every subject has other
+slopes and intercepts (`draw_subject`).
 """
 
 from __future__ import annotations
@@ -21,21 +25,33 @@ import numpy as np
 MUSCLES = ("SOL", "TA", "GL", "GM")
 CALF = np.array([True, False, True, True])
 FORCE_SHARE = np.array([0.55, 1.0, 0.15, 0.30])
-"""Share of a muscle in its group's torque: physiological cross-section, Ward et al. 2009 (soleus 51, GL 10, GM 21 cm^2), with the
-gastrocnemii counted a little higher; the shin group is the tibialis anterior."""
+"""Share of a muscle in its group's torque: physiological cross-section, Ward et al. 2009 (soleus
+51, GL 10, GM 21 cm^2), with the gastrocnemii counted a little higher; the shin group is the
+tibialis anterior."""
 LARGEST_COCONTRACTION = 10.0
-"""[N.m] F: torque that calf and shin hold against each other at c = 1, a quarter of what the shin can do and a tenth of the calf."""
+"""[N.m] F: torque that calf and shin hold against each other at c = 1, a quarter of what the shin
+can do and a tenth of the calf.
+"""
 SATURATION = 12.0
-"""[N.m] Muscle torque at which 63 % of the stiffness range is reached: stiffness rises with 1 to 8 N.m/rad per N.m at first (Weiss,
-Hunter & Kearney 1988) and flattens below a third of the maximal contraction (Hunter & Kearney 1982)."""
+"""[N.m] Muscle torque at which 63 % of the stiffness range is reached: stiffness rises with 1 to 8
+N.m/rad per N.m at first (Weiss, Hunter & Kearney 1988) and flattens below a third of the maximal
+contraction (Hunter & Kearney 1982)."""
 GAIN_COMPENSATION = 10.0
-"""[N.m] Torque of a group that doubles its reflex gain (Toft et al. 1989: 5 to 10 N.m; Matthews 1986 for the principle)."""
+"""[N.m] Torque of a group that doubles its reflex gain (Toft et al. 1989: 5 to 10 N.m; Matthews
+1986 for the principle).
+"""
 SHARED_EXCITABILITY = 0.5
-"""Part of the variance of the shin's excitability that it shares with the calf: training aims at the calf."""
+"""Part of the variance of the shin's excitability that it shares with the calf: training aims at
+the calf.
+"""
 FORCE_VARIATION = 0.15
-"""Coefficient of variation, from hold to hold, of a muscle's share in the force: 10 to 20 % between repeated weak contractions."""
+"""Coefficient of variation, from hold to hold, of a muscle's share in the force: 10 to 20 % between
+repeated weak contractions.
+"""
 STIFFNESS_VARIATION = 0.10
-"""The same for what muscle force adds to the stiffness: fibre length, thixotropy, other muscles about the ankle."""
+"""The same for what muscle force adds to the stiffness: fibre length, thixotropy, other muscles
+about the ankle.
+"""
 REFLEX_VARIATION = 0.20
 """The same for a muscle's share in the reflex."""
 REACHING_TIME = 2.0
@@ -46,16 +62,26 @@ REACHING_TIME = 2.0
 class Subject:
     """A person's own numbers. Ranges: `draw_subject`.
 
-    Attributes:
-        name: as ``subject 1``.
-        K_rest: stiffness of the relaxed ankle [N.m/rad].
-        K_range: what muscle force can add [N.m/rad].
-        G_range: reflex gain at full excitability without background force [N.m.s/rad].
-        B: viscosity [N.m.s/rad].
-        I: inertia of foot and footplate [kg.m^2].
-        emg_rest: rms of each muscle at rest [V], shape (4,).
-        emg_slope: rms per torque of the muscle's group [V/N.m], shape (4,).
-        burst: rms of the reflex burst per stretch velocity at G = 10 N.m.s/rad [V.s/rad], shape (4,).
+    Attributes
+    ----------
+    name
+        As ``subject 1``.
+    K_rest
+        Stiffness of the relaxed ankle [N.m/rad].
+    K_range
+        What muscle force can add [N.m/rad].
+    G_range
+        Reflex gain at full excitability without background force [N.m.s/rad].
+    B
+        Viscosity [N.m.s/rad].
+    I
+        Inertia of foot and footplate [kg.m^2].
+    emg_rest
+        Rms of each muscle at rest [V], shape (4,).
+    emg_slope
+        Rms per torque of the muscle's group [V/N.m], shape (4,).
+    burst
+        Rms of the reflex burst per stretch velocity at G = 10 N.m.s/rad [V.s/rad], shape (4,).
     """
 
     name: str
@@ -72,8 +98,9 @@ class Subject:
 def draw_subject(number: int) -> Subject:
     """The virtual subject of a number, always the same one.
 
-    Stiffness of a relaxed ankle 25 to 45 N.m/rad and the paper's B and I (section III-A) within 20 and 10 %; electrodes differ by
-    a factor of two between people and muscles, as skin and subcutaneous fat do.
+    Stiffness of a relaxed ankle 25 to 45 N.m/rad and the paper's B and I (section III-A) within 20
+    and 10 %; electrodes differ by a factor of two between people and muscles, as skin and
+    subcutaneous fat do.
     """
     random = np.random.default_rng([5_113, number])
 
@@ -88,9 +115,11 @@ def draw_subject(number: int) -> Subject:
         B=0.63 * float(random.uniform(0.8, 1.2)),
         I=0.0137 * float(random.uniform(0.9, 1.1)),
         emg_rest=1.0e-6 * spread(4),
-        # About 2 uV rms per N.m over the calf and 5 over the shin: 200 uV in a contraction of 100 N.m and 40 N.m.
+        # About 2 uV rms per N.m over the calf and 5 over the shin: 200 uV in a contraction of 100
+        # N.m and 40 N.m.
         emg_slope=np.array([2.0e-6, 5.0e-6, 1.5e-6, 2.0e-6]) * spread(4),
-        # 20 uV.s/rad: at the 2 rad/s of the paper's perturbation a burst of 40 uV rms in the soleus, half as much in the others.
+        # 20 uV.s/rad: at the 2 rad/s of the paper's perturbation a burst of 40 uV rms in the
+        # soleus, half as much in the others.
         burst=np.array([2.0e-5, 1.0e-5, 1.0e-5, 1.5e-5]) * spread(4),
     )
 
@@ -99,13 +128,20 @@ def draw_subject(number: int) -> Subject:
 class State:
     """What a subject does.
 
-    Attributes:
-        cocontraction: c, 0 to 1.
-        excitability: of the calf's reflex, 0 to 1.
-        push: torque that the subject exerts towards plantarflexion [N.m]; 5 is the paper's target of -5 N.m.
+    Attributes
+    ----------
+    cocontraction
+        C, 0 to 1.
+    excitability
+        Of the calf's reflex, 0 to 1.
+    push
+        Torque that the subject exerts towards plantarflexion [N.m]; 5 is the paper's target of -5
+        N.m.
 
-    Raises:
-        ValueError: a value out of range, with its name and range.
+    Raises
+    ------
+    ValueError
+        A value out of range, with its name and range.
     """
 
     cocontraction: float = 0.3
@@ -113,22 +149,35 @@ class State:
     push: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, lower, upper, unit in (("cocontraction", 0.0, 1.0, ""), ("excitability", 0.0, 1.0, ""), ("push", -20.0, 20.0, " N.m")):
+        for name, lower, upper, unit in (
+            ("cocontraction", 0.0, 1.0, ""),
+            ("excitability", 0.0, 1.0, ""),
+            ("push", -20.0, 20.0, " N.m"),
+        ):
             value = getattr(self, name)
             if not lower <= value <= upper:
-                raise ValueError(f"{name} = {value:g}{unit} is refused; allowed: {lower:g} to {upper:g}{unit}")
+                raise ValueError(
+                    f"{name} = {value:g}{unit} is refused; allowed: {lower:g} to {upper:g}{unit}"
+                )
 
 
 @dataclass(frozen=True)
 class Drive:
     """What a state makes of the joint and the electrodes.
 
-    Attributes:
-        K: stiffness [N.m/rad].
-        G: reflex gain [N.m.s/rad].
-        torque: voluntary torque that the rig measures [N.m]: a push towards plantarflexion needs a dorsiflexing torque to hold the ankle.
-        background: rms of each muscle [V], shape (4,).
-        burst: rms of each muscle's burst per stretch velocity [V.s/rad], shape (4,).
+    Attributes
+    ----------
+    K
+        Stiffness [N.m/rad].
+    G
+        Reflex gain [N.m.s/rad].
+    torque
+        Voluntary torque that the rig measures [N.m]: a push towards plantarflexion needs a
+        dorsiflexing torque to hold the ankle.
+    background
+        Rms of each muscle [V], shape (4,).
+    burst
+        Rms of each muscle's burst per stretch velocity [V.s/rad], shape (4,).
     """
 
     K: float
@@ -139,17 +188,24 @@ class Drive:
 
     def towards(self, other: Drive, share: float) -> Drive:
         """A part of the way to another drive, share 0 to 1."""
-        mix = [mine + share * (theirs - mine) for mine, theirs in zip(vars(self).values(), vars(other).values(), strict=True)]
+        mix = [
+            mine + share * (theirs - mine)
+            for mine, theirs in zip(vars(self).values(), vars(other).values(), strict=True)
+        ]
         return Drive(*mix)
 
 
 class VirtualSubject:
     """A subject who is told states and reaches them.
 
-    Args:
-        subject: the person.
-        seed: of what differs from hold to hold.
-        steady: K and G follow from the state alone; muscles still share them differently from hold to hold.
+    Parameters
+    ----------
+    subject
+        The person.
+    seed
+        Of what differs from hold to hold.
+    steady
+        K and G follow from the state alone; muscles still share them differently from hold to hold.
     """
 
     def __init__(self, subject: Subject, seed: int, steady: bool = False) -> None:
@@ -162,7 +218,9 @@ class VirtualSubject:
     def command(self, state: State) -> Drive:
         """A new state; the mixture of muscles is drawn anew.
 
-        Returns:
+        Returns
+        -------
+        Drive
             The drive that will be reached.
         """
         s = self.subject
@@ -181,7 +239,10 @@ class VirtualSubject:
             stiffness = 1.0
         K = s.K_rest + added * stiffness
         compensation = 1.0 + group / GAIN_COMPENSATION
-        shin_excitability = SHARED_EXCITABILITY * state.excitability + (1.0 - SHARED_EXCITABILITY) * own_excitability
+        shin_excitability = (
+            SHARED_EXCITABILITY * state.excitability
+            + (1.0 - SHARED_EXCITABILITY) * own_excitability
+        )
         excitability = np.where(CALF, state.excitability, shin_excitability)
         gains = s.G_range * excitability * compensation * reflex
         background = np.hypot(s.emg_rest, s.emg_slope * group * force / FORCE_SHARE)
@@ -194,12 +255,16 @@ class VirtualSubject:
     def advance(self, seconds: float) -> Drive:
         """The drive after some more time [s], on the way to the state that was told last.
 
-        Raises:
-            ValueError: no state was told.
+        Raises
+        ------
+        ValueError
+            No state was told.
         """
         if self._target is None or self._present is None:
             raise ValueError(f"{self.subject.name} was told no state")
-        self._present = self._present.towards(self._target, 1.0 - math.exp(-seconds / REACHING_TIME))
+        self._present = self._present.towards(
+            self._target, 1.0 - math.exp(-seconds / REACHING_TIME)
+        )
         return self._present
 
 

@@ -1,4 +1,6 @@
-"""Reference streams with gaps, damaged samples, other rates; noise from a nominal run; parameters of the node."""
+"""Reference streams with gaps, damaged samples, other rates; noise from a nominal run; parameters
+of the node.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +21,14 @@ START = 1_700_000_000.25  # s; as large as ROS time
 
 
 def setup(scenario=None, **values):
-    return Setup(with_voluntary_torque(Model.of(values or None)), Servo(), SignalToNoise(), scenario or Scenario([]), 0.04, seed=1)
+    return Setup(
+        with_voluntary_torque(Model.of(values or None)),
+        Servo(),
+        SignalToNoise(),
+        scenario or Scenario([]),
+        0.04,
+        seed=1,
+    )
 
 
 def reference(duration, rate=RATE):
@@ -28,7 +37,11 @@ def reference(duration, rate=RATE):
 
 
 def feed(rig, time, samples, size=32):
-    return [stretch for k in range(0, len(time), size) for stretch in rig.take(time[k : k + size], samples[k : k + size])]
+    return [
+        stretch
+        for k in range(0, len(time), size)
+        for stretch in rig.take(time[k : k + size], samples[k : k + size])
+    ]
 
 
 def test_a_stream_of_blocks_gives_what_simulate_gives():
@@ -37,7 +50,10 @@ def test_a_stream_of_blocks_gives_what_simulate_gives():
     rig = LiveRig(setup(), told.append, noisy=False)
     stretches = feed(rig, time, samples)
     whole = simulate(samples, RATE, seed=1)
-    assert np.abs(np.concatenate([stretch.samples for stretch in stretches]) - whole.clean).max() < 1e-9
+    assert (
+        np.abs(np.concatenate([stretch.samples for stretch in stretches]) - whole.clean).max()
+        < 1e-9
+    )
     assert np.array_equal(np.concatenate([stretch.time for stretch in stretches]), time)
     assert told == []
 
@@ -47,7 +63,9 @@ def test_noise_is_that_of_the_nominal_run_even_while_the_plate_rests():
     time = START + np.arange(8192) / RATE
     stretches = feed(rig, time, np.zeros((8192, 3)))
     measured = np.concatenate([stretch.samples for stretch in stretches])
-    nominal = simulate(PulseStep(Settings(seed=1)).next(int(30 * RATE)), RATE, seed=1).clean.std(axis=0)
+    nominal = simulate(PulseStep(Settings(seed=1)).next(int(30 * RATE)), RATE, seed=1).clean.std(
+        axis=0
+    )
     ratio = 20 * np.log10(nominal / measured.std(axis=0))
     assert ratio == pytest.approx([52.7, 37.7, 24.1], abs=0.2)
 
@@ -64,11 +82,15 @@ def test_a_gap_is_missing_in_the_samples_told_and_the_joint_lives_on():
     assert rig.held == 100
     assert len(told) == 1
     assert "100 samples" in told[0]
-    # What the plate did meanwhile: it held the last command. Its consequences are in the samples behind the gap.
+    # What the plate did meanwhile: it held the last command. Its consequences are in the samples
+    # behind the gap.
     held = samples.copy()
     held[2000:2100] = samples[1999, 0], 0.0, 0.0
     expected = simulate(held, RATE, seed=1).clean
-    assert np.abs(np.concatenate([stretch.samples for stretch in stretches]) - expected[keep]).max() < 1e-9
+    assert (
+        np.abs(np.concatenate([stretch.samples for stretch in stretches]) - expected[keep]).max()
+        < 1e-9
+    )
 
 
 def test_samples_that_are_not_finite_count_as_missing():
@@ -92,7 +114,12 @@ def test_another_rate_a_long_pause_and_time_running_back_start_again():
     stretches = feed(rig, slow_time + 1.0, slow)
     assert "1000 Hz instead of 2048 Hz" in told[0]
     assert stretches[-1].truth["stiffness.K[N.m/rad]"] == 100.0
-    assert np.abs(np.concatenate([s.samples for s in stretches]) - simulate(slow, 1000.0, seed=1).clean).max() < 1e-9
+    assert (
+        np.abs(
+            np.concatenate([s.samples for s in stretches]) - simulate(slow, 1000.0, seed=1).clean
+        ).max()
+        < 1e-9
+    )
     feed(rig, slow_time + 500.0, slow)
     assert "no reference for 498" in told[1]
     feed(rig, slow_time + 100.0, slow)
@@ -125,11 +152,16 @@ def test_a_value_set_while_running_survives_a_new_start():
 
 
 def test_every_parameter_of_every_term_is_declared_with_the_models_value():
-    model = with_voluntary_torque(Model.of({"stiffness": {"K": 44.0}, "maxwell_relaxation": {"k": 12.0}}))
+    model = with_voluntary_torque(
+        Model.of({"stiffness": {"K": 44.0}, "maxwell_relaxation": {"k": 12.0}})
+    )
     declared = model_parameters(model)
     assert declared["K"][0].default == 44.0
     assert not declared["K"][0].fixed
     assert declared["maxwell_relaxation.k"][0].default == 12.0
     assert declared["maxwell_relaxation.T"][0].fixed
     assert declared["voluntary_torque.rms"][0].default == 0.0
-    assert all(parameter.lower <= parameter.default <= parameter.upper for parameter, _, _ in declared.values())
+    assert all(
+        parameter.lower <= parameter.default <= parameter.upper
+        for parameter, _, _ in declared.values()
+    )

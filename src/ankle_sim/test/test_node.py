@@ -1,4 +1,6 @@
-"""The node as a process of its own, over DDS: topics, parameters at run time, scenario, gaps, bad input."""
+"""The node as a process of its own, over DDS: topics, parameters at run time, scenario, gaps, bad
+input.
+"""
 
 import os
 import signal
@@ -16,12 +18,12 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from ankle_interfaces.block import Block, pack, unpack
 from ankle_node.node import BLOCK_QOS
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
-from sample_blocks.block import Block, pack, unpack
 
 pytestmark = pytest.mark.live
 
@@ -52,11 +54,25 @@ class Bench:
         self.executor.add_node(self.node)
         self.samples, self.truth, self.joint, self.health = [], [], [], []
         subscribe = self.node.create_subscription
-        subscribe(Float64MultiArray, "/ankle/samples", lambda m: self.samples.append(unpack(m)), BLOCK_QOS, raw=True)
-        subscribe(Float64MultiArray, "/ankle/truth", lambda m: self.truth.append(unpack(m)), BLOCK_QOS, raw=True)
+        subscribe(
+            Float64MultiArray,
+            "/ankle/samples",
+            lambda m: self.samples.append(unpack(m)),
+            BLOCK_QOS,
+            raw=True,
+        )
+        subscribe(
+            Float64MultiArray,
+            "/ankle/truth",
+            lambda m: self.truth.append(unpack(m)),
+            BLOCK_QOS,
+            raw=True,
+        )
         subscribe(JointState, "/ankle/joint_states", self.joint.append, 64)
         subscribe(DiagnosticArray, "/diagnostics", lambda m: self.health.extend(m.status), 64)
-        self.reference = self.node.create_publisher(Float64MultiArray, "/perturbation/reference", BLOCK_QOS)
+        self.reference = self.node.create_publisher(
+            Float64MultiArray, "/perturbation/reference", BLOCK_QOS
+        )
 
     def until(self, condition, what):
         deadline = time.monotonic() + PATIENCE
@@ -70,13 +86,19 @@ class Bench:
         """Blocks from time `start` on, never more than a few ahead of the answers."""
         stamps = start + np.arange(len(reference)) / rate
         for k in range(0, len(reference), size):
-            self.reference.publish(pack(Block(columns, np.column_stack([stamps[k : k + size], reference[k : k + size]]))))
+            self.reference.publish(
+                pack(
+                    Block(columns, np.column_stack([stamps[k : k + size], reference[k : k + size]]))
+                )
+            )
             self.executor.spin_once(timeout_sec=0.001)
             time.sleep(0.001)
         return stamps
 
     def hear(self, count):
-        self.until(lambda: sum(len(block.data) for block in self.samples) >= count, f"{count} samples")
+        self.until(
+            lambda: sum(len(block.data) for block in self.samples) >= count, f"{count} samples"
+        )
         return np.concatenate([block.data for block in self.samples])
 
     def call(self, kind, service, **fields):
@@ -88,7 +110,9 @@ class Bench:
 
     def set(self, name, value):
         wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
-        return self.call(SetParameters, "set_parameters", parameters=[Parameter(name=name, value=wanted)]).results[0]
+        return self.call(
+            SetParameters, "set_parameters", parameters=[Parameter(name=name, value=wanted)]
+        ).results[0]
 
     def close(self):
         self.process.send_signal(signal.SIGINT)
@@ -109,7 +133,9 @@ def bench(request):
 
     def start(*parameters):
         benches.append(Bench(*parameters))
-        benches[-1].until(lambda: benches[-1].reference.get_subscription_count() > 0, "the node subscribes")
+        benches[-1].until(
+            lambda: benches[-1].reference.get_subscription_count() > 0, "the node subscribes"
+        )
         return benches[-1]
 
     yield start
@@ -123,15 +149,24 @@ def test_samples_truth_parameters_and_gaps(bench):
     start = time.time()
     stamps = rig.send(start, reference[:2048])
     heard = rig.hear(2048)
-    expected = simulate(reference[:2048], RATE, Model.of({"inertia": {}, "viscosity": {}, "stiffness": {"K": 80.0}, "reflex": {}})).clean
+    expected = simulate(
+        reference[:2048],
+        RATE,
+        Model.of({"inertia": {}, "viscosity": {}, "stiffness": {"K": 80.0}, "reflex": {}}),
+    ).clean
     assert rig.samples[0].columns == ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
     assert np.array_equal(heard[:, 0], stamps)
     assert np.abs(heard[:, 1:] - expected).max() < 1e-9
-    rig.until(lambda: len(rig.truth) == 64 and len(rig.joint) == 64, "truth and joint states of every block")
+    rig.until(
+        lambda: len(rig.truth) == 64 and len(rig.joint) == 64,
+        "truth and joint states of every block",
+    )
     assert rig.truth[-1].columns == ("t[s]", "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]")
     assert rig.truth[-1].data[0].tolist() == [stamps[-1], 80.0, 10.0, 0.0]
     assert rig.joint[-1].name == ["ankle"]
-    assert [rig.joint[-1].position[0], rig.joint[-1].velocity[0], rig.joint[-1].effort[0]] == heard[-1, 1:].tolist()
+    assert [rig.joint[-1].position[0], rig.joint[-1].velocity[0], rig.joint[-1].effort[0]] == heard[
+        -1, 1:
+    ].tolist()
 
     refused = rig.set("K", 5000.0)
     assert not refused.successful
@@ -146,7 +181,12 @@ def test_samples_truth_parameters_and_gaps(bench):
     assert np.array_equal(heard[:, 0], later)
     rig.until(lambda: len(rig.truth) == 64 + 54, "truth of every block")
     assert rig.truth[-1].data[0, 1:].tolist() == [150.0, 15.0, -5.0]
-    rig.until(lambda: any("320 samples" in status.message for status in rig.health if status.name == "ankle_sim"), "the gap in the health")
+    rig.until(
+        lambda: any(
+            "320 samples" in status.message for status in rig.health if status.name == "ankle_sim"
+        ),
+        "the gap in the health",
+    )
 
     described = rig.call(DescribeParameters, "describe_parameters", names=["G"]).descriptors[0]
     assert "N.m.s/rad" in described.description
@@ -155,11 +195,21 @@ def test_samples_truth_parameters_and_gaps(bench):
 
 def test_model_file_scenario_and_bad_blocks(bench, tmp_path):
     Model.of(
-        {"inertia": {"I": 0.02}, "viscosity": {}, "stiffness": {"K": 61.0}, "reflex": {"delay": 0.045}, "maxwell_relaxation": {}}
+        {
+            "inertia": {"I": 0.02},
+            "viscosity": {},
+            "stiffness": {"K": 61.0},
+            "reflex": {"delay": 0.045},
+            "maxwell_relaxation": {},
+        }
     ).save(tmp_path / "model.yaml")
-    (tmp_path / "script.yaml").write_text("scenario: jump\nchanges:\n  - at[s]: 0.5\n    stiffness.K[N.m/rad]: 120\n")
+    (tmp_path / "script.yaml").write_text(
+        "scenario: jump\nchanges:\n  - at[s]: 0.5\n    stiffness.K[N.m/rad]: 120\n"
+    )
     rig = bench(f"model:={tmp_path}/model.yaml", f"scenario:={tmp_path}/script.yaml", "G:=3.0")
-    values = rig.call(GetParameters, "get_parameters", names=["I", "delay", "G", "K", "maxwell_relaxation.k"]).values
+    values = rig.call(
+        GetParameters, "get_parameters", names=["I", "delay", "G", "K", "maxwell_relaxation.k"]
+    ).values
     assert [value.double_value for value in values] == [0.02, 0.045, 3.0, 61.0, 30.0]
 
     reference = PulseStep(Settings()).next(2048)
@@ -175,8 +225,13 @@ def test_model_file_scenario_and_bad_blocks(bench, tmp_path):
 
     bad = reference[:32, :1]
     rig.send(stamps[-1] + 1 / RATE, bad, ("t[s]", "position[furlong]"))
-    rig.until(lambda: any("furlong" in status.message for status in rig.health), "the bad unit in the health")
-    in_degrees = rig.send(stamps[-1] + 1 / RATE, np.degrees(reference[:64, :1]), ("t[s]", "position[deg]"))
+    rig.until(
+        lambda: any("furlong" in status.message for status in rig.health),
+        "the bad unit in the health",
+    )
+    in_degrees = rig.send(
+        stamps[-1] + 1 / RATE, np.degrees(reference[:64, :1]), ("t[s]", "position[deg]")
+    )
     assert rig.hear(2048 + 64)[-1, 0] == in_degrees[-1]
 
 

@@ -1,4 +1,6 @@
-"""A virtual subject: what states do to joint and electrodes, and that the result does not depend on the size of blocks."""
+"""A virtual subject: what states do to joint and electrodes, and that the result does not depend on
+the size of blocks.
+"""
 
 from itertools import pairwise
 
@@ -22,7 +24,10 @@ RATE = 2048
 def mean_drive(state, holds=200):
     subject = VirtualSubject(draw_subject(1), 5)
     drives = [subject.command(state) for _ in range(holds)]
-    return {name: np.mean([getattr(drive, name) for drive in drives], axis=0) for name in ("K", "G", "background", "burst")}
+    return {
+        name: np.mean([getattr(drive, name) for drive in drives], axis=0)
+        for name in ("K", "G", "background", "burst")
+    }
 
 
 def test_stiffness_saturates_with_cocontraction_and_background_does_not():
@@ -66,7 +71,11 @@ def test_a_steady_subject_has_the_same_joint_in_every_hold_and_another_mixture_o
 
 
 @pytest.mark.parametrize(
-    ("values", "words"), [({"cocontraction": 1.2}, "cocontraction = 1.2 is refused; allowed: 0 to 1"), ({"push": -30.0}, "-20 to 20 N.m")]
+    ("values", "words"),
+    [
+        ({"cocontraction": 1.2}, "cocontraction = 1.2 is refused; allowed: 0 to 1"),
+        ({"push": -30.0}, "-20 to 20 N.m"),
+    ],
 )
 def test_states_out_of_range_are_refused(values, words):
     with pytest.raises(ValueError, match=words):
@@ -78,13 +87,17 @@ def test_emg_is_the_same_in_blocks_of_any_size():
     background, burst = np.full(4, 5e-6), np.full(4, 2e-5)
     whole = SurfaceEmg(RATE, 7).run(velocity, background, burst)
     emg = SurfaceEmg(RATE, 7)
-    parts = np.concatenate([emg.run(velocity[k : k + 100], background, burst) for k in range(0, len(velocity), 100)])
+    parts = np.concatenate(
+        [emg.run(velocity[k : k + 100], background, burst) for k in range(0, len(velocity), 100)]
+    )
     np.testing.assert_allclose(parts, whole, atol=1e-12)
 
 
 def test_emg_has_the_spectrum_and_the_amplitude_that_were_asked_for():
     still = np.zeros(20 * RATE)
-    emg = SurfaceEmg(RATE, 1, Electrodes(noise=0.0, hum=0.0, offset=0.0)).run(still, np.full(4, 2e-5), np.zeros(4))
+    emg = SurfaceEmg(RATE, 1, Electrodes(noise=0.0, hum=0.0, offset=0.0)).run(
+        still, np.full(4, 2e-5), np.zeros(4)
+    )
     assert emg.std(axis=0) == pytest.approx([2e-5] * 4, rel=0.1)
     power = np.abs(np.fft.rfft(emg[:, 0])) ** 2
     frequency = np.fft.rfftfreq(len(still), 1 / RATE)
@@ -100,7 +113,10 @@ def test_bursts_follow_the_stretch_by_their_latency():
     wave = np.mean([emg[k : k + 250, 0] for k in onsets], axis=0)
     peak = int(np.argmax(np.convolve(wave, np.ones(10) / 10, "same"))) / RATE
     assert 0.040 < peak < 0.062
-    assert wave[round(0.045 * RATE) : round(0.06 * RATE)].mean() > 5 * wave[: round(0.03 * RATE)].mean()
+    assert (
+        wave[round(0.045 * RATE) : round(0.06 * RATE)].mean()
+        > 5 * wave[: round(0.03 * RATE)].mean()
+    )
 
 
 def test_the_papers_numbers_of_holds_fit_into_its_blocks():

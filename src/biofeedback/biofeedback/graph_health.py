@@ -1,4 +1,6 @@
-"""What the nodes of the graph say of themselves on `/diagnostics`: health, recording, why estimates are not valid."""
+"""What the nodes of the graph say of themselves on `/diagnostics`: health, recording, why estimates
+are not valid.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ from typing import Any
 SILENT_AFTER = 3.0
 """[s] Nodes speak once a second; three missed are no jitter."""
 FORGOTTEN_AFTER = 60.0
-"""[s] A node that was stopped on purpose, a recorder say, is not held against the graph for longer."""
+"""[s] A node that was stopped on purpose, a recorder say, is not held against the graph for longer.
+"""
 LEVELS = ("ok", "warning", "error", "stale")
 """By `diagnostic_msgs/DiagnosticStatus.level`."""
 NOT_VALID = "not valid: "
@@ -22,11 +25,16 @@ FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing sam
 class Status:
     """A node's last word.
 
-    Attributes:
-        level: index into `LEVELS`.
-        message: in words.
-        figures: its numbers as text.
-        heard: when it came [s], monotonic.
+    Attributes
+    ----------
+    level
+        Index into `LEVELS`.
+    message
+        In words.
+    figures
+        Its numbers as text.
+    heard
+        When it came [s], monotonic.
     """
 
     level: int
@@ -42,7 +50,9 @@ class GraphHealth:
         self._nodes: dict[str, Status] = {}
         self._faults: list[tuple[str, str]] = []
 
-    def feed(self, name: str, level: int, message: str, figures: Mapping[str, str], now: float) -> None:
+    def feed(
+        self, name: str, level: int, message: str, figures: Mapping[str, str], now: float
+    ) -> None:
         """Take in one status; `now` [s], monotonic."""
         before = self._nodes.get(name)
         if level == 2 and (before is None or before.level != 2):
@@ -62,16 +72,26 @@ class GraphHealth:
                 continue
             silent = now - status.heard > SILENT_AFTER
             level = "silent" if silent else LEVELS[min(status.level, len(LEVELS) - 1)]
-            message = "says nothing any more; its last word was: " + status.message if silent else status.message
+            message = (
+                "says nothing any more; its last word was: " + status.message
+                if silent
+                else status.message
+            )
             shown.append({"name": name, "level": level, "message": message[:300]})
         order = {"error": 0, "silent": 1, "stale": 1, "warning": 2, "ok": 3}
         return sorted(shown, key=lambda node: (order[node["level"]], node["name"]))
 
     def recording(self, now: float) -> dict[str, Any]:
-        """State of the recorder: ``on``, ``messages``, ``missing``, ``free`` [MB]; None for what is not known."""
+        """State of the recorder: ``on``, ``messages``, ``missing``, ``free`` [MB]; None for what is
+        not known.
+        """
         for status in self._nodes.values():
             if FREE_DISK in status.figures and MESSAGES in status.figures:
-                on = now - status.heard <= SILENT_AFTER and status.figures.get(READY) == "True" and status.level < 2
+                on = (
+                    now - status.heard <= SILENT_AFTER
+                    and status.figures.get(READY) == "True"
+                    and status.level < 2
+                )
                 return {
                     "on": on,
                     "messages": _whole(status.figures[MESSAGES]),

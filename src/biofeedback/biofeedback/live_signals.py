@@ -1,4 +1,7 @@
-"""What has come from the graph so far: newest estimate, the subject's torque, traces, health. Fed and read by different threads."""
+"""What has come from the graph so far: newest estimate, the subject's torque, traces, health.
+
+Fed and read by different threads.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from biofeedback.graph_health import GraphHealth
-from biofeedback.live_traces import MinMaxTraces
 from biofeedback.voluntary_torque import CUTOFF, VoluntaryTorque
+from biofeedback.web.live_traces import MinMaxTraces
 
 STALE_AFTER = 0.5
 """[s] Older estimates or samples describe another moment than the one the subject feels."""
@@ -23,13 +26,20 @@ WAITING, INVALID, STALE, GOOD = "waiting", "invalid", "stale", "valid"
 class Snapshot:
     """The signals at a moment.
 
-    Attributes:
-        K, G: newest valid estimates [N.m/rad], [N.m.s/rad]; NaN before the first.
-        torque: the subject's torque [N.m]; NaN before the first sample.
-        estimate_time: of the newest estimate, valid or not [s, ROS time].
-        age: of the newest estimate [s]; infinite before the first.
-        quality: of the estimates: `WAITING`, `INVALID`, `STALE` or `GOOD`.
-        torque_quality: of the torque: `WAITING`, `STALE` or `GOOD`.
+    Attributes
+    ----------
+    K, G
+        Newest valid estimates [N.m/rad], [N.m.s/rad]; NaN before the first.
+    torque
+        The subject's torque [N.m]; NaN before the first sample.
+    estimate_time
+        Of the newest estimate, valid or not [s, ROS time].
+    age
+        Of the newest estimate [s]; infinite before the first.
+    quality
+        Of the estimates: `WAITING`, `INVALID`, `STALE` or `GOOD`.
+    torque_quality
+        Of the torque: `WAITING`, `STALE` or `GOOD`.
     """
 
     K: float
@@ -51,16 +61,23 @@ class _Arrival:
         self._heard, self.time = heard, time
 
     def age(self, now: float, heard_now: float) -> float:
-        """The larger one of time since arrival and time since it was true: a reader that lags behind also gives old values."""
-        return max(heard_now - self._heard, now - self.time) if math.isfinite(self.time) else math.inf
+        """The larger one of time since arrival and time since it was true: a reader that lags
+        behind also gives old values.
+        """
+        return (
+            max(heard_now - self._heard, now - self.time) if math.isfinite(self.time) else math.inf
+        )
 
 
 class LiveSignals:
     """Takes in blocks of every topic that a page shows.
 
-    Args:
-        torque_cutoff: of the subject's torque [Hz].
-        emg_names: channels of the EMG traces.
+    Parameters
+    ----------
+    torque_cutoff
+        Of the subject's torque [Hz].
+    emg_names
+        Channels of the EMG traces.
     """
 
     def __init__(self, torque_cutoff: float = CUTOFF, emg_names: Sequence[str] = ()) -> None:
@@ -88,20 +105,24 @@ class LiveSignals:
             self.traces["estimate"].feed(rows[:, 0], shown)
 
     def feed_samples(self, samples: np.ndarray, rate: float, heard: float) -> None:
-        """Samples of the rig, shape (n, 4): t [s], position [rad], velocity [rad/s], torque [N.m]."""
+        """Samples of the rig, shape (n, 4): t [s], position [rad], velocity [rad/s], torque [N.m]."""  # noqa: E501
         if not len(samples):
             return
         with self._lock:
             self._samples.note(float(samples[-1, 0]), heard)
             self._torque.feed(samples[:, 1:], rate, self._K, self._G)
-            self.traces["ankle"].feed(samples[:, 0], np.column_stack([samples[:, 3], np.degrees(samples[:, 1])]))
+            self.traces["ankle"].feed(
+                samples[:, 0], np.column_stack([samples[:, 3], np.degrees(samples[:, 1])])
+            )
 
     def feed_emg(self, samples: np.ndarray) -> None:
         """EMG, shape (n, 1 + channels): t [s], then [V]; shown in microvolts."""
         with self._lock:
             self.traces["emg"].feed(samples[:, 0], 1e6 * samples[:, 1:])
 
-    def feed_status(self, name: str, level: int, message: str, figures: Mapping[str, str], heard: float) -> None:
+    def feed_status(
+        self, name: str, level: int, message: str, figures: Mapping[str, str], heard: float
+    ) -> None:
         """A node's status."""
         with self._lock:
             self.health.feed(name, level, message, figures, heard)
@@ -117,8 +138,18 @@ class LiveSignals:
             else:
                 quality = GOOD if self._valid else INVALID
             torque_age = self._samples.age(now, heard_now)
-            torque_quality = WAITING if torque_age == math.inf else STALE if torque_age > STALE_AFTER else GOOD
-            return Snapshot(self._K, self._G, self._torque.value, self._estimates.time, age, quality, torque_quality)
+            torque_quality = (
+                WAITING if torque_age == math.inf else STALE if torque_age > STALE_AFTER else GOOD
+            )
+            return Snapshot(
+                self._K,
+                self._G,
+                self._torque.value,
+                self._estimates.time,
+                age,
+                quality,
+                torque_quality,
+            )
 
     def new_faults(self) -> list[tuple[str, str]]:
         """See `GraphHealth.new_faults`."""

@@ -1,14 +1,17 @@
-"""What the subject does with the foot: the measured torque without what the perturbation adds to it.
+"""What the subject does with the foot: the measured torque without what the perturbation adds to
+it.
 
     voluntary = low-pass( torque - K position - G max(velocity, 0) delayed )           [N.m]
 
-The paper shows low-pass filtered torque (van 't Veld et al. 2018, figure 8). Its perturbation of 0.04 rad makes an ankle of K = 100
-push back by 4 N.m, at random times. For a virtual subject who pushes 5 N.m, the low-pass alone shows 7.4 +- 1.8 N.m, more than the
-target band is wide; with what the present estimates of K and G (5 % wrong) explain taken off first, 4.9 +- 0.1 N.m. What B and I add is
-below 0.1 N.m after the low-pass: velocity and acceleration of a movement from rest to rest have no mean.
+The paper shows low-pass filtered torque (van 't Veld et al. 2018, figure 8). Its perturbation of
+0.04 rad makes an ankle of K = 100 push back by 4 N.m, at random times. For a virtual subject who
+pushes 5 N.m, the low-pass alone shows 7.4 +- 1.8 N.m, more than the target band is wide; with what
+the present estimates of K and G (5 % wrong) explain taken off first, 4.9 +- 0.1 N.m. What B and I
+add is below 0.1 N.m after the low-pass: velocity and acceleration of a movement from rest to rest
+have no mean.
 
-The subject's own torque has the opposite sign of the measured one: pushing the toes down (plantarflexion, negative) needs a
-dorsiflexing torque of the rig to hold the foot.
+The subject's own torque has the opposite sign of the measured one: pushing the toes down
+(plantarflexion, negative) needs a dorsiflexing torque of the rig to hold the foot.
 """
 
 from __future__ import annotations
@@ -19,20 +22,26 @@ import numpy as np
 from scipy import signal
 
 CUTOFF = 1.0
-"""[Hz] Second-order Butterworth: delays by 0.23 s, about a reaction time, and leaves the perturbation a fifth of what it adds."""
+"""[Hz] Second-order Butterworth: delays by 0.23 s, about a reaction time, and leaves the
+perturbation a fifth of what it adds.
+"""
 REFLEX_LAG = 0.116
-"""[s] Mean delay of the reflex torque behind the stretch: 40 ms of nerve and 2 z / w = 76 ms of muscle (paper, figure 1 and section III-A:
-w = 21 rad/s, z = 0.8)."""
+"""[s] Mean delay of the reflex torque behind the stretch: 40 ms of nerve and 2 z / w = 76 ms of
+muscle (paper, figure 1 and section III-A: w = 21 rad/s, z = 0.8)."""
 
 
 class VoluntaryTorque:
     """Follows the samples of one rig.
 
-    Args:
-        cutoff: [Hz].
+    Parameters
+    ----------
+    cutoff
+        [Hz].
 
-    Attributes:
-        value: the subject's torque [N.m], plantarflexion negative; NaN before the first sample.
+    Attributes
+    ----------
+    value
+        The subject's torque [N.m], plantarflexion negative; NaN before the first sample.
     """
 
     def __init__(self, cutoff: float = CUTOFF) -> None:
@@ -46,10 +55,15 @@ class VoluntaryTorque:
     def feed(self, samples: np.ndarray, rate: float, K: float, G: float) -> None:
         """Take in samples.
 
-        Args:
-            samples: position [rad], velocity [rad/s], torque [N.m], shape (n, 3); rows that are not finite are left out.
-            rate: sampling rate [Hz].
-            K: [N.m/rad], G: [N.m.s/rad]: present estimates; NaN takes nothing off.
+        Parameters
+        ----------
+        samples
+            Position [rad], velocity [rad/s], torque [N.m], shape (n, 3); rows that are not finite
+            are left out.
+        rate
+            Sampling rate [Hz].
+        K
+            [N.m/rad], G: [N.m.s/rad]: present estimates; NaN takes nothing off.
         """
         samples = samples[np.isfinite(samples).all(axis=1)]
         if not len(samples):

@@ -5,14 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from biofeedback.system_browser import ARGUMENTS, MISSING, find_browser
+from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope="module")
 def browser():
-    """A real Chromium, the system's; Playwright holds this thread's event loop as long as it is open."""
+    """A real Chromium, the system's; Playwright holds this thread's event loop as long as it is
+    open.
+    """
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = find_browser()
     if path is None:

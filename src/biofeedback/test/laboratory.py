@@ -1,4 +1,6 @@
-"""A laboratory without ROS: the served desk, signals that a test makes, a rig that remembers what it was told."""
+"""A laboratory without ROS: the served desk, signals that a test makes, a rig that remembers what
+it was told.
+"""
 
 import asyncio
 import math
@@ -7,13 +9,13 @@ import time
 
 import numpy as np
 
-from biofeedback.access import Access
-from biofeedback.desk import Desk
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
-from biofeedback.protocol import load_protocol
-from biofeedback.server import Server
-from biofeedback.session import Session
+from biofeedback.session.protocol import load_protocol
+from biofeedback.session.session_program import Session
+from biofeedback.web.access import Access
+from biofeedback.web.presenter import Desk
+from biofeedback.web.server import Server
 from emg_driver.muscles import MUSCLES
 
 RATE = 2048.0
@@ -76,7 +78,9 @@ class FakePerson:
 
 
 class Laboratory:
-    """Serves in a thread of its own and streams what `K`, `G`, `torque`, `valid` say, in real time, until told otherwise."""
+    """Serves in a thread of its own and streams what `K`, `G`, `torque`, `valid` say, in real time,
+    until told otherwise.
+    """
 
     def __init__(self, protocol, host="127.0.0.1", token="", port=0):
         self.signals = LiveSignals(emg_names=MUSCLES)
@@ -89,7 +93,10 @@ class Laboratory:
         self._ready, self._stop = threading.Event(), threading.Event()
         self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
         self.failure = None
-        self._threads = [threading.Thread(target=self._serve, args=(host, port)), threading.Thread(target=self._stream)]
+        self._threads = [
+            threading.Thread(target=self._serve, args=(host, port)),
+            threading.Thread(target=self._stream),
+        ]
         for thread in self._threads:
             thread.start()
         assert self._ready.wait(10.0)
@@ -120,11 +127,20 @@ class Laboratory:
             velocity = np.zeros(n)
             torque = -self.torque + self.K * x + 0.05 * random.standard_normal(n)
             self.signals.feed_samples(np.column_stack([t, x, velocity, torque]), RATE, heard)
-            self.signals.feed_emg(np.column_stack([t, *(2e-6 * k * random.standard_normal(n) for k in range(1, 5))]))
-            self.signals.feed_estimates(np.array([[t[-1], self.K, self.G, float(self.valid)]]), heard)
+            self.signals.feed_emg(
+                np.column_stack([t, *(2e-6 * k * random.standard_normal(n) for k in range(1, 5))])
+            )
+            self.signals.feed_estimates(
+                np.array([[t[-1], self.K, self.G, float(self.valid)]]), heard
+            )
             if sent % 2048 < n:
                 self.signals.feed_status("impedance_estimator", 0, "running", {}, heard)
-                figures = {"messages": str(sent), "free disk [MB]": "182000", "missing samples": "0", "ready": "True"}
+                figures = {
+                    "messages": str(sent),
+                    "free disk [MB]": "182000",
+                    "missing samples": "0",
+                    "ready": "True",
+                }
                 self.signals.feed_status("record", 0, "running", figures, heard)
 
     def url(self, path="/"):

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from biofeedback.access import Access
 from biofeedback.errors import AccessError, CommandError, MalformedMessageError
-from biofeedback.operator_commands import BURST, COMMANDS, RATE, Command, RateLimit, parse
+from biofeedback.web.access import Access
+from biofeedback.web.operator_commands import BURST, COMMANDS, RATE, Command, RateLimit, parse
 
 
 def test_a_command():
@@ -20,7 +20,10 @@ def test_a_command():
 @pytest.mark.parametrize(
     ("message", "words"),
     [
-        ('{"id": 1, "command": "set_target", "torque[N.m]": 1e9}', r"torque\[N.m\] = 1e\+09 is refused; allowed: -30 to 30"),
+        (
+            '{"id": 1, "command": "set_target", "torque[N.m]": 1e9}',
+            r"torque\[N.m\] = 1e\+09 is refused; allowed: -30 to 30",
+        ),
         ('{"id": 1, "command": "set_target", "torque[N.m]": NaN}', "is refused"),
         ('{"id": 1, "command": "set_target", "feedback": "B"}', "allowed: K, G"),
         ('{"id": 1, "command": "note", "text": "a\\nb"}', "printable"),
@@ -89,7 +92,12 @@ def test_the_rate_of_a_page_is_limited_and_recovers():
 def test_another_address_needs_a_token(host):
     with pytest.raises(AccessError, match="token of at least 16"):
         Access(host, "short")
-    assert Access(host, "a-long-enough-token").refusal("pc7:8765", "http://pc7:8765", "a-long-enough-token") is None
+    assert (
+        Access(host, "a-long-enough-token").refusal(
+            "pc7:8765", "http://pc7:8765", "a-long-enough-token"
+        )
+        is None
+    )
     assert "token" in Access(host, "a-long-enough-token").refusal("pc7:8765", None, "guess")
 
 

@@ -1,4 +1,6 @@
-"""The node as a process of its own, over DDS: pages, session events, a crash in the middle, refusal to be open to strangers."""
+"""The node as a process of its own, over DDS: pages, session events, a crash in the middle, refusal
+to be open to strangers.
+"""
 
 import asyncio
 import json
@@ -19,10 +21,10 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
+from ankle_interfaces.block import Block, pack
 from ankle_node.node import BLOCK_QOS
 from ankle_node.session_event import parse
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
-from sample_blocks.block import Block, pack
 
 pytestmark = pytest.mark.live
 
@@ -41,7 +43,10 @@ def start(tmp_path, **parameters):
 
 
 class Graph:
-    """What the node hears: samples and estimates at real time, and a rig's services. Keeps its session events."""
+    """What the node hears: samples and estimates at real time, and a rig's services.
+
+    Keeps its session events.
+    """
 
     def __init__(self):
         self.context = rclpy.Context()
@@ -50,11 +55,19 @@ class Graph:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.events, self.called = [], []
-        self.node.create_subscription(String, "/session/event", lambda message: self.events.append(parse(message.data)), 100)
+        self.node.create_subscription(
+            String, "/session/event", lambda message: self.events.append(parse(message.data)), 100
+        )
         for action in ("arm", "start", "stop", "reset_fault"):
-            self.node.create_service(Trigger, f"/test_rig/{action}", lambda request, answer, action=action: self.answer(action, answer))
+            self.node.create_service(
+                Trigger,
+                f"/test_rig/{action}",
+                lambda request, answer, action=action: self.answer(action, answer),
+            )
         self.samples = self.node.create_publisher(Float64MultiArray, "/ankle/samples", BLOCK_QOS)
-        self.estimates = self.node.create_publisher(Float64MultiArray, "/impedance/estimate", BLOCK_QOS)
+        self.estimates = self.node.create_publisher(
+            Float64MultiArray, "/impedance/estimate", BLOCK_QOS
+        )
         self.stopped = threading.Event()
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
@@ -73,7 +86,12 @@ class Graph:
             sent += count
             if count:
                 self.samples.publish(
-                    pack(Block(("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"), np.column_stack([t, *np.zeros((3, count))])))
+                    pack(
+                        Block(
+                            ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]"),
+                            np.column_stack([t, *np.zeros((3, count))]),
+                        )
+                    )
                 )
                 row = np.zeros((1, len(ESTIMATE_COLUMNS)))
                 row[0, [0, 1, 4, 7]] = t[-1], 80.0, 8.0, 1.0
@@ -106,7 +124,10 @@ def say(port, *commands):
     """Send commands one after the other as an operator's page; gives the last state."""
 
     async def scenario():
-        async with aiohttp.ClientSession() as session, session.ws_connect(f"http://127.0.0.1:{port}/ws?role=operator") as page:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"http://127.0.0.1:{port}/ws?role=operator") as page,
+        ):
             state = None
             for number, name in enumerate([*commands, "note"]):
                 extra = {"text": "seen"} if name == "note" else {}
@@ -192,7 +213,10 @@ def test_a_session_of_yesterday_is_not_gone_on_with(tmp_path):
     ("parameters", "words"),
     [
         ({"host": "0.0.0.0"}, "token of at least 16 characters"),
-        ({"protocol": "nothing"}, "no protocol 'nothing': known are demonstration, van_t_veld_2018"),
+        (
+            {"protocol": "nothing"},
+            "no protocol 'nothing': known are demonstration, van_t_veld_2018",
+        ),
         ({"frame_rate": 500.0}, "'frame_rate' = 500.0 Hz is refused; allowed: 10 to 60 Hz"),
         ({"host": "203.0.113.7", "token": "0123456789abcdef"}, "error: "),
     ],

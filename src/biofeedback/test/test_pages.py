@@ -1,4 +1,6 @@
-"""The pages in a real Chromium: the cursor is where the estimate says, stale data shows, two operators agree."""
+"""The pages in a real Chromium: the cursor is where the estimate says, stale data shows, two
+operators agree.
+"""
 
 import pytest
 from laboratory import close_to, until
@@ -17,7 +19,10 @@ def open_page(browser, laboratory):
         page = browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+        page.on(
+            "console",
+            lambda message: errors.append(message.text) if message.type == "error" else None,
+        )
         page.goto(laboratory.url(path))
         if path == "/operator":
             page.locator("#link", has_text="● connected").wait_for()
@@ -51,7 +56,7 @@ def run_to(laboratory, page, kind):
 def colour_at_cursor(page):
     return page.evaluate(
         """() => { const canvas = document.getElementById('screen'), d = canvas.dataset;
-                   return [...canvas.getContext('2d').getImageData(+d.x + 0.02 * canvas.height, +d.y, 1, 1).data]; }"""
+                   return [...canvas.getContext('2d').getImageData(+d.x + 0.02 * canvas.height, +d.y, 1, 1).data]; }"""  # noqa: E501
     )
 
 
@@ -63,7 +68,13 @@ def test_the_cursor_moves_where_the_estimate_says(laboratory, open_page):
     for G, torque in ((12.0, 2.0), (4.0, -3.0)):
         laboratory.G, laboratory.torque = G, torque
         x, y = (G - lower) / (upper - lower), (torque - bottom) / (top - bottom)
-        until(lambda x=x, y=y: close_to(cursor(subject)[1], x, 0.02) and close_to(cursor(subject)[2], y, 0.02), f"cursor at {x}, {y}", 60.0)
+        until(
+            lambda x=x, y=y: (
+                close_to(cursor(subject)[1], x, 0.02) and close_to(cursor(subject)[2], y, 0.02)
+            ),
+            f"cursor at {x}, {y}",
+            60.0,
+        )
         assert cursor(subject)[0] == "valid"
         # The pixels there are a cursor's, not only the numbers.
         assert colour_at_cursor(subject)[:3] in ([230, 159, 0], [0, 179, 132])
@@ -82,7 +93,12 @@ def test_invalid_stale_and_lost_look_different_and_nothing_freezes(laboratory, o
     until(lambda: cursor(subject)[0] == "stale", "stale")
     looks["stale"] = subject.screenshot()
     drawn = int(subject.evaluate("document.getElementById('screen').dataset.drawn"))
-    until(lambda: int(subject.evaluate("document.getElementById('screen').dataset.drawn")) > drawn + 5, "still drawn")
+    until(
+        lambda: (
+            int(subject.evaluate("document.getElementById('screen').dataset.drawn")) > drawn + 5
+        ),
+        "still drawn",
+    )
     operator.get_by_text("estimates are stale").wait_for()
     laboratory.close()
     until(lambda: cursor(subject)[0] == "lost", "lost")

@@ -1,4 +1,4 @@
-"""The server against clients that no page is: malformed, flooding, silent, not reading, strangers."""
+"""The server against clients that no page is: malformed, flooding, silent, not reading, strangers."""  # noqa: E501
 
 import asyncio
 import json
@@ -11,9 +11,9 @@ import aiohttp
 import pytest
 from laboratory import Laboratory, short_protocol, until
 
-from biofeedback.connection_limit import LIMIT
 from biofeedback.errors import AccessError
-from biofeedback.protocol import PAPER, load_protocol
+from biofeedback.session.protocol import PAPER, load_protocol
+from biofeedback.web.connection_limit import LIMIT
 
 pytestmark = pytest.mark.live
 
@@ -37,14 +37,20 @@ async def of_kind(page, kind, **wanted):
         content = json.loads(message.data)
         if content["type"] == "frame":
             await page.send_str("seen")
-        if content["type"] == kind and all(content.get(key) == value for key, value in wanted.items()):
+        if content["type"] == kind and all(
+            content.get(key) == value for key, value in wanted.items()
+        ):
             return content
 
 
 async def closing(page):
     while True:
         message = await asyncio.wait_for(page.receive(), PATIENCE)
-        if message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR):
+        if message.type in (
+            aiohttp.WSMsgType.CLOSE,
+            aiohttp.WSMsgType.CLOSED,
+            aiohttp.WSMsgType.ERROR,
+        ):
             return page.close_code
 
 
@@ -108,7 +114,9 @@ def test_a_busy_page_gets_the_newest_frame_not_old_ones(laboratory):
         await of_kind(page, "frame")
         await asyncio.sleep(2.0)
         waiting = [await of_kind(page, "frame") for _ in range(6)]
-        return [time.time() - frame["now"] for frame in waiting[-1:]], [frame["n"] for frame in waiting]
+        return [time.time() - frame["now"] for frame in waiting[-1:]], [
+            frame["n"] for frame in waiting
+        ]
 
     (age,), numbers = talk(laboratory, scenario)
     # 60 frames were made meanwhile; the few on their way are passed, then comes the present.
@@ -130,7 +138,12 @@ def test_a_refused_value_is_answered_and_the_page_stays(laboratory):
         page = await session.ws_connect(laboratory.url("/ws?role=operator"))
         await page.send_json({"id": 5, "command": "set_target", "torque[N.m]": 400})
         answer = await of_kind(page, "answer")
-        assert answer == {"type": "answer", "id": 5, "ok": False, "error": "torque[N.m] = 400 is refused; allowed: -30 to 30"}
+        assert answer == {
+            "type": "answer",
+            "id": 5,
+            "ok": False,
+            "error": "torque[N.m] = 400 is refused; allowed: -30 to 30",
+        }
         await page.send_json({"id": 6, "command": "pause"})
         assert "while the session is idle" in (await of_kind(page, "answer"))["error"]
         await goes_on(page)
@@ -144,7 +157,9 @@ def test_connections_that_say_nothing_shut_nobody_out(laboratory):
     async def scenario(session):
         good = await session.ws_connect(laboratory.url("/ws?role=operator"))
         for _ in range(3 * LIMIT):
-            silent.append(socket.create_connection(("127.0.0.1", laboratory.port), timeout=PATIENCE))
+            silent.append(
+                socket.create_connection(("127.0.0.1", laboratory.port), timeout=PATIENCE)
+            )
         await goes_on(good)
         another = await session.ws_connect(laboratory.url("/ws?role=subject"))
         await goes_on(another)
@@ -176,7 +191,10 @@ def test_a_page_that_does_not_read_delays_nobody(laboratory):
     stuck = socket.socket()
     stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     stuck.connect(("127.0.0.1", laboratory.port))
-    head = f"GET /ws?role=operator HTTP/1.1\r\nHost: 127.0.0.1:{laboratory.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    head = (
+        f"GET /ws?role=operator HTTP/1.1\r\nHost: 127.0.0.1:{laboratory.port}\r\nUpgrade: "
+        "websocket\r\nConnection: Upgrade\r\n"
+    )
     stuck.sendall(f"{head}Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode())
 
     async def scenario(session):
@@ -199,7 +217,12 @@ def test_strangers_are_refused(laboratory):
             assert found.value.status == 403
         async with session.get(laboratory.url("/"), headers={"Host": "evil.example"}) as answer:
             assert answer.status == 403
-        for path in ("/pages/../server.py", "/pages/..%2fserver.py", "/etc/passwd", "/pages/nothing.js"):
+        for path in (
+            "/pages/../server.py",
+            "/pages/..%2fserver.py",
+            "/etc/passwd",
+            "/pages/nothing.js",
+        ):
             async with session.get(laboratory.url(path)) as answer:
                 assert answer.status == 404
 
@@ -219,9 +242,12 @@ def test_a_token_opens_another_address_and_nothing_else_does(tmp_path):
             await session.ws_connect(laboratory.url("/ws?role=operator"))
         async with session.get(laboratory.url(f"/operator?token={token}")) as answer:
             assert answer.status == 200
-        # The page's own requests carry the cookie (a browser also keeps one of an address; aiohttp's jar does not).
+        # The page's own requests carry the cookie (a browser also keeps one of an address;
+        # aiohttp's jar does not).
         cookie = {"Cookie": f"ankle_token={token}"}
-        await of_kind(await session.ws_connect(laboratory.url("/ws?role=operator"), headers=cookie), "state")
+        await of_kind(
+            await session.ws_connect(laboratory.url("/ws?role=operator"), headers=cookie), "state"
+        )
 
     try:
         talk(laboratory, scenario)
@@ -230,7 +256,9 @@ def test_a_token_opens_another_address_and_nothing_else_does(tmp_path):
 
 
 def test_two_operators_at_once_see_one_state(laboratory):
-    """Both press at the same moment; one order of events comes out, and both end with the same version of it."""
+    """Both press at the same moment; one order of events comes out, and both end with the same
+    version of it.
+    """
 
     async def scenario(session):
         pages = [await session.ws_connect(laboratory.url("/ws?role=operator")) for _ in range(2)]
@@ -238,7 +266,10 @@ def test_two_operators_at_once_see_one_state(laboratory):
         answers = [await of_kind(page, "answer") for page in pages]
         assert sorted(answer["ok"] for answer in answers) == [False, True]
         await asyncio.gather(
-            *(page.send_json({"id": 2, "command": "set_target", "torque[N.m]": value}) for page, value in zip(pages, (-1, -2), strict=True))
+            *(
+                page.send_json({"id": 2, "command": "set_target", "torque[N.m]": value})
+                for page, value in zip(pages, (-1, -2), strict=True)
+            )
         )
         for page in pages:
             assert (await of_kind(page, "answer"))["ok"]
@@ -281,7 +312,10 @@ def test_the_rig_decides_and_is_stopped_in_every_case(laboratory):
     assert laboratory.session.state == "idle"
 
 
-@pytest.mark.parametrize(("event", "words"), [("fault", "the rig is not running: fault: encoder stuck"), ("gone", "driver is gone")])
+@pytest.mark.parametrize(
+    ("event", "words"),
+    [("fault", "the rig is not running: fault: encoder stuck"), ("gone", "driver is gone")],
+)
 def test_a_session_stops_when_its_rig_does(laboratory, event, words):
     async def scenario(session):
         page = await session.ws_connect(laboratory.url("/ws?role=operator"))
@@ -313,4 +347,7 @@ def test_a_break_stops_the_rig_by_itself(laboratory):
         until(lambda: laboratory.session.state == "paused", "the break", 60.0)
 
     talk(laboratory, scenario)
-    until(lambda: laboratory.rig.told == ["arm", "start", "stop"], f"the stop in {laboratory.rig.told}")
+    until(
+        lambda: laboratory.rig.told == ["arm", "start", "stop"],
+        f"the stop in {laboratory.rig.told}",
+    )

@@ -9,10 +9,18 @@ from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, parse
-from biofeedback.axis_calibration import SMALLEST, BaselineCollector, torque_axis
 from biofeedback.errors import CommandError, ProtocolError
-from biofeedback.protocol import BASELINE, BREAK, HOLD, PAPER, REACH, load_protocol
-from biofeedback.session import ARMED, FINISHED, IDLE, PAUSED, RUNNING, Reading, Session
+from biofeedback.session.axis_calibration import SMALLEST, BaselineCollector, torque_axis
+from biofeedback.session.protocol import BASELINE, BREAK, HOLD, PAPER, REACH, load_protocol
+from biofeedback.session.session_program import (
+    ARMED,
+    FINISHED,
+    IDLE,
+    PAUSED,
+    RUNNING,
+    Reading,
+    Session,
+)
 from session_analysis.holds import find_holds
 
 GOOD = Reading(80.0, 8.0, 0.3, True)
@@ -28,7 +36,10 @@ def through(session, seconds, start, reading=GOOD):
 
 def test_the_papers_protocol():
     protocol = load_protocol(PAPER)
-    blocks = {n: sum(step.duration for step in protocol.steps if step.block == n and step.kind != BREAK) for n in range(1, 5)}
+    blocks = {
+        n: sum(step.duration for step in protocol.steps if step.block == n and step.kind != BREAK)
+        for n in range(1, 5)
+    }
     assert protocol.blocks == 4
     assert all(600.0 <= length <= 750.0 for length in blocks.values()), blocks
     assert {step.duration for step in protocol.steps if step.kind == HOLD} == {60.0}
@@ -42,7 +53,10 @@ def test_the_papers_protocol():
     [
         (("feedback: G", "feedback: B"), "feedback = 'B' is refused"),
         (('"hold[s]": 2', '"hold[s]": 9999'), r"hold\[s\] = 9999 is refused; allowed: 1 to 600"),
-        (('"level[1]": 0.7', '"level[1]": none'), r"block 1, hold 2: level\[1\] = 'none' is refused"),
+        (
+            ('"level[1]": 0.7', '"level[1]": none'),
+            r"block 1, hold 2: level\[1\] = 'none' is refused",
+        ),
         (('"level[1]": 0.7', '"height[1]": 1'), "unknown key"),
         (('"reach[s]": 1\n', ""), r"'reach\[s\]' is missing"),
         (("blocks:", "- blocks:"), "not YAML"),
@@ -153,7 +167,16 @@ def test_an_unread_clock_moves_nothing(tmp_path):
     assert session.clock == 0.0
 
 
-@pytest.mark.parametrize("damage", [{"index": 99}, {"state": "flying"}, {"elapsed": "x"}, {"baseline": {"K": 1}}, {"own": {"speed": 1}}])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"index": 99},
+        {"state": "flying"},
+        {"elapsed": "x"},
+        {"baseline": {"K": 1}},
+        {"own": {"speed": 1}},
+    ],
+)
 def test_a_damaged_saved_session_is_refused(tmp_path, damage):
     from laboratory import short_protocol
 

@@ -13,11 +13,11 @@ from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import Setup
 from ankle_sim.live_subject import LiveSubject, subject_model
 from ankle_sim.virtual_subject import State, draw_subject
-from biofeedback.cursor import Cursor
 from biofeedback.graph_health import GraphHealth
 from biofeedback.live_signals import GOOD, INVALID, STALE, WAITING, LiveSignals
-from biofeedback.live_traces import MinMaxTraces
 from biofeedback.voluntary_torque import VoluntaryTorque
+from biofeedback.web.cursor import Cursor
+from biofeedback.web.live_traces import MinMaxTraces
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings as PerturbationSettings
 
@@ -25,7 +25,11 @@ RATE = 2048.0
 
 
 @settings(deadline=None)
-@given(st.lists(st.floats(1e-4, 0.2), min_size=1, max_size=30), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+@given(
+    st.lists(st.floats(1e-4, 0.2), min_size=1, max_size=30),
+    st.floats(-50.0, 50.0),
+    st.floats(-50.0, 50.0),
+)
 def test_cursor_goes_to_a_step_without_overshoot_whatever_the_frames(steps, start, end):
     cursor, whole = Cursor(), Cursor()
     cursor.advance(np.array([start, 0.0]), 0.0)
@@ -109,7 +113,11 @@ def test_traces_give_each_bin_once():
     seen = first["first"] + len(first["low"]["a"]) - 1
     assert traces.since(seen) is None
     traces.feed(np.array([5.52]), np.array([[7.0]]))
-    assert traces.since(seen) == {"first": 53, "low": {"a": [3.0, None]}, "high": {"a": [3.0, None]}}
+    assert traces.since(seen) == {
+        "first": 53,
+        "low": {"a": [3.0, None]},
+        "high": {"a": [3.0, None]},
+    }
 
 
 def test_quality_of_what_is_shown():

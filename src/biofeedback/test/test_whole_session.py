@@ -1,4 +1,4 @@
-"""A session in a real Chromium, with every node of the laboratory as a process: from arm to report."""
+"""A session in a real Chromium, with every node of the laboratory as a process: from arm to report."""  # noqa: E501
 
 import os
 import time
@@ -28,7 +28,7 @@ def test_from_arm_to_report(browser, tmp_path, monkeypatch):
             f"record.out={tmp_path / 'bag'}",
             f"biofeedback.port={port}",
             f"biofeedback.state_file={tmp_path / 'progress.json'}",
-            "biofeedback.protocol=demonstration",
+            "biofeedback.session.protocol=demonstration",
         ]
     )
     with Processes(graph, tmp_path / "logs") as processes:

@@ -1,7 +1,7 @@
 """Blocks that wait until readers can take them.
 
-A stream is looked at for seconds before its first block is given out; all of it sent at once would overrun the queues of readers,
-which keep 64 blocks, and be lost there.
+A stream is looked at for seconds before its first block is given out; all of it sent at once would
+overrun the queues of readers, which keep 64 blocks, and be lost there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ import numpy as np
 AT_ONCE = 16
 """Blocks that may be sent at once: a quarter of what a reader keeps."""
 CATCH_UP = 128.0
-"""[1/s] Blocks per second while there is a backlog: twice as fast as they come, which readers manage on a busy computer too."""
+"""[1/s] Blocks per second while there is a backlog: twice as fast as they come, which readers
+manage on a busy computer too.
+"""
 
 
 class Backlog:

@@ -1,7 +1,9 @@
-"""A stream's chunks become blocks of `/emg/samples`: muscles in volts, ROS time, bad channels as NaN.
+"""A stream's chunks become blocks of `/emg/samples`: muscles in volts, ROS time, bad channels as
+NaN.
 
-Whatever is wrong becomes a sentence, and never plausible data: a stream that is not what it declares is refused, a channel that
-is flat, saturated, full of hum or too large is NaN from the moment it is known until it is good again.
+Whatever is wrong becomes a sentence, and never plausible data: a stream that is not what it
+declares is refused, a channel that is flat, saturated, full of hum or too large is NaN from the
+moment it is known until it is good again.
 """
 
 from __future__ import annotations
@@ -25,22 +27,31 @@ BLOCK_RATE = 64.0
 JUDGE_PERIOD = 0.25
 """[s] Between two judgements of the electrodes."""
 START = 2.0, 0.05
-"""[s], [1] Before anything is published, the rate is measured so long and must be declared so exactly; a busy computer delays by 0.1 s."""
+"""[s], [1] Before anything is published, the rate is measured so long and must be declared so
+exactly; a busy computer delays by 0.1 s.
+"""
 AGREE = 10.0
-"""[s] A stream that has not come at its declared rate for `START` by then is refused; until then a busy computer may be the reason."""
+"""[s] A stream that has not come at its declared rate for `START` by then is refused; until then a
+busy computer may be the reason.
+"""
 RUNNING = 30.0, 0.003
 """[s], [1] The same all the time, over a longer window."""
 LASTS = 2.0
-"""[s] A rate that is wrong for less than this is a computer, here or there, that was busy for a moment at one end of the window."""
+"""[s] A rate that is wrong for less than this is a computer, here or there, that was busy for a
+moment at one end of the window.
+"""
 
 
 @dataclass
 class Bridged:
     """What became of a chunk.
 
-    Attributes:
-        blocks: each of shape (n, 5): t [s] and EMG [V] of SOL, TA, GL, GM.
-        notes: what is wrong, one sentence each.
+    Attributes
+    ----------
+    blocks
+        Each of shape (n, 5): t [s] and EMG [V] of SOL, TA, GL, GM.
+    notes
+        What is wrong, one sentence each.
     """
 
     blocks: list[np.ndarray] = field(default_factory=list)
@@ -50,20 +61,32 @@ class Bridged:
 class EmgBridge:
     """One connection to a stream.
 
-    Args:
-        stream: what it says about itself.
-        channels, unit, rate: as `map_channels`.
-        limits: for a good electrode.
-        ros_minus_lsl: present difference of the two clocks [s].
-        after: time of the last sample that was published before [s]; nothing is dated at or before it.
+    Parameters
+    ----------
+    stream
+        What it says about itself.
+    channels, unit, rate
+        As `map_channels`.
+    limits
+        For a good electrode.
+    ros_minus_lsl
+        Present difference of the two clocks [s].
+    after
+        Time of the last sample that was published before [s]; nothing is dated at or before it.
 
-    Raises:
-        StreamRefused: the stream's description does not fit.
+    Raises
+    ------
+    StreamRefused
+        The stream's description does not fit.
 
-    Attributes:
-        samples: published so far.
-        missing: samples missing in gaps of the stream.
-        last: time of the last sample published [s].
+    Attributes
+    ----------
+    samples
+        Published so far.
+    missing
+        Samples missing in gaps of the stream.
+    last
+        Time of the last sample published [s].
     """
 
     def __init__(
@@ -105,8 +128,10 @@ class EmgBridge:
     def feed(self, chunk: Chunk) -> Bridged:
         """Take in a chunk.
 
-        Raises:
-            StreamRefused: the samples do not come at the declared rate.
+        Raises
+        ------
+        StreamRefused
+            The samples do not come at the declared rate.
         """
         out = Bridged()
         if self._waiting is not None:
@@ -117,7 +142,9 @@ class EmgBridge:
                 return out
             chunks, self._waiting = self._waiting, None
             delays = [one.arrival - float(one.stamps[-1]) - one.correction for one in chunks]
-            out.notes += [f"{self.stream.title}: {jump.message}" for jump in self._line.start(delays)]
+            out.notes += [
+                f"{self.stream.title}: {jump.message}" for jump in self._line.start(delays)
+            ]
             for one in chunks:
                 self._bridge(one, out)
         else:
@@ -131,7 +158,9 @@ class EmgBridge:
         return out
 
     def _check_rate(self, chunk: Chunk) -> bool:
-        """Whether samples come as often as declared, by arrival over the last `START` or `RUNNING` seconds; False while it is open."""
+        """Whether samples come as often as declared, by arrival over the last `START` or `RUNNING`
+        seconds; False while it is open.
+        """
         self._received += len(chunk.stamps)
         self._arrivals.append((chunk.arrival, self._received))
         starting = self._waiting is not None
@@ -151,7 +180,9 @@ class EmgBridge:
         self._odd_since = chunk.arrival if self._odd_since is None else self._odd_since
         if not starting and chunk.arrival - self._odd_since < LASTS:
             return True
-        raise StreamRefused(f"{self.stream.title} declares {self.stream.rate:g} Hz and sends {measured:.1f} Hz")
+        raise StreamRefused(
+            f"{self.stream.title} declares {self.stream.rate:g} Hz and sends {measured:.1f} Hz"
+        )
 
     def _line_missing(self, elapsed: float) -> float:
         """Share of samples that gaps explain."""
@@ -164,7 +195,8 @@ class EmgBridge:
             self.missing += jump.missing
             out.notes.append(f"{self.stream.title}: {jump.message}")
         if jumps:
-            # A gap stays between two blocks and inside none; what was judged before it tells nothing about what follows.
+            # A gap stays between two blocks and inside none; what was judged before it tells
+            # nothing about what follows.
             if len(self._pending):
                 out.blocks.append(self._pending)
                 self.samples += len(self._pending)
@@ -176,7 +208,8 @@ class EmgBridge:
         keep = times > self.last
         if not keep.all():
             out.notes.append(
-                f"{self.stream.title}: {int(np.count_nonzero(~keep))} samples are dated before those of the last connection and left out"
+                f"{self.stream.title}: {int(np.count_nonzero(~keep))} samples are dated before "
+                "those of the last connection and left out"
             )
         self._pending = np.concatenate([self._pending, np.column_stack([times, emg])[keep]])
 
@@ -184,9 +217,16 @@ class EmgBridge:
         window = round(WINDOW * self.stream.rate)
         self._recent = np.concatenate([self._recent, emg])[-window:]
         self._unjudged += len(emg)
-        if self._unjudged < JUDGE_PERIOD * self.stream.rate or len(self._recent) < SHORTEST * self.stream.rate:
+        if (
+            self._unjudged < JUDGE_PERIOD * self.stream.rate
+            or len(self._recent) < SHORTEST * self.stream.rate
+        ):
             return
         self._unjudged = 0
         found = defects(self._recent, self.stream.rate, self._limits)
-        out.notes += [f"{muscle}: {defect.message}" for muscle, defect in zip(MUSCLES, found, strict=True) if defect is not None]
+        out.notes += [
+            f"{muscle}: {defect.message}"
+            for muscle, defect in zip(MUSCLES, found, strict=True)
+            if defect is not None
+        ]
         self._bad = np.array([defect is not None for defect in found])

@@ -1,13 +1,17 @@
-"""From the stamps of a stream to ROS time: evenly spaced, without the sender's drift, without jumps.
+"""From the stamps of a stream to ROS time: evenly spaced, without the sender's drift, without
+jumps.
 
-A stamp s of the sender's clock becomes ``h = s + correction + (ROS - LSL)``, where Lab Streaming Layer measures the correction
-between the two computers and the difference of ROS and LSL clock on this one is known. What is left are two errors:
+A stamp s of the sender's clock becomes ``h = s + correction + (ROS - LSL)``, where Lab Streaming
+Layer measures the correction between the two computers and the difference of ROS and LSL clock on
+this one is known. What is left are two errors:
 
-1. Drift of the stamps themselves. An amplifier that counts its samples with a crystal of its own stamps by a clock that nobody
-   measures. Samples cannot arrive before they are taken, and some arrive without waiting: the smallest delay (arrival - h) in
-   each `DELAY_WINDOW` is latency plus drift. `DriftFilter` separates them: the latency is constant, the drift begins at zero.
-2. Jitter. `SampleLine` follows the corrected stamps with a second-order loop and hands out times on a line whose slope and offset
-   change slowly, so that neighbouring samples stay one interval apart.
+1. Drift of the stamps themselves. An amplifier that counts its samples with a crystal of its own
+   stamps by a clock that nobody measures. Samples cannot arrive before they are taken, and some
+   arrive without waiting: the smallest delay (arrival - h) in each `DELAY_WINDOW` is latency plus
+   drift. `DriftFilter` separates them: the latency is constant, the drift begins at zero.
+2. Jitter. `SampleLine` follows the corrected stamps with a second-order loop and hands out times on
+   a line whose slope and offset change slowly, so that neighbouring samples stay one interval
+   apart.
 """
 
 from __future__ import annotations
@@ -19,36 +23,53 @@ from dataclasses import dataclass
 import numpy as np
 
 DELAY_WINDOW = 4.0
-"""[s] One smallest delay per window: of 256 chunks one has not waited, also on a busy computer; a crystal at 100e-6 moves by 0.4 ms."""
+"""[s] One smallest delay per window: of 256 chunks one has not waited, also on a busy computer; a
+crystal at 100e-6 moves by 0.4 ms.
+"""
 SET_WINDOW = 1.0
-"""[s] The same after a clock was set: the chunk that the time was taken from may have waited, and is to be found out soon."""
+"""[s] The same after a clock was set: the chunk that the time was taken from may have waited, and
+is to be found out soon.
+"""
 LARGEST_DRIFT = 500e-6
-"""[1] Standard deviation of the drift that is expected before anything is known; crystals are within 100e-6."""
+"""[1] Standard deviation of the drift that is expected before anything is known; crystals are
+within 100e-6.
+"""
 DRIFT_WANDER = 0.1e-6
 """[1/sqrt(s)] How fast a crystal's drift changes: by 1e-6 in 100 s, while an amplifier warms up."""
 DELAY_NOISE = 0.5e-3
 """[s] Standard deviation of the smallest delays on a computer that does other things too."""
 LATE = 3.0
-"""A smallest delay this many times `DELAY_NOISE` above expectation is a busy computer and no clock; it is left out."""
+"""A smallest delay this many times `DELAY_NOISE` above expectation is a busy computer and no clock;
+it is left out.
+"""
 PATIENCE = 5
 """Windows left out in a row after which the latency itself has changed, and is learned anew."""
 READINGS = 20
 """Readings of two clocks that are odd in a row after which they are believed."""
 LARGEST_STEP_OF_CORRECTION = 2e-3
-"""[s] Two computers' crystals move apart by less than 1 ms in the seconds between two measurements."""
+"""[s] Two computers' crystals move apart by less than 1 ms in the seconds between two measurements.
+"""
 LOOP = 0.02
-"""[Hz] Bandwidth of the loop: 8 s, long against the jitter of USB frames, short against the wander of crystals."""
+"""[Hz] Bandwidth of the loop: 8 s, long against the jitter of USB frames, short against the wander
+of crystals.
+"""
 DAMPING = 0.7
 FIRST = 0.1
 """Share of the time since the start within which the loop follows at first."""
 LARGEST_STEP = 0.3
-"""Largest change of the sampling interval by the loop: readers take half an interval as a missing sample."""
+"""Largest change of the sampling interval by the loop: readers take half an interval as a missing
+sample.
+"""
 JITTER = 1e-3
 """[s] Jitter of the stamps before it is known: one USB frame."""
 JUMP = 8.0
-"""A chunk this many times the jitter off the line is no jitter: samples are missing, or the clock was set."""
+"""A chunk this many times the jitter off the line is no jitter: samples are missing, or the clock
+was set.
+"""
 SAME_DELAY = 0.2
-"""[s] A jump that leaves the delay within this is missing samples; stamps and arrival moved together."""
+"""[s] A jump that leaves the delay within this is missing samples; stamps and arrival moved
+together.
+"""
 LARGEST_LATENCY = 1.0
 """[s] Stamps older than that, or from the future, are of another clock than LSL's."""
 FUTURE = 5e-3
@@ -58,14 +79,19 @@ FUTURE = 5e-3
 LOOKS = 3
 """Looks at a pair of clocks; the one that took the shortest time counts."""
 TIGHT = 0.2e-3
-"""[s] A look that took longer was interrupted by another program and tells the difference of two clocks only so well."""
+"""[s] A look that took longer was interrupted by another program and tells the difference of two
+clocks only so well.
+"""
 
 
 class ClockDifference:
-    """Difference of two clocks of this computer, without the looks that another program interrupted.
+    """Difference of two clocks of this computer, without the looks that another program
+    interrupted.
 
-    Args:
-        first, second: the clocks [s]; the difference is first less second.
+    Parameters
+    ----------
+    first, second
+        The clocks [s]; the difference is first less second.
     """
 
     def __init__(self, first: Callable[[], float], second: Callable[[], float]) -> None:
@@ -74,7 +100,7 @@ class ClockDifference:
         self._kept = 0
 
     def __call__(self) -> float:
-        """The present difference [s]; the last one while `READINGS` looks in a row are interrupted."""
+        """The present difference [s]; the last one while `READINGS` looks in a row are interrupted."""  # noqa: E501
         looks = []
         for _ in range(LOOKS):
             before, now, after = self._second(), self._first(), self._second()
@@ -87,10 +113,13 @@ class ClockDifference:
 
 
 class SteadyCorrection:
-    """LSL's time correction without its outliers: a measurement on a busy computer is off by tens of milliseconds.
+    """LSL's time correction without its outliers: a measurement on a busy computer is off by tens
+    of milliseconds.
 
-    Args:
-        first: the first measurement [s].
+    Parameters
+    ----------
+    first
+        The first measurement [s].
     """
 
     def __init__(self, first: float) -> None:
@@ -98,8 +127,12 @@ class SteadyCorrection:
         self._odd = 0
 
     def measure(self, correction: float) -> None:
-        """Take in a reading [s]; one far from the last counts only after it has stayed for `READINGS` readings."""
-        self._odd = self._odd + 1 if abs(correction - self.value) > LARGEST_STEP_OF_CORRECTION else 0
+        """Take in a reading [s]; one far from the last counts only after it has stayed for
+        `READINGS` readings.
+        """
+        self._odd = (
+            self._odd + 1 if abs(correction - self.value) > LARGEST_STEP_OF_CORRECTION else 0
+        )
         if not 0 < self._odd < READINGS:
             self.value, self._odd = correction, 0
 
@@ -107,7 +140,8 @@ class SteadyCorrection:
 class DriftFilter:
     """Kalman filter for latency, shift and drift of a sender's clock from smallest delays.
 
-    State: latency L, shift x of the stamps against ROS time since the start, drift d with ``x' = d``; measured: L + x.
+    State: latency L, shift x of the stamps against ROS time since the start, drift d with ``x' =
+        d``; measured: L + x.
     """
 
     def __init__(self) -> None:
@@ -148,7 +182,8 @@ class DriftFilter:
             if self._late < PATIENCE:
                 return
         if abs(surprise) > likely:
-            # Sooner than possible: what the latency was learned from had waited, all of it. Later for long: it has changed.
+            # Sooner than possible: what the latency was learned from had waited, all of it. Later
+            # for long: it has changed.
             self._covariance[0, :] = self._covariance[:, 0] = 0.0
             self._covariance[0, 0] = LARGEST_LATENCY**2
             expected = float(look @ self._covariance @ look)
@@ -162,10 +197,14 @@ class DriftFilter:
 class Jump:
     """What a chunk far off the line means.
 
-    Attributes:
-        kind: ``gap`` or ``clock``.
-        message: one sentence with numbers.
-        missing: samples that a gap leaves out, else 0.
+    Attributes
+    ----------
+    kind
+        ``gap`` or ``clock``.
+    message
+        One sentence with numbers.
+    missing
+        Samples that a gap leaves out, else 0.
     """
 
     kind: str
@@ -176,16 +215,22 @@ class Jump:
 class SampleLine:
     """ROS times for the samples of one connection to a stream.
 
-    Args:
-        rate: nominal sampling rate [Hz].
-        ros_minus_lsl: present difference of the ROS clock and this computer's LSL clock [s], as of `ClockDifference`.
+    Parameters
+    ----------
+    rate
+        Nominal sampling rate [Hz].
+    ros_minus_lsl
+        Present difference of the ROS clock and this computer's LSL clock [s], as of
+        `ClockDifference`.
     """
 
     def __init__(self, rate: float, ros_minus_lsl: Callable[[], float]) -> None:
         self.rate = rate
         self.drift_filter = DriftFilter()
         self._ros_minus_lsl = ros_minus_lsl
-        self._foreign = 0.0  # what a clock that is not LSL's is off [s]; samples are then dated by arrival
+        self._foreign = (
+            0.0  # what a clock that is not LSL's is off [s]; samples are then dated by arrival
+        )
         self._stamped = math.nan  # last stamp [s]
         self._end = math.nan  # of the line: time of the newest sample [s]
         self._slope = 0.0  # relative deviation of the sampling interval
@@ -197,31 +242,51 @@ class SampleLine:
     def start(self, delays: Sequence[float]) -> list[Jump]:
         """Look at the first chunks before any is placed.
 
-        Args:
-            delays: arrival less corrected stamp of the last sample of each [s]. Where LSL's clock cannot have given such stamps,
-                samples are dated by arrival, taking the smallest delay as none.
+        Parameters
+        ----------
+        delays
+            Arrival less corrected stamp of the last sample of each [s]. Where LSL's clock cannot
+            have given such stamps, samples are dated by arrival, taking the smallest delay as none.
         """
         self._smallest = min(delays)
         if -FUTURE <= self._smallest <= LARGEST_LATENCY:
             return []
         self._foreign, self._smallest = self._smallest, 0.0
         side = "behind" if self._foreign > 0 else "ahead of"
-        return [Jump("clock", f"the stamps are {abs(self._foreign):.3f} s {side} LSL's clock; the samples are dated by their arrival")]
+        return [
+            Jump(
+                "clock",
+                f"the stamps are {abs(self._foreign):.3f} s {side} LSL's clock; the samples are "
+                "dated by their arrival",
+            )
+        ]
 
-    def place(self, stamps: np.ndarray, correction: float, arrival: float) -> tuple[np.ndarray, list[Jump]]:
+    def place(
+        self, stamps: np.ndarray, correction: float, arrival: float
+    ) -> tuple[np.ndarray, list[Jump]]:
         """Times [s] of the samples of a chunk, shape (n,), strictly increasing over all chunks.
 
-        Args:
-            stamps: by the sender's clock [s], shape (n,), n >= 1.
-            correction: LSL's time correction [s].
-            arrival: when the chunk came, by this computer's LSL clock [s].
+        Parameters
+        ----------
+        stamps
+            By the sender's clock [s], shape (n,), n >= 1.
+        correction
+            LSL's time correction [s].
+        arrival
+            When the chunk came, by this computer's LSL clock [s].
         """
         offset, n = self._ros_minus_lsl(), len(stamps)
         came, seconds = arrival + offset, n / self.rate
         # Of the last sample, by all stamps of the chunk.
-        stamped = float(np.mean(stamps)) + 0.5 * (n - 1) / self.rate + correction + offset + self._foreign
+        stamped = (
+            float(np.mean(stamps)) + 0.5 * (n - 1) / self.rate + correction + offset + self._foreign
+        )
         if math.isnan(self._end):
-            self._stamped, self._end, self._window_start = stamped - seconds, stamped - seconds, came
+            self._stamped, self._end, self._window_start = (
+                stamped - seconds,
+                stamped - seconds,
+                came,
+            )
         expected = self._end + (1.0 + self._slope) * seconds
         jumps: list[Jump] = []
         step = stamped - self._stamped - seconds
@@ -232,7 +297,12 @@ class SampleLine:
             step = 0.0
             if jump.kind == "clock":
                 self._elapsed = 0.0
-        self._jitter = max(math.sqrt(self._jitter**2 + min(LOOP * seconds * 6.0, 1.0) * (step**2 - self._jitter**2)), 0.1 / self.rate)
+        self._jitter = max(
+            math.sqrt(
+                self._jitter**2 + min(LOOP * seconds * 6.0, 1.0) * (step**2 - self._jitter**2)
+            ),
+            0.1 / self.rate,
+        )
         self._stamped = stamped
         self._note_delay(came - stamped, came)
         end = expected + self._follow(self._stamped + self.drift_filter.shift - expected, seconds)
@@ -241,16 +311,26 @@ class SampleLine:
         return begin + (end - begin) * np.arange(1, n + 1) / n, jumps
 
     def _explain(self, step: float, stamped: float, came: float) -> tuple[Jump, float]:
-        """Whether stamps that step by `step` [s] mean missing samples or another clock, and the stamp as it counts now [s]."""
+        """Whether stamps that step by `step` [s] mean missing samples or another clock, and the
+        stamp as it counts now [s].
+        """
         delay = came - stamped
         unexpected = delay - self.drift_filter.delay
-        # Stamps that LSL's clock can still have given are believed, however late a busy computer reads them.
+        # Stamps that LSL's clock can still have given are believed, however late a busy computer
+        # reads them.
         believed = not self._foreign and -FUTURE <= delay <= LARGEST_LATENCY
         if step > 0 and (believed or abs(unexpected) < SAME_DELAY):
             missing = max(round(step * self.rate), 1)
-            return Jump("gap", f"{missing} samples ({missing / self.rate:.3f} s) are missing in the stream", missing), stamped
+            return Jump(
+                "gap",
+                f"{missing} samples ({missing / self.rate:.3f} s) are missing in the stream",
+                missing,
+            ), stamped
         self._foreign += unexpected
-        return Jump("clock", f"the stream's clock jumped by {step:.3f} s; the samples are dated by their arrival"), stamped + unexpected
+        return Jump(
+            "clock",
+            f"the stream's clock jumped by {step:.3f} s; the samples are dated by their arrival",
+        ), stamped + unexpected
 
     def _note_delay(self, delay: float, came: float) -> None:
         self._smallest = min(self._smallest, delay)
@@ -269,10 +349,19 @@ class SampleLine:
         self._smallest, self._window_start = math.inf, came
 
     def _follow(self, error: float, seconds: float) -> float:
-        """One step of the loop after a chunk of so many seconds; returns the correction of the line's end [s]."""
+        """One step of the loop after a chunk of so many seconds; returns the correction of the
+        line's end [s].
+        """
         self._elapsed += seconds
         omega = 2.0 * math.pi * LOOP
-        # The first chunks, also of a new clock, count more: the line starts at their mean and not at the first one's jitter.
+        # The first chunks, also of a new clock, count more: the line starts at their mean and not
+        # at the first one's jitter.
         quick = max(omega, 2.0 * math.pi * FIRST / self._elapsed)
         self._slope += omega**2 * seconds * error
-        return float(np.clip(2.0 * DAMPING * quick * seconds * error, -LARGEST_STEP * seconds, LARGEST_STEP * seconds))
+        return float(
+            np.clip(
+                2.0 * DAMPING * quick * seconds * error,
+                -LARGEST_STEP * seconds,
+                LARGEST_STEP * seconds,
+            )
+        )

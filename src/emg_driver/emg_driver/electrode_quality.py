@@ -1,4 +1,6 @@
-"""Whether a channel carries EMG: flat lines, saturation, mains hum, amplitudes that skin electrodes do not give."""
+"""Whether a channel carries EMG: flat lines, saturation, mains hum, amplitudes that skin electrodes
+do not give.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,17 @@ SHORTEST = 0.5
 BAND = (20.0, 450.0)
 """[Hz] Where EMG has its power (De Luca 2010: 20 to 450 Hz)."""
 PIECE = 0.025
-"""[s] No EMG stays within `flat_range` for so long: at 20 Hz and above it would have passed through half a period."""
+"""[s] No EMG stays within `flat_range` for so long: at 20 Hz and above it would have passed through
+half a period.
+"""
 SATURATED_RUN = 5
-"""Equal samples in a row at the largest or smallest value: noise of an amplifier does not repeat five times at its extreme."""
+"""Equal samples in a row at the largest or smallest value: noise of an amplifier does not repeat
+five times at its extreme.
+"""
 SATURATED_SHARE = 0.01
-"""Share of equal samples at the largest or smallest value; noise reaches its extreme once or, coarsely sampled, a few times."""
+"""Share of equal samples at the largest or smallest value; noise reaches its extreme once or,
+coarsely sampled, a few times.
+"""
 LINE = 2
 """Bins on either side of a mains line that a Hann window spreads it to."""
 HARMONICS = 3
@@ -30,9 +38,12 @@ HARMONICS = 3
 class Defect:
     """What is wrong with a channel.
 
-    Attributes:
-        kind: ``not_finite``, ``flat``, ``saturated``, ``hum`` or ``too_large``.
-        message: half a sentence with numbers.
+    Attributes
+    ----------
+    kind
+        ``not_finite``, ``flat``, ``saturated``, ``hum`` or ``too_large``.
+    message
+        Half a sentence with numbers.
     """
 
     kind: str
@@ -42,11 +53,17 @@ class Defect:
 def defects(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> list[Defect | None]:
     """What is wrong with each channel, None where nothing is.
 
-    Args:
-        emg: raw EMG [V], shape (n, m), equally spaced, at least `SHORTEST` long.
-        rate: [Hz].
+    Parameters
+    ----------
+    emg
+        Raw EMG [V], shape (n, m), equally spaced, at least `SHORTEST` long.
+    rate
+        [Hz].
     """
-    return [_defect(np.ascontiguousarray(emg[:, channel]), rate, limits) for channel in range(emg.shape[1])]
+    return [
+        _defect(np.ascontiguousarray(emg[:, channel]), rate, limits)
+        for channel in range(emg.shape[1])
+    ]
 
 
 def _defect(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> Defect | None:
@@ -61,25 +78,33 @@ def _defect(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> Defect |
     count, run = at_extreme(emg)
     if run >= SATURATED_RUN or count >= SATURATED_SHARE * len(emg):
         largest = float(np.max(np.abs(emg)))
-        return Defect("saturated", f"saturated: {count} of {len(emg)} samples at the end of its range ({largest * 1e3:.3g} mV)")
+        return Defect(
+            "saturated",
+            f"saturated: {count} of {len(emg)} samples at the end of its range "
+            f"({largest * 1e3:.3g} mV)",
+        )
     power, total = mains_power(emg, rate, limits.mains_frequency)
     rms = float(np.sqrt(total))
     if rms > limits.largest_rms:
         return Defect(
             "too_large",
-            f"{rms * 1e3:.3g} mV rms is more than skin electrodes give ({limits.largest_rms * 1e3:.3g} mV): "
+            f"{rms * 1e3:.3g} mV rms is more than skin electrodes give "
+            f"({limits.largest_rms * 1e3:.3g} mV): "
             "another unit than declared, or a loose electrode",
         )
     if total > 0 and power / total > limits.hum_share:
         return Defect(
             "hum",
-            f"{100 * power / total:.0f} % of its power is {limits.mains_frequency:g} Hz mains hum ({np.sqrt(power) * 1e6:.3g} uV rms)",
+            f"{100 * power / total:.0f} % of its power is {limits.mains_frequency:g} Hz mains hum "
+            f"({np.sqrt(power) * 1e6:.3g} uV rms)",
         )
     return None
 
 
 def at_extreme(emg: np.ndarray) -> tuple[int, int]:
-    """Most samples that equal the largest or the smallest value of shape (n,), and most of them in a row."""
+    """Most samples that equal the largest or the smallest value of shape (n,), and most of them in
+    a row.
+    """
     count = longest = 0
     for extreme in (emg.max(), emg.min()):
         there = np.concatenate([[0], (emg == extreme).astype(int), [0]])
@@ -90,17 +115,32 @@ def at_extreme(emg: np.ndarray) -> tuple[int, int]:
 
 
 def mains_power(emg: np.ndarray, rate: float, frequency: float) -> tuple[float, float]:
-    """Power of the mains lines above their surroundings, and of all of `BAND`, both [V^2]; EMG of shape (n,)."""
+    """Power of the mains lines above their surroundings, and of all of `BAND`, both [V^2]; EMG of
+    shape (n,).
+    """
     n = len(emg)
     window = np.hanning(n)
     spectrum = np.abs(np.fft.rfft((emg - emg.mean()) * window)) ** 2 * 2.0 / (n * np.sum(window**2))
     resolution = rate / n
-    in_band = slice(int(np.ceil(BAND[0] / resolution)), int(min(BAND[1], rate / 2) / resolution) + 1)
+    in_band = slice(
+        int(np.ceil(BAND[0] / resolution)), int(min(BAND[1], rate / 2) / resolution) + 1
+    )
     total = float(np.sum(spectrum[in_band]))
     lines = 0.0
     for harmonic in range(1, HARMONICS + 1):
         centre = round(harmonic * frequency / resolution)
-        near = np.concatenate([spectrum[centre - 4 * LINE : centre - LINE], spectrum[centre + LINE + 1 : centre + 4 * LINE + 1]])
+        near = np.concatenate(
+            [
+                spectrum[centre - 4 * LINE : centre - LINE],
+                spectrum[centre + LINE + 1 : centre + 4 * LINE + 1],
+            ]
+        )
         if centre + 4 * LINE < len(spectrum):
-            lines += max(float(np.sum(spectrum[centre - LINE : centre + LINE + 1]) - (2 * LINE + 1) * np.mean(near)), 0.0)
+            lines += max(
+                float(
+                    np.sum(spectrum[centre - LINE : centre + LINE + 1])
+                    - (2 * LINE + 1) * np.mean(near)
+                ),
+                0.0,
+            )
     return lines, total

@@ -7,7 +7,7 @@
 | /diagnostics | out | DiagnosticArray | 1 Hz | stream, missing samples, drift, bad electrodes |
 
 It looks for the stream until it is there, and again when it is lost. Parameters: `PARAMETERS`.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -33,15 +33,44 @@ PARAMETERS = (
     Parameter("stream_type", "EMG", "", "Type of the stream; empty: any.", fixed=True),
     Parameter("stream_source_id", "", "", "Source id of the stream; empty: any.", fixed=True),
     Parameter(
-        "channels", "SOL=SOL,TA=TA,GL=GL,GM=GM", "", "Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.", fixed=True
+        "channels",
+        "SOL=SOL,TA=TA,GL=GL,GM=GM",
+        "",
+        "Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.",
+        fixed=True,
     ),
-    Parameter("unit", "", "", "Unit of the channels (V, mV, uV, nV); empty: as the stream declares.", fixed=True),
-    Parameter("rate", 0.0, "Hz", "Sampling rate that the stream must have; 0: any that suits EMG.", 0.0, 20_000.0, fixed=True),
-    Parameter("silence", 0.5, "s", "A stream without samples for so long counts as stopped.", 0.1, 10.0),
+    Parameter(
+        "unit",
+        "",
+        "",
+        "Unit of the channels (V, mV, uV, nV); empty: as the stream declares.",
+        fixed=True,
+    ),
+    Parameter(
+        "rate",
+        0.0,
+        "Hz",
+        "Sampling rate that the stream must have; 0: any that suits EMG.",
+        0.0,
+        20_000.0,
+        fixed=True,
+    ),
+    Parameter(
+        "silence", 0.5, "s", "A stream without samples for so long counts as stopped.", 0.1, 10.0
+    ),
     *ELECTRODES,
-    Parameter("wait_for_readers", 0, "1", "Readers of /emg/samples to wait for before the stream is read.", 0, 100, fixed=True),
+    Parameter(
+        "wait_for_readers",
+        0,
+        "1",
+        "Readers of /emg/samples to wait for before the stream is read.",
+        0,
+        100,
+        fixed=True,
+    ),
 )
-# Silent for so long, the stream is looked for anew: a sender that died without closing its connection.
+# Silent for so long, the stream is looked for anew: a sender that died without closing its
+# connection.
 GIVE_UP = 5.0  # s
 LOOK_PERIOD = 0.1  # s; silence is seen after `silence` and this
 
@@ -80,7 +109,9 @@ class EmgBridgeNode(AnkleNode):
         super().destroy_node()
 
     def _begin(self) -> None:
-        wanted = predicate(self.text("stream_name"), self.text("stream_type"), self.text("stream_source_id"))
+        wanted = predicate(
+            self.text("stream_name"), self.text("stream_type"), self.text("stream_source_id")
+        )
         self.get_logger().info(f"looking for a stream with {wanted}")
         self._source = LslSource(wanted, self._wake.trigger)
 
@@ -123,8 +154,14 @@ class EmgBridgeNode(AnkleNode):
         )
         self._connections += 1
         if again:
-            self._tell("stream", WARN, f"{stream.title} started anew, with a new clock; samples were lost in between")
-        self.get_logger().info(f"connected to {stream.title}: {len(stream.labels)} channels at {stream.rate:g} Hz")
+            self._tell(
+                "stream",
+                WARN,
+                f"{stream.title} started anew, with a new clock; samples were lost in between",
+            )
+        self.get_logger().info(
+            f"connected to {stream.title}: {len(stream.labels)} channels at {stream.rate:g} Hz"
+        )
 
     def _forward(self, bridge: EmgBridge, chunk: Chunk) -> None:
         before = bridge.samples, bridge.missing
@@ -146,7 +183,10 @@ class EmgBridgeNode(AnkleNode):
             self.count("missing samples", self._missing)
             self.count("connections", self._connections)
             self.count("drift of the stream's clock [ppm]", f"{1e6 * bridge.drift:.1f}")
-            self.count("bad electrodes", ", ".join(muscle for muscle, bad in bridge.bad.items() if bad) or "none")
+            self.count(
+                "bad electrodes",
+                ", ".join(muscle for muscle, bad in bridge.bad.items() if bad) or "none",
+            )
 
     def _hand_out(self) -> None:
         for block in self._backlog.due(time.monotonic()):

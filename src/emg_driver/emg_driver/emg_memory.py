@@ -11,9 +11,12 @@ ROOM = 4
 class EmgMemory:
     """Times, raw and rectified EMG of the last samples.
 
-    Args:
-        kept: samples that are always kept.
-        channels: m.
+    Parameters
+    ----------
+    kept
+        Samples that are always kept.
+    channels
+        M.
     """
 
     def __init__(self, kept: int, channels: int) -> None:
@@ -51,7 +54,11 @@ class EmgMemory:
             self._data[:keep] = last
             self._first, self._stop = 0, keep
         new = self._data[self._stop : self._stop + count]
-        new[:, 0], new[:, 1 : 1 + self._channels], new[:, 1 + self._channels :] = time, raw, rectified
+        new[:, 0], new[:, 1 : 1 + self._channels], new[:, 1 + self._channels :] = (
+            time,
+            raw,
+            rectified,
+        )
         self._stop += count
         self._first = max(self._first, self._stop - max(self._kept, count))
 

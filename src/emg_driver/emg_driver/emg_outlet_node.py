@@ -1,4 +1,5 @@
-"""EMG of a topic as a Lab Streaming Layer stream: a simulated amplifier, or a recorded session for any program that reads LSL.
+"""EMG of a topic as a Lab Streaming Layer stream: a simulated amplifier, or a recorded session for
+any program that reads LSL.
 
 | topic | direction | type | |
 | --- | --- | --- | --- |
@@ -6,8 +7,9 @@
 | a Lab Streaming Layer stream | out | | one channel for each column, labels and units in its description |
 | /diagnostics | out | DiagnosticArray | 1 Hz |
 
-Samples are stamped with their own time, mapped to LSL's clock, on a clock that may drift on purpose.
-"""
+Samples are stamped with their own time, mapped to LSL's clock, on a clock that may drift on
+purpose.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -16,20 +18,26 @@ import sys
 import numpy as np
 import pylsl
 
+from ankle_interfaces.block import Block
+from ankle_interfaces.continuity import Finding, sampling_rate
+from ankle_interfaces.units import split_column
 from ankle_node.node import AnkleNode, run
 from ankle_node.parameters import Parameter
 from emg_driver.clock_mapping import ClockDifference
 from emg_driver.muscles import SAMPLES_TOPIC
-from sample_blocks.block import Block
-from sample_blocks.continuity import Finding, sampling_rate
-from sample_blocks.units import split_column
 
 PARAMETERS = (
     Parameter("stream_name", "simulated amplifier", "", "Name of the stream.", fixed=True),
     Parameter("stream_type", "EMG", "", "Type of the stream.", fixed=True),
     Parameter("stream_source_id", "", "", "Source id of the stream.", fixed=True),
     Parameter(
-        "drift", 0.0, "1", "Seconds per second by which the stamps lose time, as an amplifier's crystal does.", -1e-3, 1e-3, fixed=True
+        "drift",
+        0.0,
+        "1",
+        "Seconds per second by which the stamps lose time, as an amplifier's crystal does.",
+        -1e-3,
+        1e-3,
+        fixed=True,
     ),
 )
 MICROVOLTS = 1e6  # amplifiers declare microvolts
@@ -54,8 +62,12 @@ class EmgOutletNode(AnkleNode):
             self._first = float(block.time[0])
         drifted = block.time - self.number("drift") * (block.time - self._first)
         stamps = drifted - self._ros_minus_lsl()
-        # An amplifier sends at regular intervals, so one stamp for the chunk's last sample says all; after a gap a new one.
-        self._outlet.push_chunk(np.ascontiguousarray(MICROVOLTS * block.data[:, 1:], dtype=np.float32), float(stamps[-1]))
+        # An amplifier sends at regular intervals, so one stamp for the chunk's last sample says
+        # all; after a gap a new one.
+        self._outlet.push_chunk(
+            np.ascontiguousarray(MICROVOLTS * block.data[:, 1:], dtype=np.float32),
+            float(stamps[-1]),
+        )
         self._sent += len(block.time)
         self.count("samples", self._sent)
 

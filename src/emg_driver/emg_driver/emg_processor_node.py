@@ -10,23 +10,36 @@
 | /diagnostics | out | DiagnosticArray | onsets, bad electrodes, missing samples |
 
 The node advances by samples, never by timers. Parameters: `emg_driver.settings`.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
 import sys
 
+from ankle_interfaces.block import Block
+from ankle_interfaces.continuity import Finding
 from ankle_node.node import ERROR, WARN, AnkleNode, run
 from ankle_node.parameters import Parameter, Value
-from emg_driver.muscles import ENSEMBLE_COLUMNS, ENSEMBLE_TOPIC, RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
+from emg_driver.muscles import (
+    ENSEMBLE_COLUMNS,
+    ENSEMBLE_TOPIC,
+    RESPONSE_COLUMNS,
+    RESPONSE_TOPIC,
+    SAMPLE_COLUMNS,
+    SAMPLES_TOPIC,
+)
 from emg_driver.offline import MOTION_TOPIC, POSITION, REFERENCE_TOPIC, VELOCITY
 from emg_driver.processor import EmgProcessor, Responses, warm_up
 from emg_driver.settings import ELECTRODES, PROCESSING, settings_from
-from sample_blocks.block import Block
-from sample_blocks.continuity import Finding
 
 WAIT_FOR_READERS = Parameter(
-    "wait_for_readers", 0, "1", "Readers of /emg/responses to wait for before the first block is taken.", 0, 100, fixed=True
+    "wait_for_readers",
+    0,
+    "1",
+    "Readers of /emg/responses to wait for before the first block is taken.",
+    0,
+    100,
+    fixed=True,
 )
 PARAMETERS = (*PROCESSING, *ELECTRODES, WAIT_FOR_READERS)
 # The average of a hundred changes little with each; half the messages show the same.
@@ -51,7 +64,10 @@ class EmgProcessorNode(AnkleNode):
         if changed != self._values:
             self._processor = EmgProcessor(settings_from(changed))
             self._values = changed
-            self.get_logger().info(f"processing starts anew: {', '.join(f'{name} = {value}' for name, value in values.items())}")
+            self.get_logger().info(
+                "processing starts anew: "
+                f"{', '.join(f'{name} = {value}' for name, value in values.items())}"
+            )
 
     def _begin(self) -> None:
         warm_up()

@@ -1,7 +1,8 @@
 """Reading one Lab Streaming Layer stream in a thread of its own: find it, read it, find it again.
 
-What happens comes out as events in the order in which it happened; nothing is judged here. Connections are not recovered by the
-library, because it would hide that the sender started anew with another clock.
+What happens comes out as events in the order in which it happened; nothing is judged here.
+Connections are not recovered by the library, because it would hide that the sender started anew
+with another clock.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ WAIT = 0.2
 BUFFER = 10
 """[s] Samples that the library keeps for us."""
 CORRECTION_PERIOD = 1.0
-"""[s] Between two readings of the time correction; the library measures it every few seconds in the background."""
+"""[s] Between two readings of the time correction; the library measures it every few seconds in the
+background.
+"""
 LARGEST_CHUNK = 4096
 REST = 2.0
 """[s] Before a stream that was refused is looked at again."""
@@ -52,11 +55,16 @@ class Connected:
 class Chunk:
     """Samples.
 
-    Attributes:
-        samples: shape (n, channels), in the stream's units.
-        stamps: by the sender's clock [s], shape (n,).
-        correction: that LSL measured [s].
-        arrival: by this computer's LSL clock [s].
+    Attributes
+    ----------
+    samples
+        Shape (n, channels), in the stream's units.
+    stamps
+        By the sender's clock [s], shape (n,).
+    correction
+        That LSL measured [s].
+    arrival
+        By this computer's LSL clock [s].
     """
 
     samples: np.ndarray
@@ -74,19 +82,28 @@ class Lost:
 
 def predicate(name: str, kind: str, source_id: str) -> str:
     """The search expression for a stream by name, type and source id; empty ones take any."""
-    wanted = [f"{key}='{value}'" for key, value in (("name", name), ("type", kind), ("source_id", source_id)) if value]
+    wanted = [
+        f"{key}='{value}'"
+        for key, value in (("name", name), ("type", kind), ("source_id", source_id))
+        if value
+    ]
     return " and ".join(wanted) or "channel_count > 0"
 
 
 class LslSource:
     """Reads a stream until `stop`.
 
-    Args:
-        wanted: search expression, as `predicate` makes it.
-        notify: called, in the thread, after each event.
+    Parameters
+    ----------
+    wanted
+        Search expression, as `predicate` makes it.
+    notify
+        Called, in the thread, after each event.
 
-    Attributes:
-        events: what happened; read by one thread.
+    Attributes
+    ----------
+    events
+        What happened; read by one thread.
     """
 
     def __init__(self, wanted: str, notify: Callable[[], None]) -> None:
@@ -140,13 +157,17 @@ class LslSource:
                     correction.measure(inlet.time_correction(OPEN))
                     corrected = time.monotonic()
                 if len(stamps):
-                    self._tell(Chunk(np.array(samples), np.array(stamps), correction.value, arrival))
+                    self._tell(
+                        Chunk(np.array(samples), np.array(stamps), correction.value, arrival)
+                    )
         finally:
             inlet.close_stream()
 
 
 def describe(info: Any) -> StreamDescription:
-    """A stream's description from its ``StreamInfo``; labels and units from ``desc/channels`` where the sender gave them."""
+    """A stream's description from its ``StreamInfo``; labels and units from ``desc/channels`` where
+    the sender gave them.
+    """
     count = info.channel_count()
     labels, units = [""] * count, [""] * count
     channel = info.desc().child("channels").child("channel")
@@ -155,4 +176,12 @@ def describe(info: Any) -> StreamDescription:
             break
         labels[number], units[number] = channel.child_value("label"), channel.child_value("unit")
         channel = channel.next_sibling("channel")
-    return StreamDescription(info.name(), info.type(), info.source_id(), f"{info.uid()}", info.nominal_srate(), tuple(labels), tuple(units))
+    return StreamDescription(
+        info.name(),
+        info.type(),
+        info.source_id(),
+        f"{info.uid()}",
+        info.nominal_srate(),
+        tuple(labels),
+        tuple(units),
+    )

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.block import Block, require_columns, unpack
+from ankle_interfaces.errors import BlockError
 from emg_driver.muscles import (
     BACKGROUND,
     ENSEMBLE_COLUMNS,
@@ -22,8 +24,6 @@ from emg_driver.muscles import (
 )
 from emg_driver.processor import EmgProcessor, Responses
 from emg_driver.settings import Settings
-from sample_blocks.block import Block, require_columns, unpack
-from sample_blocks.errors import BlockError
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
@@ -38,10 +38,14 @@ GROUPED = 16
 class OfflineResponses:
     """Responses of a whole recording.
 
-    Attributes:
-        rows: shape (k, 10), columns `muscles.RESPONSE_COLUMNS`.
-        ensemble: shape (L, 5), columns `muscles.ENSEMBLE_COLUMNS`, of the last onsets.
-        notes: bad electrodes and missing samples, one sentence each with how often it was said.
+    Attributes
+    ----------
+    rows
+        Shape (k, 10), columns `muscles.RESPONSE_COLUMNS`.
+    ensemble
+        Shape (L, 5), columns `muscles.ENSEMBLE_COLUMNS`, of the last onsets.
+    notes
+        Bad electrodes and missing samples, one sentence each with how often it was said.
     """
 
     rows: np.ndarray
@@ -52,9 +56,12 @@ class OfflineResponses:
 def feed(processor: EmgProcessor, topic: str, block: Block) -> Responses:
     """Hand a block of one of the three topics to the processor.
 
-    Raises:
-        BlockError: a column is missing or in a unit of another dimension.
-        ValueError: a sampling rate that the processor refuses.
+    Raises
+    ------
+    BlockError
+        A column is missing or in a unit of another dimension.
+    ValueError
+        A sampling rate that the processor refuses.
     """
     if topic == SAMPLES_TOPIC:
         data = require_columns(block, SAMPLE_COLUMNS[1:], topic).data
@@ -74,21 +81,33 @@ def respond_bag(
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> OfflineResponses:
-    """Background and reflex activity of every onset in a bag, written as a new bag where `out` is given.
+    """Background and reflex activity of every onset in a bag, written as a new bag where `out` is
+    given.
 
-    Args:
-        overwrite: replace a bag at `out`.
-        progress: called with the fraction of the bag that is read.
+    Parameters
+    ----------
+    overwrite
+        Replace a bag at `out`.
+    progress
+        Called with the fraction of the bag that is read.
 
-    Raises:
-        BagError: no such bag, no EMG in it, neither a reference nor a measured velocity, or `out` cannot be written.
-        ValueError: a sampling rate that the processor refuses.
+    Raises
+    ------
+    BagError
+        No such bag, no EMG in it, neither a reference nor a measured velocity, or `out` cannot be
+        written.
+    ValueError
+        A sampling rate that the processor refuses.
     """
     reader = BagReader(bag)
     reader.topic(SAMPLES_TOPIC)
-    topics = [topic for topic in (REFERENCE_TOPIC, MOTION_TOPIC, SAMPLES_TOPIC) if topic in reader.topics]
+    topics = [
+        topic for topic in (REFERENCE_TOPIC, MOTION_TOPIC, SAMPLES_TOPIC) if topic in reader.topics
+    ]
     if len(topics) < 2:
-        raise BagError(f"{bag} has neither {REFERENCE_TOPIC} nor {MOTION_TOPIC}: no onset to look at")
+        raise BagError(
+            f"{bag} has neither {REFERENCE_TOPIC} nor {MOTION_TOPIC}: no onset to look at"
+        )
     processor = EmgProcessor(settings)
     rows: list[np.ndarray] = []
     notes: dict[str, int] = dict.fromkeys(reader.problems, 1)
@@ -104,28 +123,44 @@ def respond_bag(
         for note in due.notes:
             notes[note] = notes.get(note, 0) + 1
     rows.append(processor.finish().rows)
-    result = OfflineResponses(np.concatenate(rows), processor.ensemble(), [f"{n} x {note}" if n > 1 else note for note, n in notes.items()])
+    result = OfflineResponses(
+        np.concatenate(rows),
+        processor.ensemble(),
+        [f"{n} x {note}" if n > 1 else note for note, n in notes.items()],
+    )
     if out is not None:
         _write(result, bag, out, overwrite)
     return result
 
 
 def summary(found: OfflineResponses) -> list[list[str]]:
-    """Per muscle, at the onsets that stretch it: muscle, usable onsets, mean background [uV] and mean reflex [uV.s]."""
+    """Per muscle, at the onsets that stretch it: muscle, usable onsets, mean background [uV] and
+    mean reflex [uV.s].
+    """
     table = []
     for index, muscle in enumerate(MUSCLES):
         rows = found.rows[found.rows[:, 1] == STRETCHED_BY[muscle]]
-        background, reflex = (rows[:, RESPONSE_COLUMNS.index(names[index])] for names in (BACKGROUND, REFLEX))
+        background, reflex = (
+            rows[:, RESPONSE_COLUMNS.index(names[index])] for names in (BACKGROUND, REFLEX)
+        )
         good = np.isfinite(background) & np.isfinite(reflex)
-        means = (f"{1e6 * values[good].mean():.3g}" if good.any() else "-" for values in (background, reflex))
+        means = (
+            f"{1e6 * values[good].mean():.3g}" if good.any() else "-"
+            for values in (background, reflex)
+        )
         table.append([muscle, f"{np.count_nonzero(good)} of {len(rows)}", *means])
     return table
 
 
 def _grouped(
-    reader: BagReader, topics: list[str], notes: dict[str, int], progress: Callable[[float], None] | None
+    reader: BagReader,
+    topics: list[str],
+    notes: dict[str, int],
+    progress: Callable[[float], None] | None,
 ) -> Iterator[tuple[str, Block]]:
-    """Blocks in the order of their log time, up to `GROUPED` of a topic joined; yields (topic, block)."""
+    """Blocks in the order of their log time, up to `GROUPED` of a topic joined; yields (topic,
+    block).
+    """
     waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
 
     def joined(topic: str) -> tuple[str, Block]:

@@ -1,7 +1,8 @@
-"""EMG and onsets in, background and reflex activity for every onset out: the one path of the node, the replay and the file.
+"""EMG and onsets in, background and reflex activity for every onset out: the one path of the node,
+the replay and the file.
 
-The result depends on the samples alone, not on how they are split or on which topic comes first: an onset waits for its EMG,
-EMG is kept until onsets can no longer come.
+The result depends on the samples alone, not on how they are split or on which topic comes first: an
+onset waits for its EMG, EMG is kept until onsets can no longer come.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
 from emg_driver.electrode_quality import SHORTEST, WINDOW, defects
 from emg_driver.emg_memory import EmgMemory
 from emg_driver.muscles import MUSCLES, STRETCHED_BY
@@ -19,10 +21,11 @@ from emg_driver.rectification import Rectifier
 from emg_driver.reflex_response import respond
 from emg_driver.settings import Settings
 from emg_driver.stretch_onsets import REFERENCE_REST, OnsetDetector
-from sample_blocks.continuity import STEP_TOLERANCE, sampling_rate
 
 LATEST = 2.0
-"""[s] How much later than the EMG the reference may come: a replay at full speed may be 64 blocks, one second, out of step."""
+"""[s] How much later than the EMG the reference may come: a replay at full speed may be 64 blocks,
+one second, out of step.
+"""
 LOWEST_RATE = 1000.0
 """[Hz] Below, half the sampling rate cuts into the band of EMG (up to 450 Hz)."""
 MEMORY = WINDOW + LATEST + 1.0
@@ -35,9 +38,12 @@ RATE_SAMPLES = 256
 class Responses:
     """What became due.
 
-    Attributes:
-        rows: shape (k, 10), columns `muscles.RESPONSE_COLUMNS`.
-        notes: bad electrodes and missing samples, one sentence each behind the muscle or ``EMG``.
+    Attributes
+    ----------
+    rows
+        Shape (k, 10), columns `muscles.RESPONSE_COLUMNS`.
+    notes
+        Bad electrodes and missing samples, one sentence each behind the muscle or ``EMG``.
     """
 
     rows: np.ndarray = field(default_factory=lambda: np.empty((0, 2 + 2 * len(MUSCLES))))
@@ -45,7 +51,9 @@ class Responses:
 
 
 def warm_up() -> None:
-    """Go through every part of the processing once: loading compiled code takes a second, in which queues of blocks overflow."""
+    """Go through every part of the processing once: loading compiled code takes a second, in which
+    queues of blocks overflow.
+    """
     time = np.arange(round(2.0 * WINDOW * LOWEST_RATE)) / LOWEST_RATE
     position = np.clip(time - WINDOW, 0.0, 0.1)
     processor = EmgProcessor()
@@ -58,9 +66,12 @@ def warm_up() -> None:
 class EmgProcessor:
     """Responses from streams of EMG, reference and motion.
 
-    Attributes:
-        rate: of the EMG [Hz]; None before 256 samples.
-        onsets: onsets used so far.
+    Attributes
+    ----------
+    rate
+        Of the EMG [Hz]; None before 256 samples.
+    onsets
+        Onsets used so far.
     """
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -76,31 +87,41 @@ class EmgProcessor:
         self._rectifier: Rectifier | None = None
         self._memory = EmgMemory(0, len(MUSCLES))
         self._averages: dict[int, deque[np.ndarray]] = {
-            direction: deque(maxlen=self.settings.ensemble_size) for direction in set(STRETCHED_BY.values())
+            direction: deque(maxlen=self.settings.ensemble_size)
+            for direction in set(STRETCHED_BY.values())
         }
         self._to_average: deque[tuple[float, int, np.ndarray]] = deque()
 
     def feed_reference(self, time: np.ndarray, position: np.ndarray) -> Responses:
         """Take in the commanded reference: time [s] and position [rad], each of shape (n,)."""
         if self.settings.onset_source != "velocity":
-            self._from_reference.extend((float(t), float(d)) for t, d in self._reference.from_position(time, position))
+            self._from_reference.extend(
+                (float(t), float(d)) for t, d in self._reference.from_position(time, position)
+            )
         return self._due()
 
     def feed_motion(self, time: np.ndarray, velocity: np.ndarray) -> Responses:
         """Take in the measured motion: time [s] and velocity [rad/s], each of shape (n,)."""
         if self.settings.onset_source != "reference":
-            self._from_motion.extend((float(t), float(d)) for t, d in self._motion.from_velocity(time, velocity))
+            self._from_motion.extend(
+                (float(t), float(d)) for t, d in self._motion.from_velocity(time, velocity)
+            )
         return self._due()
 
     def feed_emg(self, time: np.ndarray, emg: np.ndarray) -> Responses:
         """Take in EMG.
 
-        Args:
-            time: [s], shape (n,).
-            emg: [V], shape (n, 4), muscles in the order of `MUSCLES`; NaN where a channel is bad.
+        Parameters
+        ----------
+        time
+            [s], shape (n,).
+        emg
+            [V], shape (n, 4), muscles in the order of `MUSCLES`; NaN where a channel is bad.
 
-        Raises:
-            ValueError: a sampling rate below `LOWEST_RATE`, or times that tell none.
+        Raises
+        ------
+        ValueError
+            A sampling rate below `LOWEST_RATE`, or times that tell none.
         """
         notes: list[str] = []
         samples = np.column_stack([time, emg])
@@ -121,7 +142,8 @@ class EmgProcessor:
         return self._due(final=True)
 
     def ensemble(self) -> np.ndarray:
-        """Mean rectified EMG about the last onsets that stretch each muscle, shape (L, 5), columns `muscles.ENSEMBLE_COLUMNS`.
+        """Mean rectified EMG about the last onsets that stretch each muscle, shape (L, 5), columns
+        `muscles.ENSEMBLE_COLUMNS`.
 
         NaN for a muscle without onsets so far. L is 0 before the EMG's rate is known.
         """
@@ -130,20 +152,31 @@ class EmgProcessor:
         lags = self._lags()
         out = np.column_stack([lags, np.full((len(lags), len(MUSCLES)), np.nan)])
         for index, muscle in enumerate(MUSCLES):
-            waves = [wave[:, index] for wave in self._averages[STRETCHED_BY[muscle]] if np.isfinite(wave[:, index]).all()]
+            waves = [
+                wave[:, index]
+                for wave in self._averages[STRETCHED_BY[muscle]]
+                if np.isfinite(wave[:, index]).all()
+            ]
             if waves:
                 out[:, 1 + index] = np.mean(waves, axis=0)
         return out
 
     def _start(self, rate: float) -> None:
         if rate < LOWEST_RATE:
-            raise ValueError(f"EMG comes at {rate:g} Hz; at least {LOWEST_RATE:g} Hz are needed for a signal of up to 450 Hz")
-        self._rectifier = Rectifier(rate, len(MUSCLES), self.settings.highpass_cutoff, self.settings.highpass_order)
+            raise ValueError(
+                f"EMG comes at {rate:g} Hz; at least {LOWEST_RATE:g} Hz are needed for a signal "
+                "of up to 450 Hz"
+            )
+        self._rectifier = Rectifier(
+            rate, len(MUSCLES), self.settings.highpass_cutoff, self.settings.highpass_order
+        )
         self.rate = rate
         self._memory = EmgMemory(math.ceil(MEMORY * rate), len(MUSCLES))
 
     def _keep(self, samples: np.ndarray, notes: list[str]) -> None:
-        """Rectify and append; time that jumps restarts the filter, time that runs back or another rate forgets what was kept."""
+        """Rectify and append; time that jumps restarts the filter, time that runs back or another
+        rate forgets what was kept.
+        """
         assert self.rate is not None
         assert self._rectifier is not None
         if not len(samples):
@@ -153,7 +186,10 @@ class EmgProcessor:
         steps = np.diff(time, prepend=last) * self.rate
         breaks = np.flatnonzero(np.abs(steps - 1.0) > STEP_TOLERANCE)
         if len(time) > 2 and len(breaks) > len(time) // 2:
-            notes.append(f"EMG: it no longer comes at {self.rate:g} Hz, the processing starts anew at t = {time[0]:.3f} s")
+            notes.append(
+                f"EMG: it no longer comes at {self.rate:g} Hz, the processing starts anew at t = "
+                f"{time[0]:.3f} s"
+            )
             self.rate = None
             self._forget()
             self._waiting = [samples]
@@ -164,7 +200,10 @@ class EmgProcessor:
             if start in breaks:
                 self._rectifier.restart()
                 if steps[start] <= 0:
-                    notes.append(f"EMG: time runs back at t = {time[start]:.3f} s, what came before is forgotten")
+                    notes.append(
+                        f"EMG: time runs back at t = {time[start]:.3f} s, what came before is "
+                        "forgotten"
+                    )
                     self._forget()
             emg = samples[start:stop, 1:]
             self._memory.append(time[start:stop], emg, self._rectifier.run(emg))
@@ -188,7 +227,9 @@ class EmgProcessor:
         return out
 
     def _next_onset(self, known: float) -> tuple[float, float] | None:
-        """The next onset whose windows end before `known`, the reference's before those of the measured velocity."""
+        """The next onset whose windows end before `known`, the reference's before those of the
+        measured velocity.
+        """
         end = self.settings.reflex_end + 1.0 / (self.rate or LOWEST_RATE)
         if self._from_reference and self._from_reference[0][0] + end <= known:
             return self._from_reference.popleft()
@@ -203,7 +244,9 @@ class EmgProcessor:
     def _respond(self, onset: float, direction: float, notes: list[str]) -> np.ndarray:
         assert self.rate is not None
         self.onsets += 1
-        background, reflex = respond(self._memory.time, self._memory.rectified, self.rate, onset, self.settings)
+        background, reflex = respond(
+            self._memory.time, self._memory.rectified, self.rate, onset, self.settings
+        )
         end = onset + self.settings.reflex_end
         bad = self._bad_channels(end, notes)
         background, reflex = np.where(bad, np.nan, background), np.where(bad, np.nan, reflex)
@@ -219,20 +262,32 @@ class EmgProcessor:
         jumps = np.flatnonzero(np.abs(steps * self.rate - 1.0) > STEP_TOLERANCE)
         start += int(jumps[-1]) + 1 if len(jumps) else 0
         if stop - start < SHORTEST * self.rate:
-            notes.append(f"EMG: less than {SHORTEST:g} s without a gap before t = {end:.3f} s, no response")
+            notes.append(
+                f"EMG: less than {SHORTEST:g} s without a gap before t = {end:.3f} s, no response"
+            )
             return np.full(len(MUSCLES), True)
         found = defects(self._memory.raw[start:stop], self.rate, self.settings.electrodes)
-        notes += [f"{muscle}: {defect.message}" for muscle, defect in zip(MUSCLES, found, strict=True) if defect is not None]
+        notes += [
+            f"{muscle}: {defect.message}"
+            for muscle, defect in zip(MUSCLES, found, strict=True)
+            if defect is not None
+        ]
         return np.array([defect is not None for defect in found])
 
     def _lags(self) -> np.ndarray:
         assert self.rate is not None
         s = self.settings
-        return np.arange(-round(s.ensemble_before * self.rate), round(s.ensemble_after * self.rate)) / self.rate
+        return (
+            np.arange(-round(s.ensemble_before * self.rate), round(s.ensemble_after * self.rate))
+            / self.rate
+        )
 
     def _average(self, known: float) -> None:
         assert self.rate is not None
-        while self._to_average and self._to_average[0][0] + self.settings.ensemble_after + 1.0 / self.rate <= known:
+        while (
+            self._to_average
+            and self._to_average[0][0] + self.settings.ensemble_after + 1.0 / self.rate <= known
+        ):
             onset, direction, bad = self._to_average.popleft()
             first = int(np.searchsorted(self._memory.time, onset - self.settings.ensemble_before))
             wave = self._memory.rectified[first : first + len(self._lags())]

@@ -1,7 +1,8 @@
 """High-pass and rectification of EMG, block by block: ``r = |H(z) e|``, H a Butterworth high-pass.
 
-Source: van 't Veld et al. 2018, section III-B.3 (20 Hz). The filter is causal, because it runs online; at the 50 to 400 Hz
-where EMG has its power a second-order 20 Hz filter delays by less than 1 ms.
+Source: van 't Veld et al. 2018, section III-B.3 (20 Hz). The filter is causal, because it runs
+online; at the 50 to 400 Hz where EMG has its power a second-order 20 Hz filter delays by less than
+1 ms.
 """
 
 from __future__ import annotations
@@ -11,29 +12,41 @@ import math
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-# Time constants of the cut-off after which a fresh filter counts as settled: exp(-6) = 0.2 % of a step is left.
+# Time constants of the cut-off after which a fresh filter counts as settled: exp(-6) = 0.2 % of a
+# step is left.
 SETTLED = 6.0
 
 
 class Rectifier:
     """Rectified EMG of m channels; the same whatever the size of the blocks.
 
-    A channel's filter starts afresh behind a gap and behind samples that are not finite, and its output is NaN until it has
+    A channel's filter starts afresh behind a gap and behind samples that are not finite, and its
+    output is NaN until it has
     settled: a damaged sample never reaches a later one.
 
-    Args:
-        rate: sampling rate [Hz].
-        channels: m.
-        cutoff: of the high-pass [Hz], below half the rate.
-        order: of the high-pass.
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz].
+    channels
+        M.
+    cutoff
+        Of the high-pass [Hz], below half the rate.
+    order
+        Of the high-pass.
 
-    Raises:
-        ValueError: a cut-off that the rate does not allow.
+    Raises
+    ------
+    ValueError
+        A cut-off that the rate does not allow.
     """
 
     def __init__(self, rate: float, channels: int, cutoff: float, order: int) -> None:
         if not 0 < cutoff < rate / 2:
-            raise ValueError(f"high-pass cut-off {cutoff:g} Hz is outside 0 to {rate / 2:g} Hz (half the sampling rate)")
+            raise ValueError(
+                f"high-pass cut-off {cutoff:g} Hz is outside 0 to {rate / 2:g} Hz (half the "
+                "sampling rate)"
+            )
         self._sections = butter(order, cutoff, "highpass", fs=rate, output="sos")
         self._rest = sosfilt_zi(self._sections)
         self._states = np.zeros((*self._rest.shape, channels))
@@ -68,14 +81,18 @@ class Rectifier:
             self._fresh[channel] |= not good[-1]
         return out
 
-    def _segment(self, emg: np.ndarray, out: np.ndarray, channel: int, start: int, stop: int) -> None:
+    def _segment(
+        self, emg: np.ndarray, out: np.ndarray, channel: int, start: int, stop: int
+    ) -> None:
         if stop <= start:
             return
         values = emg[start:stop, channel]
         if self._fresh[channel]:
             self._states[..., channel] = self._rest * values[0]
             self._fresh[channel], self._unsettled[channel] = False, self._to_settle
-        filtered, self._states[..., channel] = sosfilt(self._sections, values, zi=self._states[..., channel])
+        filtered, self._states[..., channel] = sosfilt(
+            self._sections, values, zi=self._states[..., channel]
+        )
         unknown = min(int(self._unsettled[channel]), stop - start)
         self._unsettled[channel] -= unknown
         out[start + unknown : stop, channel] = filtered[unknown:]

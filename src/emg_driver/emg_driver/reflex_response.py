@@ -1,7 +1,7 @@
 """Background and reflex activity about one onset.
 
-``background = mean(r)`` over the 40 ms before the onset, ``reflex = sum(r - background) / rate`` from 40 to 60 ms after it,
-with r the rectified EMG: the area under the curve minus the background.
+``background = mean(r)`` over the 40 ms before the onset, ``reflex = sum(r - background) / rate``
+from 40 to 60 ms after it, with r the rectified EMG: the area under the curve minus the background.
 
 Source: van 't Veld et al. 2018, section III-B.3 and figure 4.
 """
@@ -12,16 +12,20 @@ import numpy as np
 
 from emg_driver.settings import Settings
 
-# A sample on the edge of a window belongs to it whatever the rounding of its time; far below any sampling interval.
+# A sample on the edge of a window belongs to it whatever the rounding of its time; far below any
+# sampling interval.
 ON_SAMPLE = 1e-7  # s
 
 
 def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | None:
     """Samples with start <= t < end; None unless all of them are there.
 
-    Args:
-        time: ascending times [s], shape (n,).
-        rate: [Hz].
+    Parameters
+    ----------
+    time
+        Ascending times [s], shape (n,).
+    rate
+        [Hz].
     """
     first, stop = (int(k) for k in np.searchsorted(time, [start - ON_SAMPLE, end - ON_SAMPLE]))
     # How many samples fall into the window depends on where they lie by one.
@@ -30,13 +34,20 @@ def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | N
     return slice(first, stop)
 
 
-def respond(time: np.ndarray, rectified: np.ndarray, rate: float, onset: float, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """Background [V] and reflex [V.s] of m muscles, each of shape (m,); NaN where a sample of the window is missing.
+def respond(
+    time: np.ndarray, rectified: np.ndarray, rate: float, onset: float, settings: Settings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Background [V] and reflex [V.s] of m muscles, each of shape (m,); NaN where a sample of the
+    window is missing.
 
-    Args:
-        time: [s], shape (n,).
-        rectified: [V], shape (n, m).
-        onset: [s].
+    Parameters
+    ----------
+    time
+        [s], shape (n,).
+    rectified
+        [V], shape (n, m).
+    onset
+        [s].
     """
     before = window(time, onset - settings.background_window, onset, rate)
     after = window(time, onset + settings.reflex_start, onset + settings.reflex_end, rate)

@@ -9,19 +9,59 @@ from ankle_node.parameters import Parameter, ParameterError, Value
 ONSET_SOURCES = ("auto", "reference", "velocity")
 
 PROCESSING = (
-    Parameter("highpass_cutoff", 20.0, "Hz", "High-pass before rectification (paper, section III-B.3).", 1.0, 200.0),
-    Parameter("highpass_order", 2, "1", "Order of that Butterworth filter; the paper gives none, 2 is what amplifiers have.", 1, 8),
-    Parameter("background_window", 0.040, "s", "Background: mean over so long before an onset (paper, figure 4).", 0.005, 0.2),
-    Parameter("reflex_start", 0.040, "s", "Start of the reflex window after the onset (paper, figure 4).", 0.0, 0.2),
-    Parameter("reflex_end", 0.060, "s", "End of the reflex window after the onset (paper, figure 4).", 0.005, 0.4),
     Parameter(
-        "onset_source", "auto", "", "Where onsets come from; auto: the reference, and velocity while there is none.", choices=ONSET_SOURCES
+        "highpass_cutoff",
+        20.0,
+        "Hz",
+        "High-pass before rectification (paper, section III-B.3).",
+        1.0,
+        200.0,
+    ),
+    Parameter(
+        "highpass_order",
+        2,
+        "1",
+        "Order of that Butterworth filter; the paper gives none, 2 is what amplifiers have.",
+        1,
+        8,
+    ),
+    Parameter(
+        "background_window",
+        0.040,
+        "s",
+        "Background: mean over so long before an onset (paper, figure 4).",
+        0.005,
+        0.2,
+    ),
+    Parameter(
+        "reflex_start",
+        0.040,
+        "s",
+        "Start of the reflex window after the onset (paper, figure 4).",
+        0.0,
+        0.2,
+    ),
+    Parameter(
+        "reflex_end",
+        0.060,
+        "s",
+        "End of the reflex window after the onset (paper, figure 4).",
+        0.005,
+        0.4,
+    ),
+    Parameter(
+        "onset_source",
+        "auto",
+        "",
+        "Where onsets come from; auto: the reference, and velocity while there is none.",
+        choices=ONSET_SOURCES,
     ),
     Parameter(
         "onset_velocity",
         0.3,
         "rad/s",
-        "Speed that a movement must reach: a tenth of the paper's perturbation (3 rad/s), more than a servo's overshoot.",
+        "Speed that a movement must reach: a tenth of the paper's perturbation (3 rad/s), more "
+        "than a servo's overshoot.",
         0.01,
         20.0,
     ),
@@ -33,7 +73,14 @@ PROCESSING = (
         1e-4,
         5.0,
     ),
-    Parameter("ensemble_size", 100, "1", "Onsets in the running ensemble average (the paper's holds have about 100).", 2, 10_000),
+    Parameter(
+        "ensemble_size",
+        100,
+        "1",
+        "Onsets in the running ensemble average (the paper's holds have about 100).",
+        2,
+        10_000,
+    ),
     Parameter("ensemble_before", 0.100, "s", "Ensemble average: start before the onset.", 0.0, 0.5),
     Parameter("ensemble_after", 0.200, "s", "Ensemble average: end after the onset.", 0.01, 0.5),
 )
@@ -44,7 +91,8 @@ ELECTRODES = (
         "hum_share",
         0.3,
         "1",
-        "Largest share of mains hum in a channel's power from 20 to 450 Hz; above it the electrode is bad.",
+        "Largest share of mains hum in a channel's power from 20 to 450 Hz; above it the "
+        "electrode is bad.",
         0.01,
         1.0,
     ),
@@ -52,7 +100,8 @@ ELECTRODES = (
         "flat_range",
         1e-7,
         "V",
-        "A channel that varies less than this for 25 ms is flat; amplifiers have at least 0.3 uV of noise.",
+        "A channel that varies less than this for 25 ms is flat; amplifiers have at least 0.3 uV "
+        "of noise.",
         0.0,
         1e-3,
     ),
@@ -60,7 +109,8 @@ ELECTRODES = (
         "largest_rms",
         2e-3,
         "V",
-        "Largest rms that skin electrodes give; maximal contractions of the calf stay below 1 mV. Above: wrong unit or loose electrode.",
+        "Largest rms that skin electrodes give; maximal contractions of the calf stay below 1 mV. "
+        "Above: wrong unit or loose electrode.",
         1e-5,
         1.0,
     ),
@@ -71,8 +121,10 @@ ELECTRODES = (
 class ElectrodeSettings:
     """Limits for a good electrode; each is described in `ELECTRODES`.
 
-    Raises:
-        ParameterError: a value out of range.
+    Raises
+    ------
+    ParameterError
+        A value out of range.
     """
 
     mains_frequency: float = 50.0
@@ -89,8 +141,10 @@ class ElectrodeSettings:
 class Settings:
     """Numbers of the processing; each is described in `PROCESSING`.
 
-    Raises:
-        ParameterError: a value out of range, or a reflex window that ends before it starts.
+    Raises
+    ------
+    ParameterError
+        A value out of range, or a reflex window that ends before it starts.
     """
 
     highpass_cutoff: float = 20.0
@@ -111,7 +165,8 @@ class Settings:
             parameter.check(getattr(self, parameter.name))
         if self.reflex_end <= self.reflex_start:
             raise ParameterError(
-                f"parameter 'reflex_end' = {self.reflex_end:g} s is refused; allowed: after 'reflex_start' = {self.reflex_start:g} s"
+                f"parameter 'reflex_end' = {self.reflex_end:g} s is refused; allowed: after "
+                f"'reflex_start' = {self.reflex_start:g} s"
             )
         if self.rest_velocity >= self.onset_velocity:
             raise ParameterError(
@@ -126,6 +181,8 @@ def electrodes_from(values: dict[str, Value]) -> ElectrodeSettings:
 
 
 def settings_from(values: dict[str, Value]) -> Settings:
-    """Settings from the value of every parameter in `PROCESSING` and `ELECTRODES`, by name; others are ignored."""
+    """Settings from the value of every parameter in `PROCESSING` and `ELECTRODES`, by name; others
+    are ignored.
+    """
     own = {parameter.name: values[parameter.name] for parameter in PROCESSING}
     return Settings(**own, electrodes=electrodes_from(values))  # type: ignore[arg-type]

@@ -35,12 +35,18 @@ VOLTS = {
 class StreamDescription:
     """A Lab Streaming Layer stream.
 
-    Attributes:
-        name, type, source_id: as the sender names it.
-        session: tells one start of the sender from the next.
-        rate: nominal sampling rate [Hz]; 0 for irregular.
-        labels: of the channels; empty texts where there are none.
-        units: of the channels, as declared; empty texts where there are none.
+    Attributes
+    ----------
+    name, type, source_id
+        As the sender names it.
+    session
+        Tells one start of the sender from the next.
+    rate
+        Nominal sampling rate [Hz]; 0 for irregular.
+    labels
+        Of the channels; empty texts where there are none.
+    units
+        Of the channels, as declared; empty texts where there are none.
     """
 
     name: str
@@ -61,30 +67,38 @@ class StreamDescription:
 class ChannelMap:
     """Where each muscle is.
 
-    Attributes:
-        index: channel of each muscle, shape (4,).
-        to_volts: factor of each, shape (4,).
+    Attributes
+    ----------
+    index
+        Channel of each muscle, shape (4,).
+    to_volts
+        Factor of each, shape (4,).
     """
 
     index: np.ndarray
     to_volts: np.ndarray
 
     def volts(self, samples: np.ndarray) -> np.ndarray:
-        """EMG [V] of shape (n, 4), in the order of `MUSCLES`, from samples of shape (n, channels)."""
+        """EMG [V] of shape (n, 4), in the order of `MUSCLES`, from samples of shape (n, channels)."""  # noqa: E501
         return samples[:, self.index].astype(float) * self.to_volts
 
 
 def parse_channels(text: str) -> dict[str, str]:
     """``SOL=soleus,TA=1`` as a mapping from muscle to channel label or index.
 
-    Raises:
-        StreamRefused: another form, an unknown muscle, or a muscle that is missing.
+    Raises
+    ------
+    StreamRefused
+        Another form, an unknown muscle, or a muscle that is missing.
     """
     wanted = {}
     for part in text.split(","):
         muscle, equals, channel = (piece.strip() for piece in part.partition("="))
         if not equals or muscle not in MUSCLES or not channel:
-            raise StreamRefused(f"channels '{text}': '{part.strip()}' is not 'MUSCLE=label or index' with a muscle of {', '.join(MUSCLES)}")
+            raise StreamRefused(
+                f"channels '{text}': '{part.strip()}' is not 'MUSCLE=label or index' with a "
+                f"muscle of {', '.join(MUSCLES)}"
+            )
         wanted[muscle] = channel
     missing = [muscle for muscle in MUSCLES if muscle not in wanted]
     if missing:
@@ -92,27 +106,41 @@ def parse_channels(text: str) -> dict[str, str]:
     return wanted
 
 
-def map_channels(stream: StreamDescription, channels: str, unit: str, rate: float = 0.0) -> ChannelMap:
+def map_channels(
+    stream: StreamDescription, channels: str, unit: str, rate: float = 0.0
+) -> ChannelMap:
     """Find the muscles in a stream.
 
-    Args:
-        channels: as `parse_channels` takes it; an index counts from 0. A label counts first.
-        unit: of all channels; empty takes what the stream declares.
-        rate: that the stream must have [Hz]; 0 takes any.
+    Parameters
+    ----------
+    channels
+        As `parse_channels` takes it; an index counts from 0. A label counts first.
+    unit
+        Of all channels; empty takes what the stream declares.
+    rate
+        That the stream must have [Hz]; 0 takes any.
 
-    Raises:
-        StreamRefused: a rate that is irregular, out of range or another than `rate`; a channel that is not there; a unit that is
-            not declared or not one of voltage.
+    Raises
+    ------
+    StreamRefused
+        A rate that is irregular, out of range or another than `rate`; a channel that is not there;
+        a unit that is not declared or not one of voltage.
     """
     if not LOWEST_RATE <= stream.rate <= HIGHEST_RATE:
         raise StreamRefused(
-            f"{stream.title} declares {stream.rate:g} Hz; allowed for EMG: {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz at regular intervals"
+            f"{stream.title} declares {stream.rate:g} Hz; allowed for EMG: {LOWEST_RATE:g} to "
+            f"{HIGHEST_RATE:g} Hz at regular intervals"
         )
     if rate and abs(stream.rate - rate) > 1e-3 * rate:
-        raise StreamRefused(f"{stream.title} declares {stream.rate:g} Hz, the parameter 'rate' asks for {rate:g} Hz")
+        raise StreamRefused(
+            f"{stream.title} declares {stream.rate:g} Hz, the parameter 'rate' asks for {rate:g} Hz"
+        )
     wanted = parse_channels(channels)
     index = [_find(stream, muscle, wanted[muscle]) for muscle in MUSCLES]
-    factors = [_to_volts(stream, muscle, number, unit) for muscle, number in zip(MUSCLES, index, strict=True)]
+    factors = [
+        _to_volts(stream, muscle, number, unit)
+        for muscle, number in zip(MUSCLES, index, strict=True)
+    ]
     return ChannelMap(np.array(index), np.array(factors))
 
 
@@ -123,15 +151,29 @@ def _find(stream: StreamDescription, muscle: str, channel: str) -> int:
     if channel.isdigit():
         if int(channel) < count:
             return int(channel)
-        raise StreamRefused(f"{stream.title} has {count} channels, counted from 0; {muscle} is to be channel {channel}")
-    known = ", ".join(label for label in stream.labels if label) or "no labels; give indices, as in SOL=0"
-    raise StreamRefused(f"{stream.title} has no channel '{channel}' for {muscle}; its {count} channels have {known}")
+        raise StreamRefused(
+            f"{stream.title} has {count} channels, counted from 0; {muscle} is to be channel "
+            f"{channel}"
+        )
+    known = (
+        ", ".join(label for label in stream.labels if label)
+        or "no labels; give indices, as in SOL=0"
+    )
+    raise StreamRefused(
+        f"{stream.title} has no channel '{channel}' for {muscle}; its {count} channels have {known}"
+    )
 
 
 def _to_volts(stream: StreamDescription, muscle: str, number: int, unit: str) -> float:
     declared = unit or stream.units[number]
     if not declared:
-        raise StreamRefused(f"{stream.title} declares no unit for channel {number} ({muscle}); state it with the parameter 'unit'")
+        raise StreamRefused(
+            f"{stream.title} declares no unit for channel {number} ({muscle}); state it with the "
+            "parameter 'unit'"
+        )
     if declared.strip().lower() not in VOLTS:
-        raise StreamRefused(f"{stream.title}: channel {number} ({muscle}) is in '{declared}'; expected V, mV, uV or nV")
+        raise StreamRefused(
+            f"{stream.title}: channel {number} ({muscle}) is in '{declared}'; expected V, mV, uV "
+            "or nV"
+        )
     return VOLTS[declared.strip().lower()]

@@ -1,7 +1,8 @@
 """When the ankle begins to move, from the commanded reference or from measured velocity.
 
-An onset of direction d (1 dorsiflexing, -1 plantarflexing) is the last sample at rest, d v <= rest velocity, before a
-movement that reaches the onset velocity. Two velocities, because a pulse turns round without resting and a servo overshoots.
+An onset of direction d (1 dorsiflexing, -1 plantarflexing) is the last sample at rest, d v <= rest
+velocity, before a movement that reaches the onset velocity. Two velocities, because a pulse turns
+round without resting and a servo overshoots.
 """
 
 from __future__ import annotations
@@ -9,30 +10,38 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
 from emg_driver.muscles import DORSIFLEXING, PLANTARFLEXING
-from sample_blocks.continuity import STEP_TOLERANCE, sampling_rate
 
-# A commanded reference has no noise; this is far below the speed in the first sample of an edge (0.007 rad/s).
+# A commanded reference has no noise; this is far below the speed in the first sample of an edge
+# (0.007 rad/s).
 REFERENCE_REST = 1e-3  # rad/s
 
 
 class OnsetDetector:
     """Onsets in a stream of samples; the same whatever the size of the blocks.
 
-    Behind a gap, a step back in time or a sample that is not finite, a movement counts only after a rest: half of a movement
-    tells no onset.
+    Behind a gap, a step back in time or a sample that is not finite, a movement counts only after a
+    rest: half of a movement tells no onset.
 
-    Args:
-        rest: speed up to which a sample counts as rest [rad/s].
-        least: speed that a movement must reach [rad/s].
+    Parameters
+    ----------
+    rest
+        Speed up to which a sample counts as rest [rad/s].
+    least
+        Speed that a movement must reach [rad/s].
 
-    Attributes:
-        first, last: times of the first and the newest sample [s]; NaN before any.
+    Attributes
+    ----------
+    first, last
+        Times of the first and the newest sample [s]; NaN before any.
     """
 
     def __init__(self, rest: float, least: float) -> None:
         self._rest, self._least = rest, least
-        self._rested_at = np.full(2, np.nan)  # by direction; NaN when there was no rest since the last onset
+        self._rested_at = np.full(
+            2, np.nan
+        )  # by direction; NaN when there was no rest since the last onset
         self.first = self.last = float("nan")
         self._last_position = float("nan")
         self._rate: float | None = None
@@ -40,11 +49,16 @@ class OnsetDetector:
     def from_velocity(self, time: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Onsets found in further samples.
 
-        Args:
-            time: [s], shape (n,).
-            velocity: [rad/s], shape (n,).
+        Parameters
+        ----------
+        time
+            [s], shape (n,).
+        velocity
+            [rad/s], shape (n,).
 
-        Returns:
+        Returns
+        -------
+        np.ndarray
             Time [s] and direction, shape (k, 2), in the order in which they are known.
         """
         if not len(time):
@@ -59,7 +73,9 @@ class OnsetDetector:
         return found
 
     def from_position(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Onsets by the first difference of a position [rad] without noise, as of the commanded reference; see `from_velocity`."""
+        """Onsets by the first difference of a position [rad] without noise, as of the commanded
+        reference; see `from_velocity`.
+        """
         if not len(time):
             return np.empty((0, 2))
         before = position[0] if np.isnan(self._last_position) else self._last_position
@@ -71,9 +87,17 @@ class OnsetDetector:
 
 @njit(cache=True)
 def _scan(
-    time: np.ndarray, velocity: np.ndarray, rested_at: np.ndarray, rest: float, least: float, last: float, longest: float
+    time: np.ndarray,
+    velocity: np.ndarray,
+    rested_at: np.ndarray,
+    rest: float,
+    least: float,
+    last: float,
+    longest: float,
 ) -> np.ndarray:
-    """Onsets, shape (k, 2); changes `rested_at`, the time of the last rest by direction, NaN where an onset has used it."""
+    """Onsets, shape (k, 2); changes `rested_at`, the time of the last rest by direction, NaN where
+    an onset has used it.
+    """
     found = np.empty((2 * time.size, 2))
     count = 0
     for k in range(time.size):

@@ -1,10 +1,11 @@
-"""A program that streams like EMG amplifiers do, with the faults that they have. One stream for each fault named on the command line.
+"""A program that streams like EMG amplifiers do, with the faults that they have. One stream for
+each fault named on the command line.
 
     python amplifier.py PREFIX SECONDS FAULT...
 
-Every stream carries noise of 20 uV on four channels, and on the first a pulse of 0.5 mV at each whole second of the system clock.
-It says ``streaming`` when the streams can be found and, after the last sample, when the faults began [s of the system clock]; it ends
-with its standard input.
+Every stream carries noise of 20 uV on four channels, and on the first a pulse of 0.5 mV at each
+whole second of the system clock. It says ``streaming`` when the streams can be found and, after the
+last sample, when the faults began [s of the system clock]; it ends with its standard input.
 """
 
 import sys
@@ -23,13 +24,17 @@ class Stream:
     def __init__(self, prefix, fault):
         self.fault = fault
         count = 2 if fault == "few_channels" else 4
-        info = pylsl.StreamInfo(f"{prefix} {fault}", "EMG", count, RATE, "float32", f"{prefix}-{fault}")
+        info = pylsl.StreamInfo(
+            f"{prefix} {fault}", "EMG", count, RATE, "float32", f"{prefix}-{fault}"
+        )
         channels = info.desc().append_child("channels")
         for label in LABELS[:count]:
             channel = channels.append_child("channel")
             channel.append_child_value("label", label)
             if fault != "no_unit":
-                channel.append_child_value("unit", "V" if fault == "millivolts_as_volts" else "microvolts")
+                channel.append_child_value(
+                    "unit", "V" if fault == "millivolts_as_volts" else "microvolts"
+                )
         self.outlet = pylsl.StreamOutlet(info, CHUNK)
         self.random = np.random.default_rng(3)
         self.held = None
@@ -50,7 +55,9 @@ class Stream:
         elif after and self.fault == "nan":
             samples[5, 1] = np.nan
         elif after and self.fault in ("lost_chunk", "silent"):
-            return None if self.fault == "silent" or since < FAULT_AT + 3 * CHUNK / RATE else samples
+            return (
+                None if self.fault == "silent" or since < FAULT_AT + 3 * CHUNK / RATE else samples
+            )
         return samples[:, :2] if self.fault == "few_channels" else samples
 
     def send(self, since, stamps, wall):

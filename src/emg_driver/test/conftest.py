@@ -19,7 +19,7 @@ from emg_driver.lsl_source import Chunk, Connected, Lost, LslSource, predicate
 from emg_driver.settings import ElectrodeSettings
 
 STREAMS = (
-    "good", "drift", "flat", "saturated", "hum", "nan", "lost_chunk", "clock_jump", "own_clock", "silent", "millivolts_as_volts",
+    "good", "drift", "flat", "saturated", "hum", "nan", "lost_chunk", "clock_jump", "own_clock", "silent", "millivolts_as_volts",  # noqa: E501
     "half_rate", "few_channels", "no_unit",
 )  # fmt: skip
 CHANNELS = "SOL=SOL,TA=TA,GL=GL,GM=GM"
@@ -28,14 +28,18 @@ CHANNELS = "SOL=SOL,TA=TA,GL=GL,GM=GM"
 @pytest.fixture(scope="session")
 def lab():
     """The module `laboratory`."""
-    spec = importlib.util.spec_from_file_location("emg_driver_laboratory", Path(__file__).parent / "laboratory.py")
+    spec = importlib.util.spec_from_file_location(
+        "emg_driver_laboratory", Path(__file__).parent / "laboratory.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
 class Listener:
-    """What the bridge makes of one stream: blocks, and what was said when [s of the monotonic clock]."""
+    """What the bridge makes of one stream: blocks, and what was said when [s of the monotonic
+    clock].
+    """
 
     def __init__(self, name):
         self.source = LslSource(predicate(name, "EMG", ""), lambda: None)
@@ -49,7 +53,9 @@ class Listener:
             try:
                 if isinstance(event, Connected):
                     self.connections += 1
-                    self.bridge = EmgBridge(event.stream, CHANNELS, "", 0.0, ElectrodeSettings(), self.clocks, self.last)
+                    self.bridge = EmgBridge(
+                        event.stream, CHANNELS, "", 0.0, ElectrodeSettings(), self.clocks, self.last
+                    )
                 elif isinstance(event, Lost):
                     self.said.append((time.monotonic(), f"lost: {event.reason}"))
                 elif isinstance(event, Chunk) and self.bridge:
@@ -78,8 +84,20 @@ class Amplifiers:
         self.started = []
 
     def start(self, prefix, seconds, *faults):
-        command = [sys.executable, str(Path(__file__).parent / "amplifier.py"), prefix, str(seconds), *faults]
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        command = [
+            sys.executable,
+            str(Path(__file__).parent / "amplifier.py"),
+            prefix,
+            str(seconds),
+            *faults,
+        ]
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
         self.started.append(process)
         assert process.stdout.readline() == "streaming\n"
         return process
@@ -113,7 +131,9 @@ def listen_to():
 
 @pytest.fixture(scope="session")
 def heard():
-    """What the bridge made of every faulty stream and two good ones, all at once, for fourteen seconds."""
+    """What the bridge made of every faulty stream and two good ones, all at once, for fourteen
+    seconds.
+    """
     prefix, every = f"test-{os.getpid()}", Amplifiers()
     listeners = {}
     try:

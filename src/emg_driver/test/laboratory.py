@@ -1,4 +1,4 @@
-"""EMG nodes as processes of their own, and a test that perturbs, measures and hears what they say."""
+"""EMG nodes as processes of their own, and a test that perturbs, measures and hears what they say."""  # noqa: E501
 
 import signal
 import subprocess
@@ -11,11 +11,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray
 
+from ankle_interfaces.block import Block, pack, unpack
 from ankle_node.node import BLOCK_QOS, PUBLISHED_BLOCKS_QOS
 from emg_driver.muscles import RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings as PerturbationSettings
-from sample_blocks.block import Block, pack, unpack
 
 RATE, SIZE = 2048, 32
 PATIENCE = 60.0  # s
@@ -28,10 +28,13 @@ def node_process(name, *arguments, **pipes):
 
 
 class Laboratory:
-    """Publishes the reference and EMG: noise of 20 uV, three times as much 40 to 60 ms after the stretch of each muscle.
+    """Publishes the reference and EMG: noise of 20 uV, three times as much 40 to 60 ms after the
+    stretch of each muscle.
 
-    Args:
-        emg_topic: where the EMG goes.
+    Parameters
+    ----------
+    emg_topic
+        Where the EMG goes.
     """
 
     def __init__(self, emg_topic):
@@ -44,25 +47,46 @@ class Laboratory:
         self.blocks = {SAMPLES_TOPIC: [], RESPONSE_TOPIC: []}
         self.health = []
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._take_health, 64)
-        self.reference = self.node.create_publisher(Float64MultiArray, "/perturbation/reference", BLOCK_QOS)
+        self.reference = self.node.create_publisher(
+            Float64MultiArray, "/perturbation/reference", BLOCK_QOS
+        )
         self.emg = self.node.create_publisher(Float64MultiArray, emg_topic, BLOCK_QOS)
         self.signal = PulseStep(PerturbationSettings(rate=RATE, seed=4))
         self.random = np.random.default_rng(1)
         self.sent = []
 
     def start(self, name, *arguments):
-        self.nodes[name] = node_process(name, *arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.nodes[name] = node_process(
+            name, *arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
 
     def listen(self, topic):
         into = self.blocks[topic]
-        self.node.create_subscription(Float64MultiArray, topic, lambda m: into.append(unpack(m)), PUBLISHED_BLOCKS_QOS, raw=True)
+        self.node.create_subscription(
+            Float64MultiArray,
+            topic,
+            lambda m: into.append(unpack(m)),
+            PUBLISHED_BLOCKS_QOS,
+            raw=True,
+        )
 
     def _take_health(self, message):
-        self.health += [(time.monotonic(), status.name, status.message) for status in message.status]
+        self.health += [
+            (time.monotonic(), status.name, status.message) for status in message.status
+        ]
 
     def told(self, node, words, since=0.0):
-        """What a node first said with these words on /diagnostics after a time of the steady clock [s]."""
-        return next((text for when, name, text in self.health if when > since and name == node and words in text), None)
+        """What a node first said with these words on /diagnostics after a time of the steady clock
+        [s].
+        """
+        return next(
+            (
+                text
+                for when, name, text in self.health
+                if when > since and name == node and words in text
+            ),
+            None,
+        )
 
     def data(self, topic):
         return np.concatenate([block.data for block in self.blocks[topic]])
@@ -71,7 +95,9 @@ class Laboratory:
         deadline = time.monotonic() + PATIENCE
         while not condition():
             self.executor.spin_once(timeout_sec=0.02)
-            assert time.monotonic() < deadline, f"not reached: {what}; /diagnostics: {self.health[-3:]}"
+            assert time.monotonic() < deadline, (
+                f"not reached: {what}; /diagnostics: {self.health[-3:]}"
+            )
 
     def publish(self, begin):
         """The next block of reference and EMG, the first sample at `begin` [s]."""
@@ -82,7 +108,9 @@ class Laboratory:
             stretched = [0, 2, 3] if onset.direction > 0 else [1]
             emg[np.ix_((at >= onset.time + 0.040) & (at < onset.time + 0.060), stretched)] *= 3.0
         time_ = begin + np.arange(SIZE) / RATE
-        self.reference.publish(pack(Block(("t[s]", "position[rad]"), np.column_stack([time_, position]))))
+        self.reference.publish(
+            pack(Block(("t[s]", "position[rad]"), np.column_stack([time_, position])))
+        )
         self.emg.publish(pack(Block(SAMPLE_COLUMNS, np.column_stack([time_, emg]))))
         self.sent.append(np.column_stack([time_, position, emg]))
 

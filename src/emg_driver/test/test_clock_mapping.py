@@ -1,4 +1,6 @@
-"""Ten minutes of stamps that drift, jitter and arrive late, placed in ROS time; corrections with outliers."""
+"""Ten minutes of stamps that drift, jitter and arrive late, placed in ROS time; corrections with
+outliers.
+"""
 
 import numpy as np
 import pytest
@@ -55,7 +57,9 @@ def test_a_look_at_two_clocks_that_was_interrupted_does_not_count():
     assert difference() == pytest.approx(1.7e9, abs=1e-5)
     interrupted[0] = True
     assert difference() == pytest.approx(1.7e9, abs=1e-5)
-    assert len({difference() for _ in range(30)}) > 1  # always so: there is no better look to wait for
+    assert (
+        len({difference() for _ in range(30)}) > 1
+    )  # always so: there is no better look to wait for
 
 
 def test_a_clock_that_is_set_is_followed_within_two_seconds_though_the_first_chunk_had_waited():
@@ -66,7 +70,9 @@ def test_a_clock_that_is_set_is_followed_within_two_seconds_though_the_first_chu
         true = 1e5 + (k * CHUNK + np.arange(CHUNK)) / RATE
         set_clock = true[0] >= 1e5 + 5.0
         waited = 0.013 if set_clock and not jumps else 0.0
-        times, found = line.place(true + (7.0 if set_clock else 0.0), 0.0, true[-1] + 0.001 + waited)
+        times, found = line.place(
+            true + (7.0 if set_clock else 0.0), 0.0, true[-1] + 0.001 + waited
+        )
         assert times[0] > last
         last = times[-1]
         jumps += found

@@ -1,4 +1,6 @@
-"""Outlet, bridge and processor as processes of their own, over Lab Streaming Layer and DDS: from samples to responses."""
+"""Outlet, bridge and processor as processes of their own, over Lab Streaming Layer and DDS: from
+samples to responses.
+"""
 
 import os
 import re
@@ -16,7 +18,8 @@ pytestmark = pytest.mark.live
 RATE, SIZE = 2048, 32
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-# Everything in real time: the processes need about a core for half a minute, and on a computer that is too busy samples are lost.
+# Everything in real time: the processes need about a core for half a minute, and on a computer that
+# is too busy samples are lost.
 chain = pytest.mark.slow
 
 
@@ -24,19 +27,31 @@ def responses(sent):
     """What the processor makes of all that was sent, shape (k, 10)."""
     processor = EmgProcessor()
     processor.feed_reference(sent[:, 0], sent[:, 1])
-    return np.concatenate([processor.feed_emg(sent[:, 0], sent[:, 2:]).rows, processor.finish().rows])
+    return np.concatenate(
+        [processor.feed_emg(sent[:, 0], sent[:, 2:]).rows, processor.finish().rows]
+    )
 
 
 @pytest.mark.parametrize(
     ("node", "argument", "words"),
     [
-        ("emg_bridge", "channels:=SOL=0,TA=1", "'channels' is refused: channels 'SOL=0,TA=1' does not say where GL, GM is"),
+        (
+            "emg_bridge",
+            "channels:=SOL=0,TA=1",
+            "'channels' is refused: channels 'SOL=0,TA=1' does not say where GL, GM is",
+        ),
         ("emg_bridge", "rate:=-1.0", "'rate' = -1.0 Hz is refused; allowed: 0 to 20000 Hz"),
-        ("emg_processor", "reflex_end:=0.03", "'reflex_end' = 0.03 s is refused; allowed: after 'reflex_start' = 0.04 s"),
+        (
+            "emg_processor",
+            "reflex_end:=0.03",
+            "'reflex_end' = 0.03 s is refused; allowed: after 'reflex_start' = 0.04 s",
+        ),
     ],
 )
 def test_bad_start_values_end_with_one_line(lab, node, argument, words):
-    process = lab.node_process(node, "-p", argument, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = lab.node_process(
+        node, "-p", argument, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     try:
         said, _ = process.communicate(timeout=60)
     finally:
@@ -51,16 +66,29 @@ def test_the_processor_answers_every_onset_as_the_class_does(lab):
     try:
         laboratory.start("emg_processor", "-p", "wait_for_readers:=1")
         laboratory.listen(RESPONSE_TOPIC)
-        laboratory.until(lambda: laboratory.emg.get_subscription_count() and laboratory.reference.get_subscription_count(), "readers")
+        laboratory.until(
+            lambda: (
+                laboratory.emg.get_subscription_count()
+                and laboratory.reference.get_subscription_count()
+            ),
+            "readers",
+        )
         begin, same, expected = time.time(), EmgProcessor(), []
         for k in range(round(6.0 * RATE / SIZE)):
             laboratory.publish(begin + k * SIZE / RATE)
-            if k % 32 == 31:  # half of what the node's queue holds, then wait until it has caught up
+            if (
+                k % 32 == 31
+            ):  # half of what the node's queue holds, then wait until it has caught up
                 sent = np.concatenate(laboratory.sent[-32:])
                 same.feed_reference(sent[:, 0], sent[:, 1])
                 expected.extend(same.feed_emg(sent[:, 0], sent[:, 2:]).rows)
-                laboratory.until(lambda: len(laboratory.blocks[RESPONSE_TOPIC]) >= len(expected), "responses")
-        laboratory.until(lambda: laboratory.told("emg_processor", "less than 0.5 s without a gap"), "missing EMG is told")
+                laboratory.until(
+                    lambda: len(laboratory.blocks[RESPONSE_TOPIC]) >= len(expected), "responses"
+                )
+        laboratory.until(
+            lambda: laboratory.told("emg_processor", "less than 0.5 s without a gap"),
+            "missing EMG is told",
+        )
     finally:
         codes = laboratory.close()
     rows = laboratory.data(RESPONSE_TOPIC)
@@ -78,10 +106,15 @@ def laboratory(lab):
         made.stream = f"nodes of {os.getpid()} at {time.monotonic_ns()}"
         made.start("emg_processor", "-p", "wait_for_readers:=1")
         made.start("emg_bridge", "-p", f"stream_name:={made.stream}", "-p", "wait_for_readers:=2")
-        made.start("emg_outlet", "-p", f"stream_name:={made.stream}", "-r", f"{SAMPLES_TOPIC}:={lab.MADE}")
+        made.start(
+            "emg_outlet", "-p", f"stream_name:={made.stream}", "-r", f"{SAMPLES_TOPIC}:={lab.MADE}"
+        )
         made.listen(RESPONSE_TOPIC)
         made.listen(SAMPLES_TOPIC)
-        made.until(lambda: made.emg.get_subscription_count() and made.reference.get_subscription_count(), "readers")
+        made.until(
+            lambda: made.emg.get_subscription_count() and made.reference.get_subscription_count(),
+            "readers",
+        )
         made.run(10.0)
         made.until(lambda: made.told("emg_bridge", "sends nothing"), "silence is told")
         yield made
@@ -96,7 +129,8 @@ def test_every_sample_comes_through_with_its_value_and_its_time(laboratory):
     # By all four values as the amplifier sends them: 32-bit microvolts.
     where = {row.tobytes(): k for k, row in enumerate((1e6 * sent[:, 2:]).astype(np.float32))}
     index = np.array([where[row.tobytes()] for row in (1e6 * received[:, 1:]).astype(np.float32)])
-    # The stream is found with its first block or soon after; from then on nothing is missing but what fills no block at the end.
+    # The stream is found with its first block or soon after; from then on nothing is missing but
+    # what fills no block at the end.
     np.testing.assert_array_equal(np.diff(index), 1)
     assert len(received) > 7 * RATE
     assert index[-1] >= len(sent) - 2 * SIZE
@@ -110,16 +144,23 @@ def test_every_sample_comes_through_with_its_value_and_its_time(laboratory):
 def test_responses_are_those_of_the_samples(laboratory):
     expected, got = responses(np.concatenate(laboratory.sent)), laboratory.data(RESPONSE_TOPIC)
     begin, end = laboratory.data(SAMPLES_TOPIC)[[0, -1], 0]
-    expected, got = (rows[(rows[:, 0] > begin + 1.0) & (rows[:, 0] < end - 0.1)] for rows in (expected, got))
+    expected, got = (
+        rows[(rows[:, 0] > begin + 1.0) & (rows[:, 0] < end - 0.1)] for rows in (expected, got)
+    )
     assert len(got) > 15
     np.testing.assert_array_equal(got[:, :2], expected[:, :2])
     assert np.isfinite(got[:, 2:]).all()
-    # A time that is off by 1 ms takes two samples of the 82 of a background's window in and two out.
+    # A time that is off by 1 ms takes two samples of the 82 of a background's window in and two
+    # out.
     np.testing.assert_allclose(got[:, 2:6], expected[:, 2:6], rtol=0.2)
     for direction, columns in ((1, [6, 8, 9]), (-1, [7])):
-        mine, theirs = (rows[rows[:, 1] == direction][:, columns].mean(axis=0) for rows in (got, expected))
+        mine, theirs = (
+            rows[rows[:, 1] == direction][:, columns].mean(axis=0) for rows in (got, expected)
+        )
         np.testing.assert_allclose(mine, theirs, rtol=0.1)
-        assert (mine > 0.4e-6).all()  # 20 ms of twice the mean of rectified noise of 20 uV: 0.64 uV.s
+        assert (
+            mine > 0.4e-6
+        ).all()  # 20 ms of twice the mean of rectified noise of 20 uV: 0.64 uV.s
 
 
 @chain
@@ -135,13 +176,26 @@ def test_an_amplifier_that_dies_and_returns_is_named_and_its_samples_follow(lab,
     laboratory.nodes["emg_outlet"].kill()
     laboratory.nodes["emg_outlet"].wait(timeout=10)
     laboratory.until(
-        lambda: laboratory.told("emg_bridge", "lost", since) or laboratory.told("emg_bridge", "no stream", since), "loss is told"
+        lambda: (
+            laboratory.told("emg_bridge", "lost", since)
+            or laboratory.told("emg_bridge", "no stream", since)
+        ),
+        "loss is told",
     )
     laboratory.until(lambda: not laboratory.emg.get_subscription_count(), "the end of the outlet")
-    laboratory.start("emg_outlet", "-p", f"stream_name:={laboratory.stream}", "-r", f"{SAMPLES_TOPIC}:={lab.MADE}")
+    laboratory.start(
+        "emg_outlet",
+        "-p",
+        f"stream_name:={laboratory.stream}",
+        "-r",
+        f"{SAMPLES_TOPIC}:={lab.MADE}",
+    )
     laboratory.until(laboratory.emg.get_subscription_count, "the outlet")
     laboratory.run(8.0)
-    laboratory.until(lambda: laboratory.told("emg_bridge", "started anew, with a new clock", since), "a new clock is told")
+    laboratory.until(
+        lambda: laboratory.told("emg_bridge", "started anew, with a new clock", since),
+        "a new clock is told",
+    )
     data, rows = laboratory.data(SAMPLES_TOPIC), laboratory.data(RESPONSE_TOPIC)
     assert len(data) > len(before) + 3 * RATE
     assert np.diff(data[:, 0]).min() > 0

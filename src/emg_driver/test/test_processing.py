@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ankle_interfaces.block import Block
 from ankle_node.parameters import ParameterError
 from emg_driver.backlog import Backlog
 from emg_driver.electrode_quality import defects
@@ -15,7 +16,6 @@ from emg_driver.settings import ElectrodeSettings, Settings
 from emg_driver.stretch_onsets import REFERENCE_REST, OnsetDetector
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings as PerturbationSettings
-from sample_blocks.block import Block
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
@@ -27,7 +27,9 @@ START = 1000.0
 
 @pytest.fixture(scope="module")
 def recording():
-    """Reference, its onsets, and EMG: 10 uV noise, three times as much 40 to 60 ms after the onsets that stretch each muscle."""
+    """Reference, its onsets, and EMG: 10 uV noise, three times as much 40 to 60 ms after the onsets
+    that stretch each muscle.
+    """
     signal = PulseStep(PerturbationSettings(rate=RATE, seed=4))
     reference = signal.next(SECONDS * RATE)
     time = START + np.arange(len(reference)) / RATE
@@ -50,7 +52,11 @@ def process(time, position, emg, size=32, settings=None, velocity=None):
             parts.append(processor.feed_motion(time[piece], velocity[piece]))
         parts.append(processor.feed_emg(time[piece], emg[piece]))
     parts.append(processor.finish())
-    return np.concatenate([part.rows for part in parts]), [note for part in parts for note in part.notes], processor
+    return (
+        np.concatenate([part.rows for part in parts]),
+        [note for part in parts for note in part.notes],
+        processor,
+    )
 
 
 def test_area_and_background_of_a_known_curve():
@@ -67,7 +73,9 @@ def test_every_onset_gives_its_background_and_the_reflex_of_the_stretched_muscle
     rows, _, processor = process(time, position, emg)
     inside = [onset for onset in onsets if onset.time < SECONDS - 0.1]
     assert len(rows) >= len(inside)
-    assert np.abs(rows[: len(inside), 0] - START - [onset.time for onset in inside]).max() <= 1 / RATE
+    assert (
+        np.abs(rows[: len(inside), 0] - START - [onset.time for onset in inside]).max() <= 1 / RATE
+    )
     assert rows[: len(inside), 1].tolist() == [onset.direction for onset in inside]
     mean_of_noise = 10e-6 * np.sqrt(2 / np.pi)
     later = rows[rows[:, 0] > START + 1.0]
@@ -78,7 +86,9 @@ def test_every_onset_gives_its_background_and_the_reflex_of_the_stretched_muscle
         assert reflex == pytest.approx([2 * mean_of_noise * 0.020] * len(columns), rel=0.2)
     ensemble = processor.ensemble()
     during = (ensemble[:, 0] >= 0.042) & (ensemble[:, 0] < 0.058)
-    assert (ensemble[during, 1:].mean(axis=0) > 2 * ensemble[ensemble[:, 0] < 0.0, 1:].mean(axis=0)).all()
+    assert (
+        ensemble[during, 1:].mean(axis=0) > 2 * ensemble[ensemble[:, 0] < 0.0, 1:].mean(axis=0)
+    ).all()
 
 
 def test_the_result_does_not_depend_on_how_samples_are_split(recording):
@@ -91,15 +101,22 @@ def test_the_result_does_not_depend_on_how_samples_are_split(recording):
 
 def test_measured_velocity_takes_over_where_there_is_no_reference(recording):
     time, position, emg, _ = recording
-    velocity = np.gradient(position, 1 / RATE) + 0.006 * np.random.default_rng(2).standard_normal(len(time))
+    velocity = np.gradient(position, 1 / RATE) + 0.006 * np.random.default_rng(2).standard_normal(
+        len(time)
+    )
     from_reference, _, _ = process(time, position, emg)
     alone, _, _ = process(time, None, emg, velocity=velocity)
     both, _, _ = process(time, position, emg, velocity=velocity)
     np.testing.assert_array_equal(both, from_reference)
     count = min(len(alone), len(from_reference) - 1)
     assert abs(len(alone) - len(from_reference)) <= 1
-    # The very first movement begins with the recording; measured velocity has seen no rest before it.
-    offset = from_reference[len(from_reference) - len(alone) :, 0] - alone[:, 0] if len(alone) < len(from_reference) else None
+    # The very first movement begins with the recording; measured velocity has seen no rest before
+    # it.
+    offset = (
+        from_reference[len(from_reference) - len(alone) :, 0] - alone[:, 0]
+        if len(alone) < len(from_reference)
+        else None
+    )
     assert count > 30
     assert offset is None or np.abs(offset).max() < 0.005
 
@@ -141,7 +158,10 @@ def test_a_gap_gives_no_response_and_is_said(recording):
     keep[5 * RATE : 5 * RATE + 500] = False
     processor = EmgProcessor()
     processor.feed_reference(time, position)
-    due = [processor.feed_emg(time[keep][k : k + 32], emg[keep][k : k + 32]) for k in range(0, keep.sum(), 32)]
+    due = [
+        processor.feed_emg(time[keep][k : k + 32], emg[keep][k : k + 32])
+        for k in range(0, keep.sum(), 32)
+    ]
     rows = np.concatenate([one.rows for one in due])
     near = (rows[:, 0] > START + 4.95) & (rows[:, 0] < START + 5.6)
     assert near.any()
@@ -216,8 +236,14 @@ def test_highpass_passes_emg_and_stops_movement():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"highpass_cutoff": 500.0}, "'highpass_cutoff' = 500.0 Hz is refused; allowed: 1 to 200 Hz"),
-        ({"reflex_start": 0.07}, "'reflex_end' = 0.06 s is refused; allowed: after 'reflex_start' = 0.07 s"),
+        (
+            {"highpass_cutoff": 500.0},
+            "'highpass_cutoff' = 500.0 Hz is refused; allowed: 1 to 200 Hz",
+        ),
+        (
+            {"reflex_start": 0.07},
+            "'reflex_end' = 0.06 s is refused; allowed: after 'reflex_start' = 0.07 s",
+        ),
         ({"rest_velocity": 0.5}, "allowed: below 'onset_velocity'"),
     ],
 )
@@ -235,9 +261,14 @@ def test_a_bag_gives_the_same_numbers(recording, tmp_path):
         writer.add_topic(SAMPLES_TOPIC)
         for k in range(0, len(time), 32):
             piece = slice(k, k + 32)
-            writer.write_block(REFERENCE_TOPIC, Block(("t[s]", "position[rad]"), np.column_stack([time[piece], position[piece]])))
+            writer.write_block(
+                REFERENCE_TOPIC,
+                Block(("t[s]", "position[rad]"), np.column_stack([time[piece], position[piece]])),
+            )
             microvolts = tuple(name.replace("[V]", "[uV]") for name in SAMPLE_COLUMNS)
-            writer.write_block(SAMPLES_TOPIC, Block(microvolts, np.column_stack([time[piece], 1e6 * emg[piece]])))
+            writer.write_block(
+                SAMPLES_TOPIC, Block(microvolts, np.column_stack([time[piece], 1e6 * emg[piece]]))
+            )
     found = respond_bag(tmp_path / "bag", tmp_path / "responses")
     np.testing.assert_allclose(found.rows, expected, rtol=1e-9)
     columns, written = BagReader(tmp_path / "responses").signal(RESPONSE_TOPIC)

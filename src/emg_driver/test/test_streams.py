@@ -37,9 +37,17 @@ def test_samples_are_evenly_spaced_and_in_volts(heard):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("flat", "TA: flat line"), ("saturated", "TA: saturated"), ("hum", "mains hum"), ("nan", "are NaN or infinite")]
+    ("name", "words"),
+    [
+        ("flat", "TA: flat line"),
+        ("saturated", "TA: saturated"),
+        ("hum", "mains hum"),
+        ("nan", "are NaN or infinite"),
+    ],
 )
-def test_a_channel_that_goes_bad_is_named_within_a_second_and_no_longer_given_out(heard, name, words):
+def test_a_channel_that_goes_bad_is_named_within_a_second_and_no_longer_given_out(
+    heard, name, words
+):
     listener = heard[name]
     told = listener.first(words)
     assert told is not None
@@ -65,7 +73,8 @@ def test_a_clock_that_is_set_is_named_and_time_goes_on(heard):
     listener = heard["clock_jump"]
     assert listener.first("clock jumped by 7.0") is not None
     assert np.diff(listener.data[:, 0]).min() > 0
-    # Dated by arrival from then on: first by that of one chunk, which may have waited, after two seconds by the smallest delay.
+    # Dated by arrival from then on: first by that of one chunk, which may have waited, after two
+    # seconds by the smallest delay.
     errors = pulse_errors(listener.data)
     assert np.abs(errors).max() < 0.05
     assert np.abs(errors[-5:]).max() < 5e-3

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from impedance_estimator.conceptual_experimental import Conceptual, ConceptualExperimental
+from impedance_estimator.correlation.conceptual_experimental import (
+    Conceptual,
+    ConceptualExperimental,
+)
+from impedance_estimator.correlation.original import Original
 from impedance_estimator.estimator import Estimator
-from impedance_estimator.joint import Joint
-from impedance_estimator.original import Original
 from impedance_estimator.settings import EstimatorSettings
+from impedance_estimator.simultaneous.simultaneous_estimator import Joint
 
 ALGORITHMS: dict[str, type[Estimator]] = {
     estimator.name: estimator
@@ -22,11 +25,15 @@ DEFAULT = Joint.name
 """``docs/estimators.md`` compares them."""
 
 
-def make_estimator(name: str, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> Estimator:
+def make_estimator(
+    name: str, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
+) -> Estimator:
     """An estimator by its name.
 
-    Raises:
-        ValueError: no such name, or a rate or settings that the estimator refuses.
+    Raises
+    ------
+    ValueError
+        No such name, or a rate or settings that the estimator refuses.
     """
     if name not in ALGORITHMS:
         raise ValueError(f"algorithm '{name}' is not known; allowed: {', '.join(ALGORITHMS)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -13,7 +13,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
-from impedance_estimator.offline import OfflineResult, estimate_bag
+from impedance_estimator.offline.recorded_estimates import OfflineResult, estimate_bag
 from impedance_estimator.settings import HIGHPASS_CHOICES, describe
 from impedance_estimator.stream import compile_estimator
 
@@ -23,10 +23,19 @@ _DIGITS = 4
 
 def estimate(
     bag: Annotated[Path, typer.Argument(help="A bag with /ankle/samples.")],
-    out: Annotated[Optional[Path], typer.Option("--out", "-o", help="Write /impedance/estimate and /impedance/reflex_irf there.")] = None,  # noqa: UP045
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Write /impedance/estimate and /impedance/reflex_irf there."
+        ),
+    ] = None,
     algorithm: Annotated[str, typer.Option(help=f"One of {', '.join(ALGORITHMS)}.")] = DEFAULT,
-    highpass: Annotated[Optional[str], typer.Option(help=f"CE, C and O: one of {', '.join(HIGHPASS_CHOICES)}.")] = None,  # noqa: UP045
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the bag at --out.")] = False,
+    highpass: Annotated[
+        str | None, typer.Option(help=f"CE, C and O: one of {', '.join(HIGHPASS_CHOICES)}.")
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the bag at --out.")
+    ] = False,
 ) -> None:
     """Estimate K, B, I and G from a recorded bag and show their medians over the valid time.
 
@@ -44,7 +53,14 @@ def estimate(
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(f"{algorithm} on {bag.name}", total=1.0)
         settings = settings_type() if highpass is None else settings_type(highpass=highpass)  # type: ignore[call-arg]
-        result = estimate_bag(bag, out, algorithm, settings, overwrite=overwrite, progress=lambda share: bar.update(task, completed=share))
+        result = estimate_bag(
+            bag,
+            out,
+            algorithm,
+            settings,
+            overwrite=overwrite,
+            progress=lambda share: bar.update(task, completed=share),
+        )
     for note in result.notes:
         console.print(note, highlight=False)
     console.print(_table(result))
@@ -54,16 +70,25 @@ def estimate(
 
 def _table(result: OfflineResult) -> Table:
     median = result.median()
-    table = Table("", "median", "standard error", title=f"{len(result.valid)} of {len(result.rows)} estimates valid")
+    table = Table(
+        "",
+        "median",
+        "standard error",
+        title=f"{len(result.valid)} of {len(result.rows)} estimates valid",
+    )
     for name, value in median.items():
         if not name.startswith("se_"):
             error = median.get(f"se_{name}")
-            table.add_row(escape(name), f"{value:.{_DIGITS}g}", "" if error is None else f"{error:.2g}")
+            table.add_row(
+                escape(name), f"{value:.{_DIGITS}g}", "" if error is None else f"{error:.2g}"
+            )
     return table
 
 
 def main() -> None:
-    """Entry point of ``ros2 run impedance_estimator estimate``; an error is one line on stderr and exit code 1."""
+    """Entry point of ``ros2 run impedance_estimator estimate``; an error is one line on stderr and
+    exit code 1.
+    """
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(estimate)
     try:

@@ -1,4 +1,5 @@
-"""Digital filters that keep their state between blocks: cascades of second-order sections over several channels.
+"""Digital filters that keep their state between blocks: cascades of second-order sections over
+several channels.
 
 A section in direct form II transposed:
 
@@ -19,34 +20,41 @@ NO_FILTER = np.zeros((0, 6))
 
 
 def butterworth_lowpass(order: int, cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (k, 6), of a Butterworth low-pass with -3 dB at `cutoff` [Hz], for samples at `rate` [Hz]."""
+    """Sections, shape (k, 6), of a Butterworth low-pass with -3 dB at `cutoff` [Hz], for samples at
+    `rate` [Hz].
+    """
     return np.ascontiguousarray(signal.butter(order, cutoff, fs=rate, output="sos"))
 
 
 def bessel_lowpass(order: int, cutoff: float, rate: float) -> np.ndarray:
     """Sections, shape (k, 6), of a Bessel low-pass, for samples at `rate` [Hz].
 
-    `cutoff` [Hz] is the frequency of the phase midpoint, as in Matlab's ``besself`` and Simulink's analog filter block,
-    with which the original algorithm was built.
+    `cutoff` [Hz] is the frequency of the phase midpoint, as in Matlab's ``besself`` and Simulink's
+    analog filter block, with which the original algorithm was built.
     """
     return np.ascontiguousarray(signal.bessel(order, cutoff, fs=rate, norm="phase", output="sos"))
 
 
 def exponential_average(cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (2, 6), of two equal first-order low-passes in a row with poles at `cutoff` [Hz].
+    """Sections, shape (2, 6), of two equal first-order low-passes in a row with poles at `cutoff`
+    [Hz].
 
-    Its weights are nowhere negative, so a running variance made with it is not either; a Butterworth average's are.
+    Its weights are nowhere negative, so a running variance made with it is not either; a
+    Butterworth average's are.
     """
     return np.repeat(signal.butter(1, cutoff, fs=rate, output="sos"), 2, axis=0)
 
 
 def highpass(cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (1, 6), of a first-order high-pass with -3 dB at `cutoff` [Hz], for samples at `rate` [Hz]."""
+    """Sections, shape (1, 6), of a first-order high-pass with -3 dB at `cutoff` [Hz], for samples
+    at `rate` [Hz].
+    """
     return np.ascontiguousarray(signal.butter(1, cutoff, "highpass", fs=rate, output="sos"))
 
 
 def weight_energy(sections: np.ndarray, rate: float) -> float:
-    """Integral of the squared weighting function of a low-pass with unit gain [1/s]: its two-sided noise bandwidth.
+    """Integral of the squared weighting function of a low-pass with unit gain [1/s]: its two-sided
+    noise bandwidth.
 
     The inverse is the length [s] of the plain average that has the same variance for white noise.
     """
@@ -69,11 +77,16 @@ def filter_state(sections: np.ndarray, channels: int) -> np.ndarray:
 def filter_step(sections: np.ndarray, state: np.ndarray, values: np.ndarray, channels: int) -> None:
     """One sample of every channel through the cascade, in place.
 
-    Args:
-        sections: shape (k, 6), rows b0 b1 b2 1 a1 a2; k = 0 leaves the values as they are.
-        state: shape (k, 2, c).
-        values: shape (c,): input, then output.
-        channels: how many of the c values are filtered. A constant lets the compiler unroll the loop.
+    Parameters
+    ----------
+    sections
+        Shape (k, 6), rows b0 b1 b2 1 a1 a2; k = 0 leaves the values as they are.
+    state
+        Shape (k, 2, c).
+    values
+        Shape (c,): input, then output.
+    channels
+        How many of the c values are filtered. A constant lets the compiler unroll the loop.
     """
     for k in range(sections.shape[0]):
         b0, b1, b2 = sections[k, 0], sections[k, 1], sections[k, 2]
@@ -88,7 +101,8 @@ def filter_step(sections: np.ndarray, state: np.ndarray, values: np.ndarray, cha
 
 @njit
 def settle_filter(sections: np.ndarray, state: np.ndarray, values: np.ndarray) -> None:
-    """Put the cascade into the steady state of constant inputs `values`, which become its outputs, in place.
+    """Put the cascade into the steady state of constant inputs `values`, which become its outputs,
+    in place.
 
     A filter started like this passes no transient of a signal's offset.
     """

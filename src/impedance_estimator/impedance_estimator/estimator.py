@@ -23,7 +23,10 @@ ESTIMATE_COLUMNS = (
     "se_I[kg.m^2]",
     "se_G[N.m.s/rad]",
 )
-"""Columns of an estimate. Where ``valid`` is 0 the row holds the last valid estimate, or NaN when there has been none."""
+"""Columns of an estimate.
+
+Where ``valid`` is 0 the row holds the last valid estimate, or NaN when there has been none.
+"""
 
 ESTIMATE_TOPIC, REFLEX_TOPIC = "/impedance/estimate", "/impedance/reflex_irf"
 
@@ -31,25 +34,34 @@ REFLEX_COLUMNS = ("lag[s]", "h[N.m/rad]")
 """Columns of a reflex impulse response."""
 
 TORQUE_COLUMNS = ("t[s]", "torque[N.m]", "intrinsic_torque[N.m]", "reflex_torque[N.m]")
-"""Columns of the torque that an estimator saw (filtered) and of its two parts as it predicted them."""
+"""Columns of the torque that an estimator saw (filtered) and of its two parts as it predicted them.
+"""
 
 LEAST_RATE, LARGEST_RATE = 500.0, 10_000.0
-"""[Hz] Below, the 4th-order differences no longer follow a 100 Hz signal; above, nothing was tested."""
+"""[Hz] Below, the 4th-order differences no longer follow a 100 Hz signal; above, nothing was
+tested.
+"""
 
 
 class Estimator(ABC):
     """Estimates K, B, I and G from a stream of samples.
 
-    The result depends on the samples alone, not on how they are split into calls. One row comes out after every
-    ``round(rate / estimate_rate)`` samples; its time is the last sample's.
+    The result depends on the samples alone, not on how they are split into calls. One row comes out
+    after every ``round(rate / estimate_rate)`` samples; its time is the last sample's.
 
-    Args:
-        rate: sampling rate [Hz], 500 to 10,000.
-        measured_velocity: whether samples carry a velocity column.
-        settings: defaults where None.
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz], 500 to 10,000.
+    measured_velocity
+        Whether samples carry a velocity column.
+    settings
+        Defaults where None.
 
-    Raises:
-        ValueError: a rate out of range, or settings that do not fit the rate.
+    Raises
+    ------
+    ValueError
+        A rate out of range, or settings that do not fit the rate.
 
     A new estimator is a file with a subclass and a line in `algorithms.ALGORITHMS`.
     """
@@ -60,9 +72,14 @@ class Estimator(ABC):
     """What it is, in one line."""
     settings_type: ClassVar[type[EstimatorSettings]] = EstimatorSettings
 
-    def __init__(self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None) -> None:
+    def __init__(
+        self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
+    ) -> None:
         if not LEAST_RATE <= rate <= LARGEST_RATE:
-            raise ValueError(f"sampling rate {rate:g} Hz is refused; allowed: {LEAST_RATE:g} to {LARGEST_RATE:g} Hz")
+            raise ValueError(
+                f"sampling rate {rate:g} Hz is refused; allowed: {LEAST_RATE:g} to "
+                f"{LARGEST_RATE:g} Hz"
+            )
         self.rate = rate
         self.measured_velocity = measured_velocity
         self.settings = self.settings_type() if settings is None else settings
@@ -76,14 +93,21 @@ class Estimator(ABC):
     def process(self, samples: np.ndarray) -> np.ndarray:
         """Take in samples and return the estimates that became due.
 
-        Args:
-            samples: shape (n, 3) or (n, 4): t [s], position [rad], velocity [rad/s] where measured, torque [N.m].
+        Parameters
+        ----------
+        samples
+            Shape (n, 3) or (n, 4): t [s], position [rad], velocity [rad/s] where measured, torque
+            [N.m].
 
-        Returns:
+        Returns
+        -------
+        np.ndarray
             Shape (k, 12), columns `ESTIMATE_COLUMNS`.
 
-        Raises:
-            ValueError: a shape that does not fit.
+        Raises
+        ------
+        ValueError
+            A shape that does not fit.
         """
 
     @abstractmethod
@@ -98,17 +122,23 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def reflex_response(self) -> np.ndarray:
-        """The newest reflex impulse response, shape (k, 2), columns `REFLEX_COLUMNS`; h is NaN before the first valid estimate."""
+        """The newest reflex impulse response, shape (k, 2), columns `REFLEX_COLUMNS`; h is NaN
+        before the first valid estimate.
+        """
 
     @property
     @abstractmethod
     def torques(self) -> np.ndarray:
-        """Measured and predicted torque during the last call of `process`, shape (k, 4), columns `TORQUE_COLUMNS`."""
+        """Measured and predicted torque during the last call of `process`, shape (k, 4), columns
+        `TORQUE_COLUMNS`.
+        """
 
     @property
     @abstractmethod
     def rate_lost(self) -> bool:
-        """Whether the samples come at another rate than `rate`; `process` then has stopped at `consumed`."""
+        """Whether the samples come at another rate than `rate`; `process` then has stopped at
+        `consumed`.
+        """
 
     @property
     @abstractmethod

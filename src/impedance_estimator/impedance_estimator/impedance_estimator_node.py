@@ -6,20 +6,25 @@
 | `/impedance/estimate` | Float64MultiArray | out: one row every 1 / `estimate_rate` of sample time |
 | `/impedance/reflex_irf` | Float64MultiArray | out: reflex impulse response, twice a second |
 | `/diagnostics` | DiagnosticArray | out: why estimates are not valid, missing samples |
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
 import sys
 import time
 
+from ankle_interfaces.block import Block
+from ankle_interfaces.continuity import Finding
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
 from ankle_node.parameters import ParameterError, Value
-from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC, REFLEX_COLUMNS, REFLEX_TOPIC
+from impedance_estimator.estimator import (
+    ESTIMATE_COLUMNS,
+    ESTIMATE_TOPIC,
+    REFLEX_COLUMNS,
+    REFLEX_TOPIC,
+)
 from impedance_estimator.parameters import PARAMETERS, WAIT_FOR_READERS, settings_from
 from impedance_estimator.stream import TOPIC, EstimateStream, compile_estimator
-from sample_blocks.block import Block
-from sample_blocks.continuity import Finding
 
 
 class ImpedanceEstimator(AnkleNode):
@@ -59,7 +64,10 @@ class ImpedanceEstimator(AnkleNode):
             self._values = changed
             if another:
                 self._compile()
-            self.get_logger().info(f"estimator starts anew: {', '.join(f'{name} = {value}' for name, value in values.items())}")
+            self.get_logger().info(
+                "estimator starts anew: "
+                f"{', '.join(f'{name} = {value}' for name, value in values.items())}"
+            )
 
     def _receive(self, block: Block, findings: list[Finding]) -> None:
         try:
@@ -77,7 +85,9 @@ class ImpedanceEstimator(AnkleNode):
         reason = self._stream.reason
         self.health("estimate", WARN if reason else OK, f"not valid: {reason}")
         if reason != self._reason:
-            self.get_logger().info(f"estimates are not valid: {reason}" if reason else "estimates are valid")
+            self.get_logger().info(
+                f"estimates are not valid: {reason}" if reason else "estimates are valid"
+            )
             self._reason = reason
 
 

@@ -1,4 +1,6 @@
-"""Parameters of the node: the algorithm, and the settings of all algorithms with the units and ranges that they declare."""
+"""Parameters of the node: the algorithm, and the settings of all algorithms with the units and
+ranges that they declare.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,13 @@ WAIT_FOR_READERS = Parameter(
 
 PARAMETERS = (
     WAIT_FOR_READERS,
-    Parameter("algorithm", DEFAULT, "", f"Estimator; a change starts it anew. {_TITLES}.", choices=tuple(ALGORITHMS)),
+    Parameter(
+        "algorithm",
+        DEFAULT,
+        "",
+        f"Estimator; a change starts it anew. {_TITLES}.",
+        choices=tuple(ALGORITHMS),
+    ),
     *(_parameter(name, entry.default, entry.metadata) for name, entry in _fields.items()),
 )
 
@@ -51,12 +59,20 @@ PARAMETERS = (
 def settings_from(values: dict[str, Value]) -> EstimatorSettings:
     """Settings of the algorithm that `values` names, from parameter values by name.
 
-    Parameters at their declared default are left to the algorithm, whose own default may differ; so a node with untouched
-    parameters gives what the algorithm gives from a file.
+    Parameters at their declared default are left to the algorithm, whose own default may differ; so
+    a node with untouched parameters gives what the algorithm gives from a file.
 
-    Raises:
-        ValueError: values that do not fit each other.
+    Raises
+    ------
+    ValueError
+        Values that do not fit each other.
     """
     settings_type = ALGORITHMS[str(values["algorithm"])].settings_type
     own = describe(settings_type)
-    return settings_type(**{name: value for name, value in values.items() if name in own and value != _fields[name].default})  # type: ignore[arg-type]
+    return settings_type(
+        **{  # type: ignore[arg-type]
+            name: value
+            for name, value in values.items()
+            if name in own and value != _fields[name].default
+        }
+    )  # type: ignore[arg-type]

@@ -1,15 +1,16 @@
 """Standard errors of least squares whose residual is coloured.
 
-The residual of a running least-squares estimate is not white: the intrinsic fit leaves the whole reflex
-torque in it, the reflex fit leaves voluntary torque. What counts is how much the running average of the score
-(regressor times residual) varies. Averages of the score over batches longer than its correlation, times the
-variance of the batches under the averaging filter, give that without a model of the noise
-(batch means; Newey & West, Econometrica 55 (1987) 703-708, for the sandwich form):
+The residual of a running least-squares estimate is not white: the intrinsic fit leaves the whole
+reflex torque in it, the reflex fit leaves voluntary torque. What counts is how much the running
+average of the score (regressor times residual) varies. Averages of the score over batches longer
+than its correlation, times the variance of the batches under the averaging filter, give that
+without a model of the noise (batch means; Newey & West, Econometrica 55 (1987) 703-708, for the
+sandwich form):
 
     cov(θ) = R⁻¹ S R⁻¹,   S = T_b <g g'> ∫ w²(t) dt,   g = batch average of s e
 
-w is the weighting function of the averaging filter with unit area. The standard errors hold for stationary parameters;
-bias (errors in the regressors, torque high-passed alone) is not in them.
+w is the weighting function of the averaging filter with unit area. The standard errors hold for
+stationary parameters; bias (errors in the regressors, torque high-passed alone) is not in them.
 """
 
 from __future__ import annotations
@@ -20,10 +21,13 @@ from numba import njit
 from impedance_estimator.digital_filters import filter_step
 
 BATCH = 4.0
-"""[s] Longer than the time over which the scores are correlated: one perturbation response (0.5-0.7 s). Longer batches leave
-fewer of them within the averages' memory of about 18 s."""
+"""[s] Longer than the time over which the scores are correlated: one perturbation response (0.5-0.7
+s). Longer batches leave fewer of them within the averages' memory of about 18 s."""
 BATCH_PERIOD = 0.1
-"""Of the averaging filter's period, a batch at most: the filter runs at one sample per batch. 4 s at the default cut-off of 0.025 Hz."""
+"""Of the averaging filter's period, a batch at most: the filter runs at one sample per batch.
+
+4 s at the default cut-off of 0.025 Hz.
+"""
 
 SCORES = 4
 """Of K, B, I and G."""
@@ -38,13 +42,19 @@ def batch_length(cutoff: float) -> float:
 
 
 @njit
-def average_batch(sections: np.ndarray, state: np.ndarray, moments: np.ndarray, scores: np.ndarray) -> None:
+def average_batch(
+    sections: np.ndarray, state: np.ndarray, moments: np.ndarray, scores: np.ndarray
+) -> None:
     """One batch of scores into their running second moments.
 
-    Args:
-        sections, state: averaging low-pass at one sample per batch, `MOMENTS` channels; without negative weights.
-        moments: shape (`MOMENTS`,), replaced by the new running averages.
-        scores: shape (`SCORES`,), batch averages of the scores.
+    Parameters
+    ----------
+    sections, state
+        Averaging low-pass at one sample per batch, `MOMENTS` channels; without negative weights.
+    moments
+        Shape (`MOMENTS`,), replaced by the new running averages.
+    scores
+        Shape (`SCORES`,), batch averages of the scores.
     """
     k = 0
     for i in range(3):
@@ -57,15 +67,23 @@ def average_batch(sections: np.ndarray, state: np.ndarray, moments: np.ndarray, 
 
 
 @njit
-def intrinsic_variance(moments: np.ndarray, inverse: np.ndarray, gain: float, factor: float, variance: np.ndarray) -> None:
+def intrinsic_variance(
+    moments: np.ndarray, inverse: np.ndarray, gain: float, factor: float, variance: np.ndarray
+) -> None:
     """Variances of K, B and I: the diagonal of R⁻¹ S R⁻¹.
 
-    Args:
-        moments: shape (`MOMENTS`,).
-        inverse: shape (3, 3), inverse of the running normal matrix.
-        gain: present gain of the running averages in `inverse`.
-        factor: T_b ∫ w² dt [1].
-        variance: shape (3,), replaced.
+    Parameters
+    ----------
+    moments
+        Shape (`MOMENTS`,).
+    inverse
+        Shape (3, 3), inverse of the running normal matrix.
+    gain
+        Present gain of the running averages in `inverse`.
+    factor
+        T_b ∫ w² dt [1].
+    variance
+        Shape (3,), replaced.
     """
     batches = moments[MOMENTS - 1]
     if not batches > 0.0:
@@ -86,10 +104,14 @@ def intrinsic_variance(moments: np.ndarray, inverse: np.ndarray, gain: float, fa
 def reflex_variance(moments: np.ndarray, gain: float, factor: float) -> float:
     """Variance of G, the sum of the reflex response, whose score is (1' T⁻¹ v₊) e.
 
-    Args:
-        moments: shape (`MOMENTS`,).
-        gain: present gain of the running correlations in T.
-        factor: T_b ∫ w² dt [1].
+    Parameters
+    ----------
+    moments
+        Shape (`MOMENTS`,).
+    gain
+        Present gain of the running correlations in T.
+    factor
+        T_b ∫ w² dt [1].
     """
     batches = moments[MOMENTS - 1]
     if not batches > 0.0:

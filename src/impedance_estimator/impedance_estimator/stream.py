@@ -1,7 +1,7 @@
 """From blocks of samples to estimates: the one path that the node, the replay and the file share.
 
-The sampling rate is taken from the first 256 samples; samples are judged by their own time, never by when their block
-came. So the result is a function of the samples alone.
+The sampling rate is taken from the first 256 samples; samples are judged by their own time, never
+by when their block came. So the result is a function of the samples alone.
 """
 
 from __future__ import annotations
@@ -10,20 +10,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ankle_interfaces.block import Block, require_columns
+from ankle_interfaces.continuity import sampling_rate
+from ankle_interfaces.units import split_column
 from impedance_estimator.algorithms import DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.validity import RATE_WINDOW
-from sample_blocks.block import Block, require_columns
-from sample_blocks.continuity import sampling_rate
-from sample_blocks.units import split_column
 
 TOPIC = "/ankle/samples"
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 RIG_RATE = 2048.0
 """[Hz] van 't Veld et al. 2018, section III-B.1."""
 COMPILED = 2.0
-"""[s] of samples that go through everything once: a block of the joint estimator is complete after half a second."""
+"""[s] of samples that go through everything once: a block of the joint estimator is complete after
+half a second.
+"""
 RESPONSE_RATE = 2.0
 """[Hz] Reflex impulse responses per second."""
 
@@ -32,11 +34,16 @@ RESPONSE_RATE = 2.0
 class Estimates:
     """What became due.
 
-    Attributes:
-        rows: shape (k, 12), columns `ESTIMATE_COLUMNS`.
-        responses: (t [s], shape (L, 2) with columns `REFLEX_COLUMNS`) for each reflex impulse response.
-        torques: shape (j, 4), columns `TORQUE_COLUMNS`.
-        notes: what happened to the stream, one sentence each.
+    Attributes
+    ----------
+    rows
+        Shape (k, 12), columns `ESTIMATE_COLUMNS`.
+    responses
+        (t [s], shape (L, 2) with columns `REFLEX_COLUMNS`) for each reflex impulse response.
+    torques
+        Shape (j, 4), columns `TORQUE_COLUMNS`.
+    notes
+        What happened to the stream, one sentence each.
     """
 
     rows: np.ndarray
@@ -54,19 +61,26 @@ class _Parts:
 
     def joined(self) -> Estimates:
         rows = np.concatenate(self.rows) if self.rows else np.empty((0, len(ESTIMATE_COLUMNS)))
-        torques = np.concatenate(self.torques) if self.torques else np.empty((0, len(TORQUE_COLUMNS)))
+        torques = (
+            np.concatenate(self.torques) if self.torques else np.empty((0, len(TORQUE_COLUMNS)))
+        )
         return Estimates(rows, self.responses, torques, self.notes)
 
 
 class EstimateStream:
     """Estimates from one stream of samples.
 
-    Args:
-        algorithm: a name in `algorithms.ALGORITHMS`.
-        settings: defaults where None.
+    Parameters
+    ----------
+    algorithm
+        A name in `algorithms.ALGORITHMS`.
+    settings
+        Defaults where None.
 
-    Raises:
-        ValueError: an unknown algorithm, or settings of another one.
+    Raises
+    ------
+    ValueError
+        An unknown algorithm, or settings of another one.
     """
 
     def __init__(self, algorithm: str = DEFAULT, settings: EstimatorSettings | None = None) -> None:
@@ -80,14 +94,22 @@ class EstimateStream:
     @property
     def reason(self) -> str:
         """Why the newest estimate is not valid; empty where it is."""
-        return self.estimator.reason if self.estimator else "waiting for samples that tell the sampling rate"
+        return (
+            self.estimator.reason
+            if self.estimator
+            else "waiting for samples that tell the sampling rate"
+        )
 
     def feed(self, block: Block) -> Estimates:
-        """Take in one block of ``/ankle/samples``; velocity is optional, other columns are left out.
+        """Take in one block of ``/ankle/samples``; velocity is optional, other columns are left
+        out.
 
-        Raises:
-            BlockError, UnitError: a column is missing or in a unit of another dimension.
-            ValueError: a sampling rate that the estimator refuses.
+        Raises
+        ------
+        BlockError, UnitError
+            A column is missing or in a unit of another dimension.
+        ValueError
+            A sampling rate that the estimator refuses.
         """
         velocity = any(split_column(name)[0] == "velocity" for name in block.columns)
         required = (POSITION, VELOCITY, TORQUE) if velocity else (POSITION, TORQUE)
@@ -96,12 +118,17 @@ class EstimateStream:
     def feed_samples(self, samples: np.ndarray, measured_velocity: bool) -> Estimates:
         """Take in samples of shape (n, 4), or (n, 3) without velocity, in SI.
 
-        Raises:
-            ValueError: a sampling rate that the estimator refuses.
+        Raises
+        ------
+        ValueError
+            A sampling rate that the estimator refuses.
         """
         parts = _Parts()
         if self._measured_velocity not in (None, measured_velocity):
-            parts.notes.append(f"velocity is {'there' if measured_velocity else 'gone'} from now on: the estimator starts anew")
+            parts.notes.append(
+                f"velocity is {'there' if measured_velocity else 'gone'} from now on: the "
+                "estimator starts anew"
+            )
             self.estimator = None
             self._waiting = []
         self._measured_velocity = measured_velocity
@@ -115,28 +142,39 @@ class EstimateStream:
         return parts.joined()
 
     def _start(self, parts: _Parts) -> np.ndarray:
-        """Make an estimator when enough samples are there; returns the samples that it is to begin with."""
+        """Make an estimator when enough samples are there; returns the samples that it is to begin
+        with.
+        """
         samples = np.concatenate(self._waiting)
         times = samples[np.isfinite(samples[:, 0]), 0]
         if len(times) < RATE_WINDOW:
             return samples[:0]
         self._waiting = []
         rate = sampling_rate(times[:RATE_WINDOW])
-        self.estimator = make_estimator(self.algorithm, rate, bool(self._measured_velocity), self.settings)
+        self.estimator = make_estimator(
+            self.algorithm, rate, bool(self._measured_velocity), self.settings
+        )
         self._samples = 0
-        parts.notes.append(f"{self.algorithm} at {rate:g} Hz, velocity {'measured' if self._measured_velocity else 'from position'}")
+        parts.notes.append(
+            f"{self.algorithm} at {rate:g} Hz, velocity "
+            f"{'measured' if self._measured_velocity else 'from position'}"
+        )
         return samples
 
     def _advance(self, estimator: Estimator, samples: np.ndarray, parts: _Parts) -> np.ndarray:
         """Samples up to the next reflex response; returns the rest."""
-        every = max(round(self.settings.estimate_rate / RESPONSE_RATE), 1) * max(round(estimator.rate / self.settings.estimate_rate), 1)
+        every = max(round(self.settings.estimate_rate / RESPONSE_RATE), 1) * max(
+            round(estimator.rate / self.settings.estimate_rate), 1
+        )
         piece = samples[: every - self._samples % every]
         parts.rows.append(estimator.process(piece))
         parts.torques.append(estimator.torques)
         used = estimator.consumed
         self._samples += used
         if estimator.rate_lost:
-            parts.notes.append(f"the sampling rate is no longer {estimator.rate:g} Hz: the estimator starts anew")
+            parts.notes.append(
+                f"the sampling rate is no longer {estimator.rate:g} Hz: the estimator starts anew"
+            )
             self.estimator = None
         elif self._samples % every == 0:
             parts.responses.append((float(parts.rows[-1][-1, 0]), estimator.reflex_response))
@@ -144,11 +182,16 @@ class EstimateStream:
 
 
 def compile_estimator(algorithm: str) -> None:
-    """Compile, or load from the cache on disk, everything that an algorithm needs, for samples with and without velocity."""
+    """Compile, or load from the cache on disk, everything that an algorithm needs, for samples with
+    and without velocity.
+    """
     # At the rig's rate: tables that depend on it are then ready, too.
     time = np.arange(0.0, COMPILED, 1.0 / RIG_RATE)
     # Moving, as what still samples leave out would be compiled while a subject waits.
     position = 0.02 * np.sin(2.0 * np.pi * time)
     velocity = np.gradient(position, time)
-    for columns in ([time, position, velocity, 100.0 * position], [time, position, 100.0 * position]):
+    for columns in (
+        [time, position, velocity, 100.0 * position],
+        [time, position, 100.0 * position],
+    ):
         EstimateStream(algorithm).feed_samples(np.column_stack(columns), len(columns) == 4)

@@ -1,12 +1,13 @@
 """Which samples are used, what an interruption does, and why an estimate is not valid.
 
-A sample is dropped when one of its numbers is not finite or beyond what an ankle or a rig can produce, or when its
-time is not after the newest one. After dropped or missing samples the signal path (low-pass, differences, rectified
-velocity's history) starts again from the first good sample, in the steady state of its values, and the running averages
-hold still until the path has settled: 0.4 s of reflex history and five periods of the low-pass. Then they go on where they
-were. The same holds for a rest, two seconds without motion, so that sensor noise never replaces the perturbation.
-An interruption that is longer than the memory of the running averages, or time that goes back by as much,
-starts everything anew, because the averages would describe another state of the ankle.
+A sample is dropped when one of its numbers is not finite or beyond what an ankle or a rig can
+produce, or when its time is not after the newest one. After dropped or missing samples the signal
+path (low-pass, differences, rectified velocity's history) starts again from the first good sample,
+in the steady state of its values, and the running averages hold still until the path has settled:
+0.4 s of reflex history and five periods of the low-pass. Then they go on where they were. The same
+holds for a rest, two seconds without motion, so that sensor noise never replaces the perturbation.
+An interruption that is longer than the memory of the running averages, or time that goes back by as
+much, starts everything anew, because the averages would describe another state of the ankle.
 """
 
 from __future__ import annotations
@@ -16,7 +17,19 @@ import math
 import numpy as np
 from numba import njit
 
-(VALID, WAITING, SETTLING, GAP, BACKWARDS, NOT_FINITE, OUT_OF_RANGE, STILL, COLLINEAR, NO_TORQUE, NO_REFLEX) = range(11)
+(
+    VALID,
+    WAITING,
+    SETTLING,
+    GAP,
+    BACKWARDS,
+    NOT_FINITE,
+    OUT_OF_RANGE,
+    STILL,
+    COLLINEAR,
+    NO_TORQUE,
+    NO_REFLEX,
+) = range(11)
 
 REASONS = {
     VALID: "",
@@ -27,7 +40,8 @@ REASONS = {
     NOT_FINITE: "samples are NaN or infinite",
     OUT_OF_RANGE: "samples are beyond any ankle (over pi rad, 100 rad/s or 1000 N.m)",
     STILL: "the position does not change: no perturbation to learn from",
-    COLLINEAR: "position, velocity and acceleration follow from each other (one frequency): K, B and I cannot be told apart",
+    COLLINEAR: "position, velocity and acceleration follow from each other (one frequency): K, B "
+    "and I cannot be told apart",
     NO_TORQUE: "the torque does not change: is its sensor connected?",
     NO_REFLEX: "rectified velocity does not determine the reflex response",
 }
@@ -40,16 +54,26 @@ LARGEST_TORQUE = 1000.0
 """[N.m] Several times the strongest plantarflexion (about 200 N.m)."""
 
 LEAST_VELOCITY = 0.05
-"""[rad/s] Motion. Eight times the rms noise of the paper's velocity signal (0.006 rad/s at 37.7 dB); perturbations reach 1 rad/s."""
+"""[rad/s] Motion.
+
+Eight times the rms noise of the paper's velocity signal (0.006 rad/s at 37.7 dB); perturbations
+reach 1 rad/s.
+"""
 REST = 2.0
-"""[s] without motion after which the perturbation counts as off: three times the longest pause within it (0.7 s)."""
+"""[s] without motion after which the perturbation counts as off: three times the longest pause
+within it (0.7 s).
+"""
 
 RATE_WINDOW = 256
 """Samples over which the sampling rate is watched."""
 RATE_TOLERANCE = 1e-3
-"""Relative. Clocks drift by parts per million; K, B and I change by up to twice the rate's error."""
+"""Relative. Clocks drift by parts per million; K, B and I change by up to twice the rate's error.
+"""
 REGULAR_STEPS = 0.1
-"""Sample intervals. Steps that differ by less come from a clock at another rate, not from missing samples."""
+"""Sample intervals.
+
+Steps that differ by less come from a clock at another rate, not from missing samples.
+"""
 
 _COUNTERS = (
     *("started", "row_count", "pause", "pending", "interruption", "still", "quiet", "settled"),
@@ -78,22 +102,35 @@ def watch_rate(clock: np.ndarray, rate: float, t: float) -> None:
     c.window += 1
     if c.window > RATE_WINDOW:
         mean = (t - c.window_start) / RATE_WINDOW
-        if mean > 0.0 and c.longest - c.shortest < REGULAR_STEPS * mean and abs(mean * rate - 1.0) > RATE_TOLERANCE:
+        if (
+            mean > 0.0
+            and c.longest - c.shortest < REGULAR_STEPS * mean
+            and abs(mean * rate - 1.0) > RATE_TOLERANCE
+        ):
             c.rate_lost = 1
         c.window = 0
 
 
 @njit(inline="always")
-def judge_sample(clock: np.ndarray, rate: float, memory: float, t: float, x: float, v: float, torque: float) -> int:
+def judge_sample(
+    clock: np.ndarray, rate: float, memory: float, t: float, x: float, v: float, torque: float
+) -> int:
     """What to do with a sample.
 
-    Args:
-        clock: record of `CLOCK`, shape (1,).
-        rate: [Hz].
-        memory: longest interruption that is bridged [s].
-        t, x, v, torque: the sample; v is 0 where none is measured.
+    Parameters
+    ----------
+    clock
+        Record of `CLOCK`, shape (1,).
+    rate
+        [Hz].
+    memory
+        Longest interruption that is bridged [s].
+    t, x, v, torque
+        The sample; v is 0 where none is measured.
 
-    Returns:
+    Returns
+    -------
+    int
         `DROP`, `CONTINUE`, `RESTART_PATH` (after an interruption) or `RESTART_ALL`.
     """
     c = clock[0]
@@ -125,7 +162,9 @@ def judge_sample(clock: np.ndarray, rate: float, memory: float, t: float, x: flo
 
 @njit(inline="always")
 def judge_motion(clock: np.ndarray, rate: float, memory: float, velocity: float) -> bool:
-    """Follow rest and motion; True once when a rest has outlasted the memory of the running averages."""
+    """Follow rest and motion; True once when a rest has outlasted the memory of the running
+    averages.
+    """
     c = clock[0]
     if abs(velocity) > LEAST_VELOCITY:
         c.quiet = 0
@@ -139,7 +178,9 @@ def judge_motion(clock: np.ndarray, rate: float, memory: float, velocity: float)
 
 @njit
 def reason_code(clock: np.ndarray, settling: float) -> int:
-    """Why the present estimate is not valid, `VALID` where it is. `settling`: samples needed after the start."""
+    """Why the present estimate is not valid, `VALID` where it is. `settling`: samples needed after
+    the start.
+    """
     c = clock[0]
     if c.pending != VALID:
         return c.pending

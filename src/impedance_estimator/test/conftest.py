@@ -1,4 +1,6 @@
-"""The independent reference simulation as a fixture: test modules are imported by path and cannot import each other."""
+"""The independent reference simulation as a fixture: test modules are imported by path and cannot
+import each other.
+"""
 
 import importlib.util
 import sys

@@ -1,8 +1,10 @@
-"""A small simulated ankle that shares no code with the estimators or with ankle_physics, to check both.
+"""A small simulated ankle that shares no code with the estimators or with ankle_physics, to check
+both.
 
-Everything runs at four times the sampling rate: reference signal, actuator (30 Hz, damping 0.7), joint with delayed
-half-wave rectified velocity feedback, anti-alias filters; then sampling and white noise.
-Linear systems are discretised for inputs that are linear between points, so position, velocity and acceleration stay in step.
+Everything runs at four times the sampling rate: reference signal, actuator (30 Hz, damping 0.7),
+joint with delayed half-wave rectified velocity feedback, anti-alias filters; then sampling and
+white noise. Linear systems are discretised for inputs that are linear between points, so position,
+velocity and acceleration stay in step.
 """
 
 from dataclasses import dataclass
@@ -15,7 +17,11 @@ OVERSAMPLING = 4
 AMPLITUDE = 0.04  # rad
 DELAY = 0.040  # s
 OMEGA, DAMPING = 21.0, 0.8  # rad/s, 1
-SNR = {"position": 52.7, "velocity": 37.7, "torque": 24.1}  # dB, van 't Veld 2018, sections II-C and II-D
+SNR = {
+    "position": 52.7,
+    "velocity": 37.7,
+    "torque": 24.1,
+}  # dB, van 't Veld 2018, sections II-C and II-D
 
 
 @dataclass
@@ -32,7 +38,9 @@ class Recording:
 
 
 def pulse_steps(duration, fine, rng, edge=0.024, width=0.024, rest=(0.0, 0.0)):
-    """Pulse-step reference around zero: blocks of 500 ms, the long part stretched by up to 0.2 s; none begins during `rest` [s]."""
+    """Pulse-step reference around zero: blocks of 500 ms, the long part stretched by up to 0.2 s;
+    none begins during `rest` [s].
+    """
     reference = np.zeros(int(duration * fine))
     n, w = round(edge * fine), round(width * fine)
     s = np.arange(1, n + 1) / n if n else np.ones(0)
@@ -71,7 +79,8 @@ def voluntary_torque(rms, cutoff, count, fine, seed):
     """White noise behind a fourth-order low-pass, scaled to its root mean square [N.m]."""
     if not rms:
         return np.zeros(count)
-    # Drawn at 32 points per period of the cut-off and interpolated: a filter at the full rate would be ill-conditioned.
+    # Drawn at 32 points per period of the cut-off and interpolated: a filter at the full rate would
+    # be ill-conditioned.
     slow = 32.0 * cutoff
     settling = round(10.0 * 32)
     white = np.random.default_rng([seed, 7]).normal(size=int(count / fine * slow) + settling + 8)
@@ -100,7 +109,8 @@ def simulate(
 ):
     """A recording; K and G are numbers or functions of an array of times.
 
-    `reflex`: rad/s, 1, s. `voluntary`: root mean square [N.m] and cut-off [Hz] of the subject's own torque.
+    `reflex`: rad/s, 1, s. `voluntary`: root mean square [N.m] and cut-off [Hz] of the subject's own
+        torque.
     """
     rng = np.random.default_rng(seed)
     fine = oversampling * rate
@@ -113,7 +123,13 @@ def simulate(
     stretch = np.interp(t - delay, t, np.maximum(v, 0.0), left=0.0)
     (muscle,) = linear_system([omega**2], [1.0, 2 * damping * omega, omega**2], stretch, fine)
     stiffness, gain = (value(t) if callable(value) else value for value in (K, G))
-    torque = I * a + B * v + stiffness * x + gain * muscle + voluntary_torque(*voluntary, len(x), fine, seed)
+    torque = (
+        I * a
+        + B * v
+        + stiffness * x
+        + gain * muscle
+        + voluntary_torque(*voluntary, len(x), fine, seed)
+    )
     sos = signal.butter(4, 0.9 * rate / 2, fs=fine, output="sos")
     x, v, torque = (signal.sosfilt(sos, q)[::oversampling] for q in (x, v, torque))
     if snr:

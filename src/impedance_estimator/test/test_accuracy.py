@@ -1,11 +1,13 @@
-"""The estimators on the independent simulation: accuracy, rise times, sampling rates, standard errors."""
+"""The estimators on the independent simulation: accuracy, rise times, sampling rates, standard
+errors.
+"""
 
 import numpy as np
 import pytest
 
 from impedance_estimator.algorithms import ALGORITHMS
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
-from impedance_estimator.offline import estimate_signal
+from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
 
 TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
@@ -13,7 +15,14 @@ NAMES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
 
 
 def estimate(recording, algorithm="CE", highpass="torque"):
-    return estimate_signal(recording.time, recording.position, recording.velocity, recording.torque, algorithm, Settings(highpass=highpass))
+    return estimate_signal(
+        recording.time,
+        recording.position,
+        recording.velocity,
+        recording.torque,
+        algorithm,
+        Settings(highpass=highpass),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +33,10 @@ def ten_seeds(simulate):
 
 def ten_runs(simulate, duration):
     recordings = [simulate(duration, seed=seed) for seed in range(1, 11)]
-    return {highpass: [estimate(recording, highpass=highpass) for recording in recordings] for highpass in ("torque", "all")}
+    return {
+        highpass: [estimate(recording, highpass=highpass) for recording in recordings]
+        for highpass in ("torque", "all")
+    }
 
 
 def run_means(results):
@@ -52,7 +64,9 @@ def test_high_passing_all_signals_removes_the_bias(ten_seeds):
     faithful, unbiased = (np.median(run_means(ten_seeds[key]), axis=0) for key in ("torque", "all"))
     np.testing.assert_allclose(unbiased, TRUTH, rtol=0.015)
     assert faithful[0] < 0.97 * TRUTH[0]
-    spread = {key: np.median([result.valid[:, 1].std() for result in ten_seeds[key]]) for key in ten_seeds}
+    spread = {
+        key: np.median([result.valid[:, 1].std() for result in ten_seeds[key]]) for key in ten_seeds
+    }
     assert spread["all"] < 0.5 * spread["torque"]
 
 
@@ -61,14 +75,18 @@ def test_predicted_torque_explains_the_measured_one(ten_seeds):
     t, torque, intrinsic, reflex = result.torques[result.torques[:, 0] > 60.0].T
     vaf = 100 * (1 - np.var(torque - intrinsic - reflex) / np.var(torque))
     assert vaf > 98.0
-    assert np.median(result.valid[:, ESTIMATE_COLUMNS.index("vaf_total[%]")]) == pytest.approx(vaf, abs=0.5)
+    assert np.median(result.valid[:, ESTIMATE_COLUMNS.index("vaf_total[%]")]) == pytest.approx(
+        vaf, abs=0.5
+    )
     assert np.all(result.valid[:, 5:7] <= 100.0)
     assert np.ptp(np.diff(t)) < 1e-9
 
 
 @pytest.mark.parametrize("highpass", ["torque", "all"])
 def test_standard_errors_cover_the_variability(ten_seeds, highpass):
-    """Estimates 10 s apart lie within ±1.96 standard errors of their run's mean in at least 85 % of cases."""
+    """Estimates 10 s apart lie within ±1.96 standard errors of their run's mean in at least 85 % of
+    cases.
+    """
     scores = []
     for result in ten_seeds[highpass]:
         rows = result.valid[result.valid[:, 0] > 60.0][::640]
@@ -80,7 +98,12 @@ def test_standard_errors_cover_the_variability(ten_seeds, highpass):
 
 
 def test_jump_is_followed_as_in_the_paper(simulate):
-    recording = simulate(180.0, seed=11, K=lambda t: np.where(t < 80.0, 50.0, 150.0), G=lambda t: np.where(t < 80.0, 5.0, 15.0))
+    recording = simulate(
+        180.0,
+        seed=11,
+        K=lambda t: np.where(t < 80.0, 50.0, 150.0),
+        G=lambda t: np.where(t < 80.0, 5.0, 15.0),
+    )
     rows = estimate(recording).valid
     after = rows[rows[:, 0] > 80.0]
 
@@ -98,8 +121,11 @@ def test_jump_is_followed_as_in_the_paper(simulate):
 @pytest.mark.parametrize(("rate", "oversampling"), [(500.0, 16), (1000.0, 8), (10_000.0, 2)])
 def test_any_sampling_rate_gives_the_same(simulate, rate, oversampling):
     reference = estimate(simulate(60.0, seed=3, snr=None), highpass="all").median()
-    other = estimate(simulate(60.0, rate=rate, seed=3, snr=None, oversampling=oversampling), highpass="all").median()
-    # The pulses' edges fall on other samples and random stretches are rounded: not the same signal to the sample.
+    other = estimate(
+        simulate(60.0, rate=rate, seed=3, snr=None, oversampling=oversampling), highpass="all"
+    ).median()
+    # The pulses' edges fall on other samples and random stretches are rounded: not the same signal
+    # to the sample.
     for name in NAMES:
         assert other[name] == pytest.approx(reference[name], rel=0.02), name
 
@@ -115,7 +141,9 @@ def test_reflex_response_has_delay_and_shape_of_the_joint(simulate):
 
 
 def test_algorithms_differ_as_the_paper_says(simulate):
-    """At CE noise the original algorithm loses I, underestimates K and overestimates G (table II, CEO)."""
+    """At CE noise the original algorithm loses I, underestimates K and overestimates G (table II,
+    CEO).
+    """
     recording = simulate(120.0, seed=5)
     results = {name: estimate(recording, name).median() for name in ("O", "C", "CE")}
     original, measured = results["O"], results["CE"]
@@ -123,15 +151,19 @@ def test_algorithms_differ_as_the_paper_says(simulate):
     assert original["K[N.m/rad]"] < measured["K[N.m/rad]"] - 5.0
     assert original["G[N.m.s/rad]"] > 11.5
     # Without its velocity column CE is C.
-    without = estimate_signal(recording.time, recording.position, None, recording.torque, "CE", Settings())
+    without = estimate_signal(
+        recording.time, recording.position, None, recording.torque, "CE", Settings()
+    )
     assert without.median() == results["C"]
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_perfect_data_give_the_true_stiffness_and_gain(simulate, algorithm):
-    """Original signal of the paper: 40 ms blocks through the actuator, without noise, at 1000 Hz."""
+    """Original signal of the paper: 40 ms blocks through the actuator, without noise, at 1000 Hz."""  # noqa: E501
     recording = simulate(90.0, rate=1000.0, seed=6, snr=None, edge=0.0, width=0.040, oversampling=8)
     chosen = Settings(highpass="all") if ALGORITHMS[algorithm].settings_type is Settings else None
-    result = estimate_signal(recording.time, recording.position, recording.velocity, recording.torque, algorithm, chosen).median()
+    result = estimate_signal(
+        recording.time, recording.position, recording.velocity, recording.torque, algorithm, chosen
+    ).median()
     assert result["K[N.m/rad]"] == pytest.approx(100.0, rel=0.05)
     assert result["G[N.m.s/rad]"] == pytest.approx(10.0, rel=0.05)

@@ -1,10 +1,12 @@
-"""Interruptions and damaged samples: valid drops, says why, comes back, and later estimates are as if nothing had been."""
+"""Interruptions and damaged samples: valid drops, says why, comes back, and later estimates are as
+if nothing had been.
+"""
 
 import numpy as np
 import pytest
 
 from impedance_estimator.algorithms import DEFAULT, make_estimator
-from impedance_estimator.offline import estimate_signal
+from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
 from impedance_estimator.stream import EstimateStream
 
@@ -95,7 +97,8 @@ def test_long_interruption_starts_anew(minute, gap, reason):
     assert "settling" in reasons[half // 32 + 64]
     assert not second[: (29 * 64), VALID].any()
     assert second[(31 * 64) :, VALID].all()
-    # Nothing of the first half is left: the estimates are those of a fresh estimator, up to its start's place in a block.
+    # Nothing of the first half is left: the estimates are those of a fresh estimator, up to its
+    # start's place in a block.
     np.testing.assert_allclose(second[-1, 1:5], rows[half // 32 - 1, 1:5], rtol=1e-6)
 
 
@@ -122,7 +125,9 @@ def test_rest_of_the_perturbation_holds_the_estimate(simulate):
 def test_single_frequency_is_refused_by_name():
     t = np.arange(40 * 1000) / 1000.0
     x, v, a = 0.05 * np.sin(8 * t), 0.4 * np.cos(8 * t), -3.2 * np.sin(8 * t)
-    rows, reasons = run(np.column_stack([t, x, v, 100 * x + 0.6 * v + 0.01 * a]), 1000.0, Settings(highpass="all"))
+    rows, reasons = run(
+        np.column_stack([t, x, v, 100 * x + 0.6 * v + 0.01 * a]), 1000.0, Settings(highpass="all")
+    )
     assert not rows[:, VALID].any()
     assert "one frequency" in reasons[-1]
 
@@ -148,7 +153,10 @@ def test_offset_of_torque_and_position_leaves_no_transient(simulate):
     plain = recording.samples()
     shifted = plain + np.array([0.0, 0.15, 0.0, -40.0])
     for highpass in ("torque", "all"):
-        a, b = (run(samples, settings=Settings(highpass=highpass))[0][-1, 1:5] for samples in (plain, shifted))
+        a, b = (
+            run(samples, settings=Settings(highpass=highpass))[0][-1, 1:5]
+            for samples in (plain, shifted)
+        )
         np.testing.assert_allclose(a, b, rtol=1e-4)
 
 
@@ -175,7 +183,9 @@ def test_velocity_that_disappears_is_told(minute):
 @pytest.mark.parametrize("rate", [100.0, 20_000.0])
 def test_sampling_rate_out_of_range_is_refused(rate):
     t = np.arange(1000) / rate
-    with pytest.raises(ValueError, match=rf"sampling rate {rate:g} Hz is refused; allowed: 500 to 10000 Hz"):
+    with pytest.raises(
+        ValueError, match=rf"sampling rate {rate:g} Hz is refused; allowed: 500 to 10000 Hz"
+    ):
         estimate_signal(t, t, t, t)
 
 
@@ -195,7 +205,9 @@ def test_settings_out_of_range_are_refused(settings, words):
 
 
 def test_wrong_shapes_and_names_are_refused(minute):
-    with pytest.raises(ValueError, match=r"samples of shape \(10, 3\) do not fit; expected \(n, 4\)"):
+    with pytest.raises(
+        ValueError, match=r"samples of shape \(10, 3\) do not fit; expected \(n, 4\)"
+    ):
         make_estimator("CE", 2048.0, True).process(np.zeros((10, 3)))
     with pytest.raises(ValueError, match="algorithm 'X' is not known; allowed: CE, C, O"):
         EstimateStream("X")

@@ -5,11 +5,25 @@ import pytest
 from scipy import linalg, signal
 
 from impedance_estimator import digital_filters as filters
-from impedance_estimator.differences import LENGTH, backward_difference, difference_step
-from impedance_estimator.intrinsic_regression import COLLINEAR, NO_VARIANCE, SOLVED, solve_intrinsic
-from impedance_estimator.reflex_response import decimation, lags, solve_toeplitz
-from impedance_estimator.running_products import PRODUCTS, add_products, average_products
-from impedance_estimator.standard_errors import MOMENTS, average_batch, intrinsic_variance, reflex_variance
+from impedance_estimator.correlation.differences import LENGTH, backward_difference, difference_step
+from impedance_estimator.correlation.intrinsic_regression import (
+    COLLINEAR,
+    NO_VARIANCE,
+    SOLVED,
+    solve_intrinsic,
+)
+from impedance_estimator.correlation.reflex_response import decimation, lags, solve_toeplitz
+from impedance_estimator.correlation.running_products import (
+    PRODUCTS,
+    add_products,
+    average_products,
+)
+from impedance_estimator.standard_errors import (
+    MOMENTS,
+    average_batch,
+    intrinsic_variance,
+    reflex_variance,
+)
 
 DESIGNS = {
     "butterworth": filters.butterworth_lowpass(4, 100.0, 2048.0),
@@ -52,11 +66,16 @@ def test_cutoffs_are_where_they_are_said_to_be():
 
 
 def test_weight_energy():
-    # Noise bandwidth of an n-th order Butterworth filter: cutoff * (pi / 2n) / sin(pi / 2n), one-sided.
+    # Noise bandwidth of an n-th order Butterworth filter: cutoff * (pi / 2n) / sin(pi / 2n),
+    # one-sided.
     expected = 2 * 0.025 * (np.pi / 4) / np.sin(np.pi / 4)
-    assert filters.weight_energy(filters.butterworth_lowpass(2, 0.025, 128.0), 128.0) == pytest.approx(expected, rel=1e-3)
+    assert filters.weight_energy(
+        filters.butterworth_lowpass(2, 0.025, 128.0), 128.0
+    ) == pytest.approx(expected, rel=1e-3)
     # Two first-order low-passes: w(t) = t exp(-t/T) / T^2, whose square integrates to 1 / (4 T).
-    assert filters.weight_energy(filters.exponential_average(0.1, 500.0), 500.0) == pytest.approx(2 * np.pi * 0.1 / 4, rel=1e-3)
+    assert filters.weight_energy(filters.exponential_average(0.1, 500.0), 500.0) == pytest.approx(
+        2 * np.pi * 0.1 / 4, rel=1e-3
+    )
 
 
 def test_weights_of_the_variance_average_are_nowhere_negative():
@@ -84,7 +103,9 @@ def test_difference_error_shrinks_with_its_order(order):
     errors = []
     for rate in (200.0, 400.0):
         t = np.arange(int(rate)) / rate
-        errors.append(np.abs(differentiate(order, np.sin(20 * t), rate) - 20 * np.cos(20 * t[LENGTH:])).max())
+        errors.append(
+            np.abs(differentiate(order, np.sin(20 * t), rate) - 20 * np.cos(20 * t[LENGTH:])).max()
+        )
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)
 
 
@@ -112,13 +133,21 @@ def test_intrinsic_parameters_are_exact_without_noise_in_spite_of_scale():
     averages = averaged(s)
     assert solve_intrinsic(averages, parameters, inverse) == SOLVED
     np.testing.assert_allclose(parameters, [100.0, 0.63, 0.0137], rtol=1e-9)
-    normal = np.array([[averages[0], *averages[1:3]], [averages[1], *averages[4:6]], [averages[2], averages[5], averages[7]]])
+    normal = np.array(
+        [
+            [averages[0], *averages[1:3]],
+            [averages[1], *averages[4:6]],
+            [averages[2], averages[5], averages[7]],
+        ]
+    )
     np.testing.assert_allclose(inverse @ normal, np.eye(3), atol=1e-8)
 
 
 def test_one_frequency_does_not_separate_stiffness_from_inertia():
     t = np.arange(4000) / 1000.0
-    s = np.column_stack([np.sin(30 * t), 30 * np.cos(30 * t), -900 * np.sin(30 * t), np.sin(30 * t)])
+    s = np.column_stack(
+        [np.sin(30 * t), 30 * np.cos(30 * t), -900 * np.sin(30 * t), np.sin(30 * t)]
+    )
     parameters, inverse = np.array([1.0, 2.0, 3.0]), np.eye(3)
     assert solve_intrinsic(averaged(s), parameters, inverse) == COLLINEAR
     assert solve_intrinsic(np.zeros(PRODUCTS), parameters, inverse) == NO_VARIANCE
@@ -136,12 +165,18 @@ def test_levinson_is_scipys_toeplitz_solution(n):
     np.testing.assert_allclose(row_sums, linalg.solve_toeplitz(column, np.ones(n)), rtol=1e-9)
 
 
-@pytest.mark.parametrize("column", [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.0, -2.0, 0.0], [np.nan, 0.0, 0.0]])
+@pytest.mark.parametrize(
+    "column", [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.0, -2.0, 0.0], [np.nan, 0.0, 0.0]]
+)
 def test_levinson_refuses_what_is_not_positive_definite(column):
-    assert not solve_toeplitz(np.array(column), np.ones(3), np.zeros(3), np.zeros(3), np.zeros((2, 3)))
+    assert not solve_toeplitz(
+        np.array(column), np.ones(3), np.zeros(3), np.zeros(3), np.zeros((2, 3))
+    )
 
 
-@pytest.mark.parametrize(("rate", "factor"), [(500.0, 4), (1000.0, 8), (2048.0, 16), (10_000.0, 78)])
+@pytest.mark.parametrize(
+    ("rate", "factor"), [(500.0, 4), (1000.0, 8), (2048.0, 16), (10_000.0, 78)]
+)
 def test_decimated_lags_cover_40_to_400_ms_at_every_rate(rate, factor):
     assert decimation(rate) == factor
     times = lags(0.04, 0.4, rate / factor) * factor / rate
@@ -150,7 +185,9 @@ def test_decimated_lags_cover_40_to_400_ms_at_every_rate(rate, factor):
 
 
 def test_batch_means_give_the_variance_of_an_average_of_coloured_noise():
-    """Scores that are an AR(1) sequence: the spread of many averages is what the batches of one of them say."""
+    """Scores that are an AR(1) sequence: the spread of many averages is what the batches of one of
+    them say.
+    """
     rng = np.random.default_rng(5)
     batch, batches, runs = 200, 60, 200
     scores = signal.lfilter([1.0], [1.0, -0.9], rng.normal(size=(runs, batch * batches)), axis=1)

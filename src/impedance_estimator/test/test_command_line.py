@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from sample_blocks.block import Block
+from ankle_interfaces.block import Block
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 
@@ -15,7 +15,12 @@ PROGRAM = "from impedance_estimator.command_line import main; main()"
 
 
 def call(*arguments):
-    return subprocess.run([sys.executable, "-c", PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=200)
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=200,
+    )
 
 
 @pytest.fixture
@@ -24,7 +29,9 @@ def bag(minute, tmp_path):
     with BagWriter(tmp_path / "session") as writer:
         writer.add_topic("/ankle/samples")
         for k in range(0, len(samples), 1024):
-            writer.write_block("/ankle/samples", Block(COLUMNS, np.ascontiguousarray(samples[k : k + 1024])))
+            writer.write_block(
+                "/ankle/samples", Block(COLUMNS, np.ascontiguousarray(samples[k : k + 1024]))
+            )
     return tmp_path / "session"
 
 

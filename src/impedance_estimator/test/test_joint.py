@@ -1,13 +1,15 @@
-"""The joint estimator on the independent simulation: bias, speed, voluntary torque, standard errors; CE is what it must beat."""
+"""The joint estimator on the independent simulation: bias, speed, voluntary torque, standard
+errors; CE is what it must beat.
+"""
 
 from itertools import product
 
 import numpy as np
 import pytest
 
-from impedance_estimator.joint_settings import JointSettings
-from impedance_estimator.offline import estimate_signal
+from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
+from impedance_estimator.simultaneous.settings import JointSettings
 
 TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
 VOLUNTARY = {"0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
@@ -25,7 +27,14 @@ def estimate(recording, estimator="joint"):
         "CE": ("CE", Settings()),
         "CE all": ("CE", Settings(highpass="all")),
     }[estimator]
-    return estimate_signal(recording.time, recording.position, recording.velocity, recording.torque, algorithm, settings).valid
+    return estimate_signal(
+        recording.time,
+        recording.position,
+        recording.velocity,
+        recording.torque,
+        algorithm,
+        settings,
+    ).valid
 
 
 def late(rows, since=40.0):
@@ -45,7 +54,9 @@ def rise_times(rows):
     for column, low, high in ((1, 50.0, 150.0), (4, 5.0, 15.0)):
         share = (after[:, column] - low) / (high - low)
         begun, ended = share >= 0.1, share >= 0.9
-        found.append(after[np.argmax(ended), 0] - after[np.argmax(begun), 0] if ended.any() else np.inf)
+        found.append(
+            after[np.argmax(ended), 0] - after[np.argmax(begun), 0] if ended.any() else np.inf
+        )
     return np.array(found)
 
 
@@ -53,7 +64,9 @@ def jump(simulate, seed, voluntary=(0.0, 1.0)):
     def course(low, high):
         return lambda t: np.where(t < AT, low, high)
 
-    return simulate(AT + 30.0, seed=seed, K=course(50.0, 150.0), G=course(5.0, 15.0), voluntary=voluntary)
+    return simulate(
+        AT + 30.0, seed=seed, K=course(50.0, 150.0), G=course(5.0, 15.0), voluntary=voluntary
+    )
 
 
 @pytest.mark.parametrize("reflex", list(product(*REFLEX_RANGE)), ids=str)
@@ -63,7 +76,9 @@ def test_unbiased_whatever_the_reflex(simulate, reflex):
 
 
 def test_varies_less_than_a_percent_at_the_papers_noise(simulate):
-    K, G = np.median([variation(estimate(simulate(70.0, seed=seed))) for seed in (31, 32, 33)], axis=0)
+    K, G = np.median(
+        [variation(estimate(simulate(70.0, seed=seed))) for seed in (31, 32, 33)], axis=0
+    )
     assert K < 0.5
     assert G < 1.0
 
@@ -73,11 +88,15 @@ def test_jump_is_followed_within_seconds(simulate):
     ours = np.array([rise_times(estimate(recording)) for recording in recordings])
     assert np.all(np.median(ours, axis=0) < 1.5)
     for baseline in ("CE", "CE all"):
-        assert np.all(ours < np.array([rise_times(estimate(recording, baseline)) for recording in recordings])), baseline
+        assert np.all(
+            ours < np.array([rise_times(estimate(recording, baseline)) for recording in recordings])
+        ), baseline
 
 
 def test_a_jump_is_shown_late_rather_than_wildly(simulate):
-    """The first half second after a change says little; what a subject sees meanwhile is the old value, not any value."""
+    """The first half second after a change says little; what a subject sees meanwhile is the old
+    value, not any value.
+    """
     for seed in range(46, 50):
         after = estimate(jump(simulate, seed))
         after = after[after[:, 0] >= AT]
@@ -90,18 +109,22 @@ def test_a_jump_is_shown_late_rather_than_wildly(simulate):
 
 @pytest.mark.parametrize("voluntary", VOLUNTARY.values(), ids=VOLUNTARY.keys())
 def test_better_than_ce_in_every_respect_under_voluntary_torque(simulate, voluntary):
-    """The automatic setting varies less than either baseline and is faster; a fixed memory as fast as they are varies less."""
+    """The automatic setting varies less than either baseline and is faster; a fixed memory as fast
+    as they are varies less.
+    """
     still, moved = simulate(90.0, seed=51, voluntary=voluntary), jump(simulate, 52, voluntary)
     for baseline in ("CE", "CE all"):
         theirs = estimate(still, baseline)
         assert np.all(variation(estimate(still)) < variation(theirs)), baseline
-        assert np.all(variation(estimate(still, "joint, 10 s, fixed")) < variation(theirs)), baseline
+        assert np.all(variation(estimate(still, "joint, 10 s, fixed")) < variation(theirs)), (
+            baseline
+        )
         assert np.all(rise_times(estimate(moved)) < rise_times(estimate(moved, baseline))), baseline
     assert np.all(variation(estimate(still)) < 1.5)
 
 
 def test_no_change_is_seen_where_there_is_none(simulate):
-    """Standard errors fall as the memory grows, and never rise again as they would after a change."""
+    """Standard errors fall as the memory grows, and never rise again as they would after a change."""  # noqa: E501
     rows = estimate(simulate(90.0, seed=61, voluntary=(0.5, 0.3)))
     errors = late(rows, 35.0)[:, 8]
     assert errors.max() < 2.0 * np.median(errors)
@@ -109,20 +132,32 @@ def test_no_change_is_seen_where_there_is_none(simulate):
 
 
 def swing(simulate, seed, frequency):
-    """Root mean square error of K and G, where both swing by 30 %, over the amplitude [1]; the mean alone would have 0.71."""
+    """Root mean square error of K and G, where both swing by 30 %, over the amplitude [1]; the mean
+    alone would have 0.71.
+    """
 
     def course(mean):
         return lambda t: mean * (1.0 + 0.3 * np.sin(2.0 * np.pi * frequency * t))
 
-    rows = late(estimate(simulate(40.0 + max(1.0 / frequency, 50.0), seed=seed, K=course(100.0), G=course(10.0))))
+    rows = late(
+        estimate(
+            simulate(40.0 + max(1.0 / frequency, 50.0), seed=seed, K=course(100.0), G=course(10.0))
+        )
+    )
     errors = rows[:, [1, 4]] - np.column_stack([course(mean)(rows[:, 0]) for mean in (100.0, 10.0)])
     return np.sqrt(np.mean(errors**2, axis=0)) / [30.0, 3.0]
 
 
-@pytest.mark.parametrize(("frequency", "most"), [(0.01, 0.15), (0.02, 0.3), (0.05, 0.25), (0.5, 0.85)])
+@pytest.mark.parametrize(
+    ("frequency", "most"), [(0.01, 0.15), (0.02, 0.3), (0.05, 0.25), (0.5, 0.85)]
+)
 def test_drift_is_followed_and_what_is_too_fast_is_averaged(simulate, frequency, most):
-    """In the median: in one or two of a hundred swings too fast to follow, G wanders by more than it swings."""
-    assert np.all(np.median([swing(simulate, seed, frequency) for seed in (71, 72, 73)], axis=0) < most)
+    """In the median: in one or two of a hundred swings too fast to follow, G wanders by more than
+    it swings.
+    """
+    assert np.all(
+        np.median([swing(simulate, seed, frequency) for seed in (71, 72, 73)], axis=0) < most
+    )
 
 
 def test_a_reflex_that_is_absent_is_estimated_as_none(simulate):
@@ -133,7 +168,9 @@ def test_a_reflex_that_is_absent_is_estimated_as_none(simulate):
 
 @pytest.mark.slow
 def test_standard_errors_hold_the_true_value(simulate):
-    """In 90 to 98 % of 200 runs, each with a reflex of its own, a true value lies within ±1.96 standard errors of the last estimate."""
+    """In 90 to 98 % of 200 runs, each with a reflex of its own, a true value lies within ±1.96
+    standard errors of the last estimate.
+    """
     random = np.random.default_rng(5)
     last = []
     for seed in range(1000, 1000 + COVERAGE_RUNS):

@@ -1,4 +1,6 @@
-"""Parts of the joint estimator: regression, change detection, reflex shapes and noise models, each against NumPy, SciPy or known truth."""
+"""Parts of the joint estimator: regression, change detection, reflex shapes and noise models, each
+against NumPy, SciPy or known truth.
+"""
 
 import math
 
@@ -7,10 +9,19 @@ import pytest
 from numba import njit
 from scipy import signal
 
-from impedance_estimator import reflex_shapes
-from impedance_estimator.change_detection import LEAST_OLDER, LEFT_OVER, candidate_windows, find_change
-from impedance_estimator.joint_regression import GAINS, log_evidence, solve_with_prior
-from impedance_estimator.voluntary_torque_noise import NOISE_MODELS, passband_gain, whitening_filters
+from impedance_estimator.simultaneous import reflex_shapes
+from impedance_estimator.simultaneous.change_detection import (
+    LEAST_OLDER,
+    LEFT_OVER,
+    candidate_windows,
+    find_change,
+)
+from impedance_estimator.simultaneous.regression import GAINS, log_evidence, solve_with_prior
+from impedance_estimator.simultaneous.voluntary_torque_noise import (
+    NOISE_MODELS,
+    passband_gain,
+    whitening_filters,
+)
 
 BLOCK = 16
 NOISE = 0.1
@@ -22,7 +33,12 @@ BEFORE, AFTER = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.3, 2.0, 3.0, 4.4])
 def solved(normal, size, precision, mean, count):
     solution, covariance, work = np.zeros(size), np.zeros((size, size)), np.zeros((2, size, size))
     determinant = solve_with_prior(normal, size, precision, mean, solution, covariance, work)
-    return solution, covariance, determinant, log_evidence(normal, size, precision, mean, solution, determinant, count)
+    return (
+        solution,
+        covariance,
+        determinant,
+        log_evidence(normal, size, precision, mean, solution, determinant, count),
+    )
 
 
 @njit
@@ -33,7 +49,19 @@ def changed(ring, length, left_over, windows, total):
     matrices, vectors = np.zeros((6, 9, 9)), np.zeros((3, 8))
     sums, projection = np.zeros(ring.shape[1]), np.zeros((5, 9))
     return find_change(
-        ring, len(ring) - 1, length, left_over, windows, total, tangent, JUMP_PRECISION, BLOCK, matrices, sums, projection, vectors
+        ring,
+        len(ring) - 1,
+        length,
+        left_over,
+        windows,
+        total,
+        tangent,
+        JUMP_PRECISION,
+        BLOCK,
+        matrices,
+        sums,
+        projection,
+        vectors,
     )[:2]
 
 
@@ -45,7 +73,12 @@ def regression(random, count, truth):
 def memory(seed, changed_at, blocks):
     """Packed sums of every block, and the normal matrix of all."""
     random = np.random.default_rng(seed)
-    data = np.concatenate([regression(random, changed_at * BLOCK, BEFORE), regression(random, (blocks - changed_at) * BLOCK, AFTER)])
+    data = np.concatenate(
+        [
+            regression(random, changed_at * BLOCK, BEFORE),
+            regression(random, (blocks - changed_at) * BLOCK, AFTER),
+        ]
+    )
     upper = np.triu_indices(5)
     ring = np.array([(part.T @ part)[upper] for part in np.split(data, blocks)])
     total = np.zeros((9, 9))
@@ -57,16 +90,26 @@ def memory(seed, changed_at, blocks):
 def test_solution_covariance_and_determinant_are_numpys():
     random = np.random.default_rng(1)
     data = regression(random, 200, BEFORE) * [1.0, 1e-2, 1e2, 1.0, 1.0]
-    normal, precision, mean = data.T @ data, np.array([1e-3, 2.0, 5.0, 0.1]), np.array([0.0, 10.0, 0.1, 3.0])
+    normal, precision, mean = (
+        data.T @ data,
+        np.array([1e-3, 2.0, 5.0, 0.1]),
+        np.array([0.0, 10.0, 0.1, 3.0]),
+    )
     solution, covariance, determinant, evidence = solved(normal, 4, precision, mean, 200.0)
     matrix = normal[:4, :4] + np.diag(precision)
-    np.testing.assert_allclose(solution, np.linalg.solve(matrix, normal[:4, 4] + precision * mean), rtol=1e-9)
+    np.testing.assert_allclose(
+        solution, np.linalg.solve(matrix, normal[:4, 4] + precision * mean), rtol=1e-9
+    )
     np.testing.assert_allclose(covariance, np.linalg.inv(matrix), rtol=1e-7, atol=1e-15)
     assert determinant == pytest.approx(np.linalg.slogdet(matrix)[1])
-    # ln p(y): y is Gaussian with covariance 1 + X P⁻¹ X', up to its scale, which is taken at its most likely value.
+    # ln p(y): y is Gaussian with covariance 1 + X P⁻¹ X', up to its scale, which is taken at its
+    # most likely value.
     X, y = data[:, :4], data[:, 4] - data[:, :4] @ mean
     spread = np.eye(200) + X @ np.diag(1.0 / precision) @ X.T
-    expected = -100.0 * math.log(y @ np.linalg.solve(spread, y) / 200.0) - 0.5 * np.linalg.slogdet(spread)[1]
+    expected = (
+        -100.0 * math.log(y @ np.linalg.solve(spread, y) / 200.0)
+        - 0.5 * np.linalg.slogdet(spread)[1]
+    )
     assert evidence == pytest.approx(expected)
 
 
@@ -83,7 +126,10 @@ def test_a_change_is_placed_where_it_was(since):
     window, d = changed(ring, blocks, 0, candidate_windows(blocks), total)
     assert window == since
     # Expected D: the jump over its standard error, squared, within the window.
-    assert d > 0.5 * np.sum((AFTER - BEFORE) ** 2) / NOISE**2 * since * BLOCK * (blocks - since) / blocks
+    assert (
+        d
+        > 0.5 * np.sum((AFTER - BEFORE) ** 2) / NOISE**2 * since * BLOCK * (blocks - since) / blocks
+    )
 
 
 def test_without_a_change_the_statistic_stays_low():
@@ -91,7 +137,8 @@ def test_without_a_change_the_statistic_stays_low():
     for seed in range(200):
         ring, total = memory(seed, 60, 60)
         largest.append(changed(ring, 60, 0, candidate_windows(60), total)[1])
-    # Chi-square with four degrees of freedom has 1 % above 13; the largest of eight dependent windows a little more.
+    # Chi-square with four degrees of freedom has 1 % above 13; the largest of eight dependent
+    # windows a little more.
     assert np.percentile(largest, 50) < 13.0
     assert max(largest) < 40.0
 
@@ -120,9 +167,13 @@ def test_reflex_shapes_have_unit_area_and_lie_in_the_basis(omega, z, delay):
     # The slowest has 2 % of its area behind the end.
     assert np.sum(h) * step == pytest.approx(1.0, abs=2e-3 if omega > 8.0 else 0.03)
     # Against the undelayed response of SciPy, at the lags that are well behind the kink.
-    time, response = signal.impulse(([omega**2], [1.0, 2.0 * z * omega, omega**2]), T=np.arange(0.0, 0.8, 1e-4))
+    time, response = signal.impulse(
+        ([omega**2], [1.0, 2.0 * z * omega, omega**2]), T=np.arange(0.0, 0.8, 1e-4)
+    )
     behind = lags > delay + 2.0 * step
-    np.testing.assert_allclose(h[behind], np.interp(lags[behind] - delay, time, response), atol=0.02 * response.max())
+    np.testing.assert_allclose(
+        h[behind], np.interp(lags[behind] - delay, time, response), atol=0.02 * response.max()
+    )
     functions = reflex_shapes.basis(step)
     missed = h - (h @ functions.T) @ functions
     assert missed @ missed < 3e-4 * (h @ h)
@@ -130,16 +181,23 @@ def test_reflex_shapes_have_unit_area_and_lie_in_the_basis(omega, z, delay):
 
 @pytest.mark.parametrize("model", range(len(NOISE_MODELS)))
 def test_whitening_makes_its_own_noise_white(model):
-    """Noise with the density 1 + (f_c / f)^2p, made in the frequency domain, comes out with the same density at all frequencies."""
+    """Noise with the density 1 + (f_c / f)^2p, made in the frequency domain, comes out with the
+    same density at all frequencies.
+    """
     rate, count = 256.0, 2**16
     corner, order = NOISE_MODELS[model]
     frequency = np.fft.rfftfreq(count, 1.0 / rate)
     amplitude = np.sqrt(1.0 + (corner / np.maximum(frequency, 0.1 * corner)) ** (2 * order))
     white = np.random.default_rng(model).normal(size=count)
     sections = whitening_filters(rate)[model]
-    out = signal.sosfilt(sections, np.fft.irfft(np.fft.rfft(white) * amplitude, count))[count // 4 :]
+    out = signal.sosfilt(sections, np.fft.irfft(np.fft.rfft(white) * amplitude, count))[
+        count // 4 :
+    ]
     found, density = signal.welch(out, rate, nperseg=8192)
-    low, high = density[(found > 0.3 * corner) & (found < 2.0 * corner)], density[(found > 20.0) & (found < 100.0)]
+    low, high = (
+        density[(found > 0.3 * corner) & (found < 2.0 * corner)],
+        density[(found > 20.0) & (found < 100.0)],
+    )
     assert np.mean(low) == pytest.approx(np.mean(high), rel=0.35)
     # First impulse response sample one: the residual is the one-step prediction error.
     assert signal.sosfilt(sections, np.eye(1, 8)[0])[0] == pytest.approx(1.0)

@@ -1,4 +1,6 @@
-"""The node over DDS: the numbers of the file, reasons on /diagnostics, parameters at run time, bad blocks."""
+"""The node over DDS: the numbers of the file, reasons on /diagnostics, parameters at run time, bad
+blocks.
+"""
 
 import contextlib
 import os
@@ -15,16 +17,20 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 
+from ankle_interfaces.block import Block, pack, unpack
 from ankle_node.node import BLOCK_QOS
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, REFLEX_COLUMNS
-from impedance_estimator.offline import estimate_signal
+from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
-from sample_blocks.block import Block, pack, unpack
 
 pytestmark = pytest.mark.live
 
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
-COMMAND = [sys.executable, "-c", "from impedance_estimator.impedance_estimator_node import main; main()"]
+COMMAND = [
+    sys.executable,
+    "-c",
+    "from impedance_estimator.impedance_estimator_node import main; main()",
+]
 LIMIT = 90.0  # s; compiling on a busy machine
 
 
@@ -32,7 +38,11 @@ class Laboratory:
     """A running node, and the topics around it."""
 
     def __init__(self, domain, *parameters):
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        }
         arguments = [word for parameter in parameters for word in ("-p", parameter)]
         self.process = subprocess.Popen([*COMMAND, "--ros-args", *arguments], env=environment)
         self.context = rclpy.Context()
@@ -42,9 +52,23 @@ class Laboratory:
         self.executor.add_node(self.node)
         self.publisher = self.node.create_publisher(Float64MultiArray, "/ankle/samples", BLOCK_QOS)
         self.estimates, self.responses, self.health = [], [], []
-        for topic, target in (("/impedance/estimate", self.estimates), ("/impedance/reflex_irf", self.responses)):
-            self.node.create_subscription(Float64MultiArray, topic, lambda m, target=target: target.append(unpack(m)), BLOCK_QOS, raw=True)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: self.health.extend(s.message for s in m.status), 10)
+        for topic, target in (
+            ("/impedance/estimate", self.estimates),
+            ("/impedance/reflex_irf", self.responses),
+        ):
+            self.node.create_subscription(
+                Float64MultiArray,
+                topic,
+                lambda m, target=target: target.append(unpack(m)),
+                BLOCK_QOS,
+                raw=True,
+            )
+        self.node.create_subscription(
+            DiagnosticArray,
+            "/diagnostics",
+            lambda m: self.health.extend(s.message for s in m.status),
+            10,
+        )
         self.until(lambda: self.publisher.get_subscription_count() == 1)
 
     def until(self, condition):
@@ -70,7 +94,9 @@ class Laboratory:
         return future.result()
 
     def set(self, name, value):
-        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]
+        )
         return self.call(SetParameters, "set_parameters", request).results[0]
 
     def close(self):
@@ -98,7 +124,10 @@ def start(monkeypatch):
 
 
 def blocks_of(samples):
-    return [Block(COLUMNS, np.ascontiguousarray(samples[k : k + 32])) for k in range(0, len(samples) - 31, 32)]
+    return [
+        Block(COLUMNS, np.ascontiguousarray(samples[k : k + 32]))
+        for k in range(0, len(samples) - 31, 32)
+    ]
 
 
 def test_node_gives_the_numbers_of_the_file(start, minute):
@@ -136,7 +165,9 @@ def test_parameters_reasons_and_bad_blocks_at_run_time(start, minute):
     del laboratory.estimates[:]
     laboratory.send(blocks_of(samples))
     expected = estimate_signal(*samples.T, "O", Settings(settling_time=3.0)).rows
-    np.testing.assert_array_equal(np.concatenate([block.data for block in laboratory.estimates]), expected)
+    np.testing.assert_array_equal(
+        np.concatenate([block.data for block in laboratory.estimates]), expected
+    )
     lost = samples[: 32 * 8].copy()
     lost[:, 0] += samples[-1, 0] + 1.0
     lost[:, 1] = np.nan

@@ -1,4 +1,6 @@
-"""Live blocks, any other split and the file give the same numbers; rows come at fixed sample counts."""
+"""Live blocks, any other split and the file give the same numbers; rows come at fixed sample
+counts.
+"""
 
 import itertools
 from pathlib import Path
@@ -8,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ankle_interfaces.block import Block
+from ankle_interfaces.errors import BlockError, UnitError
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, REFLEX_COLUMNS
-from impedance_estimator.joint_settings import JointSettings
-from impedance_estimator.offline import estimate_bag, estimate_signal
+from impedance_estimator.offline.recorded_estimates import estimate_bag, estimate_signal
 from impedance_estimator.settings import Settings
+from impedance_estimator.simultaneous.settings import JointSettings
 from impedance_estimator.stream import EstimateStream
-from sample_blocks.block import Block
-from sample_blocks.errors import BlockError, UnitError
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
@@ -24,7 +26,10 @@ COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
 
 
 def blocks_of(samples, size=32, columns=COLUMNS):
-    return [Block(columns, np.ascontiguousarray(samples[k : k + size])) for k in range(0, len(samples), size)]
+    return [
+        Block(columns, np.ascontiguousarray(samples[k : k + size]))
+        for k in range(0, len(samples), size)
+    ]
 
 
 def write_bag(path, blocks, topic="/ankle/samples"):
@@ -45,7 +50,9 @@ def samples(minute):
 
 
 def feed(blocks, algorithm=DEFAULT, chosen=None):
-    stream = EstimateStream(algorithm, chosen or ALGORITHMS[algorithm].settings_type(settling_time=3.0))
+    stream = EstimateStream(
+        algorithm, chosen or ALGORITHMS[algorithm].settings_type(settling_time=3.0)
+    )
     results = [stream.feed(block) for block in blocks]
     rows = np.concatenate([result.rows for result in results])
     return rows, [response for result in results for response in result.responses]
@@ -86,7 +93,9 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     rows, responses = feed(blocks_of(samples))
     bag = write_bag(tmp_path / "session", blocks_of(samples))
     told = []
-    result = estimate_bag(bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0), progress=told.append)
+    result = estimate_bag(
+        bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0), progress=told.append
+    )
     np.testing.assert_array_equal(result.rows, rows)
     assert told
     assert told == sorted(told)
@@ -98,7 +107,9 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     np.testing.assert_array_equal(written_responses[-1].data, responses[-1][1])
     with pytest.raises(BagError, match="is there already"):
         estimate_bag(bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0))
-    estimate_bag(bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0), overwrite=True)
+    estimate_bag(
+        bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0), overwrite=True
+    )
 
 
 def test_arrays_give_what_the_bag_gives(samples, tmp_path):
@@ -112,7 +123,10 @@ def test_arrays_give_what_the_bag_gives(samples, tmp_path):
 def test_degrees_and_millinewton_metres_are_converted(samples, tmp_path):
     converted = samples * [1.0, 180 / np.pi, 180 / np.pi, 1e3]
     columns = ("t[s]", "position[deg]", "velocity[deg/s]", "torque[mN.m]")
-    result = estimate_bag(write_bag(tmp_path / "session", blocks_of(converted, columns=columns)), settings=JointSettings(settling_time=3.0))
+    result = estimate_bag(
+        write_bag(tmp_path / "session", blocks_of(converted, columns=columns)),
+        settings=JointSettings(settling_time=3.0),
+    )
     expected, _ = feed(blocks_of(samples))
     np.testing.assert_allclose(result.rows, expected, rtol=1e-6)
 
@@ -120,7 +134,9 @@ def test_degrees_and_millinewton_metres_are_converted(samples, tmp_path):
 def test_a_refused_block_is_reported_and_the_rest_used(samples, tmp_path):
     blocks = blocks_of(samples)
     blocks[300] = Block(("t[s]", "position[rad]", "velocity[rad/s]", "torque[V]"), blocks[300].data)
-    result = estimate_bag(write_bag(tmp_path / "session", blocks), settings=JointSettings(settling_time=3.0))
+    result = estimate_bag(
+        write_bag(tmp_path / "session", blocks), settings=JointSettings(settling_time=3.0)
+    )
     assert any("torque comes in 'V', expected N.m" in note for note in result.notes)
     assert result.rows[-1, 7] == 1.0
 
@@ -128,9 +144,21 @@ def test_a_refused_block_is_reported_and_the_rest_used(samples, tmp_path):
 @pytest.mark.parametrize(
     ("columns", "error", "words"),
     [
-        (("t[s]", "position[rad]", "velocity[rad/s]", "force[N.m]"), BlockError, "no column 'torque"),
-        (("t[s]", "position[V]", "velocity[rad/s]", "torque[N.m]"), UnitError, "position comes in 'V', expected rad"),
-        (("t[s]", "position[rad]", "velocity[furlong/s]", "torque[N.m]"), UnitError, "unknown unit 'furlong/s'"),
+        (
+            ("t[s]", "position[rad]", "velocity[rad/s]", "force[N.m]"),
+            BlockError,
+            "no column 'torque",
+        ),
+        (
+            ("t[s]", "position[V]", "velocity[rad/s]", "torque[N.m]"),
+            UnitError,
+            "position comes in 'V', expected rad",
+        ),
+        (
+            ("t[s]", "position[rad]", "velocity[furlong/s]", "torque[N.m]"),
+            UnitError,
+            "unknown unit 'furlong/s'",
+        ),
     ],
 )
 def test_columns_that_do_not_fit_are_refused(samples, tmp_path, columns, error, words):

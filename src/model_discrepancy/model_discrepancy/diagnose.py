@@ -10,26 +10,23 @@ from typing import Any
 import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
-from model_discrepancy.ceiling import ceiling_vaf
-from model_discrepancy.channel_gains import Finding, channel_findings, trusted
-from model_discrepancy.columns import Columns
-from model_discrepancy.effect_size import size_of
+from model_discrepancy.criticism.ceiling import ceiling_vaf
+from model_discrepancy.criticism.generic_bank import GenericBank, Remainder
+from model_discrepancy.criticism.locate import ResidualMap, residual_map
+from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
+from model_discrepancy.criticism.unpredictable import Unpredictable, unpredictable
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.evaluation import HeldOut, held_out
-from model_discrepancy.fit import Fit, Fitter
-from model_discrepancy.generic_bank import GenericBank, Remainder
-from model_discrepancy.halves import interleaved
-from model_discrepancy.locate import ResidualMap, residual_map
-from model_discrepancy.missing_block import MissingBlock, missing_block
-from model_discrepancy.motion import ACTIVATION_HZ, motion_of
-from model_discrepancy.recording import Recording
-from model_discrepancy.recording_checks import faults
-from model_discrepancy.report import write_report
-from model_discrepancy.resimulation import AUGMENTED_FILE, BASE_FILE
-from model_discrepancy.rows import WHITENING_ORDER, Rows, autoregression
-from model_discrepancy.search import ALIGNMENT, REFINEMENT, Found, Progress, fit_base, is_alignment, place_of, search
-from model_discrepancy.unpredictable import Unpredictable, unpredictable
-from model_discrepancy.verdict import (
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.fit.held_out import HeldOut, held_out
+from model_discrepancy.fit.rows import WHITENING_ORDER, Rows, autoregression
+from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
+from model_discrepancy.recording.motion import ACTIVATION_HZ, motion_of
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.report.html_report import write_report
+from model_discrepancy.report.verdict import (
     SIGNIFICANT_REMAINDER,
     Scores,
     Verdict,
@@ -41,6 +38,18 @@ from model_discrepancy.verdict import (
     separating_measurements,
     to_model,
 )
+from model_discrepancy.search.effect_size import size_of
+from model_discrepancy.search.term_search import (
+    ALIGNMENT,
+    REFINEMENT,
+    Found,
+    Progress,
+    fit_base,
+    is_alignment,
+    place_of,
+    search,
+)
+from model_discrepancy.tools.resimulation import AUGMENTED_FILE, BASE_FILE
 
 
 @dataclass
@@ -70,16 +79,26 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose a recording or a bag.
 
-    Args:
-        source: a recording, or a bag's path.
-        out: folder for ``verdict.json``, ``base.yaml``, ``model.yaml`` and ``report.html``; None writes nothing.
-        model: a model (or its file) that replaces the paper's as the baseline.
-        library: terms that may be named; None for all.
-        progress: called with one line for each step.
+    Parameters
+    ----------
+    source
+        A recording, or a bag's path.
+    out
+        Folder for ``verdict.json``, ``base.yaml``, ``model.yaml`` and ``report.html``; None writes
+        nothing.
+    model
+        A model (or its file) that replaces the paper's as the baseline.
+    library
+        Terms that may be named; None for all.
+    progress
+        Called with one line for each step.
 
-    Raises:
-        BagError: no such bag.
-        ModelError: the model cannot be read.
+    Raises
+    ------
+    BagError
+        No such bag.
+    ModelError
+        The model cannot be read.
     """
     progress("reading")
     try:
@@ -100,20 +119,33 @@ def diagnose(
         folder.mkdir(parents=True, exist_ok=True)
         diagnosis.verdict.save(folder / "verdict.json")
         if diagnosis.found is not None:
-            to_model(diagnosis.found.base, f"{recording.name}: base model, fitted by diagnosis").save(folder / BASE_FILE)
-            to_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(folder / AUGMENTED_FILE)
+            to_model(
+                diagnosis.found.base, f"{recording.name}: base model, fitted by diagnosis"
+            ).save(folder / BASE_FILE)
+            to_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(
+                folder / AUGMENTED_FILE
+            )
         write_report(diagnosis, folder / "report.html")
     return diagnosis
 
 
-def _diagnose(recording: Recording, baseline: Model | None, library: Sequence[str] | None, progress: Progress) -> Diagnosis:
+def _diagnose(
+    recording: Recording, baseline: Model | None, library: Sequence[str] | None, progress: Progress
+) -> Diagnosis:
     channels = channel_findings(recording)
     motion = motion_of(trusted(recording, channels))
     fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
-    terms = PAPER_TERMS if baseline is None else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
+    terms = (
+        PAPER_TERMS
+        if baseline is None
+        else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
+    )
     base = fit_base(fitter, terms, progress)
     # Only now voluntary torque can be told from the torque that the movement makes.
-    motion = replace(motion, activation=float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ))
+    motion = replace(
+        motion,
+        activation=float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ),
+    )
     fitter = Fitter(Columns(motion, fitter.rows))
     bank = GenericBank(fitter.columns)
     parts = interleaved(fitter.rows)
@@ -128,18 +160,44 @@ def _diagnose(recording: Recording, baseline: Model | None, library: Sequence[st
     ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
     strange = unpredictable(fitter, found.final, base_map.onsets)
     findings = [*channels, *([strange.tremor] if strange.tremor is not None else [])]
-    verdict = _conclude(fitter, found, after, findings, strange, base_map, base_scored, final_scored, ceiling, baseline)
+    verdict = _conclude(
+        fitter,
+        found,
+        after,
+        findings,
+        strange,
+        base_map,
+        base_scored,
+        final_scored,
+        ceiling,
+        baseline,
+    )
     verdict.recording = _conditions(recording, fitter, found.final)
     block = None
     if verdict.verdict == "unexplained":
         progress("describing what is missing")
         block = missing_block(fitter, found.final, base_map.onsets)
         _describe_missing(verdict, block)
-    return Diagnosis(recording, verdict, fitter, found, base_map, final_map, base_scored, final_scored, before, after, ceiling, block)
+    return Diagnosis(
+        recording,
+        verdict,
+        fitter,
+        found,
+        base_map,
+        final_map,
+        base_scored,
+        final_scored,
+        before,
+        after,
+        ceiling,
+        block,
+    )
 
 
 def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, Any]:
-    """What a second recording must be compared with: length, size of the movements, background torque, and the residual's spectrum."""
+    """What a second recording must be compared with: length, size of the movements, background
+    torque, and the residual's spectrum.
+    """
     position = fitter.columns.motion.position
     low, high = np.percentile(position, [1.0, 99.0])
     return {
@@ -153,9 +211,14 @@ def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, A
 
 
 def _describe_missing(verdict: Verdict, block: MissingBlock | None) -> None:
-    """Put the missing block into the verdict; without effects its place is the place of the mismatch."""
+    """Put the missing block into the verdict; without effects its place is the place of the
+    mismatch.
+    """
     if block is None:
-        verdict.reasons.append("the recording is too short to describe the missing block (six stretches of 5 s are needed)")
+        verdict.reasons.append(
+            "the recording is too short to describe the missing block (six stretches of 5 s are "
+            "needed)"
+        )
         return
     verdict.localisation["missing_block"] = block.content()
     verdict.reasons.append(block.sentence)
@@ -178,27 +241,49 @@ def _conclude(
     word, closed = kind(found, after, findings, strange, Scores(base.vaf, final.vaf, *ceiling))
     named = found.effects if word != "no_mismatch" else []
     effects = [
-        effect_entry(effect, found.final, size_of(fitter, found.final, effect.trial.name, base_map.onsets), place == 0, after.share)
+        effect_entry(
+            effect,
+            found.final,
+            size_of(fitter, found.final, effect.trial.name, base_map.onsets),
+            place == 0,
+            after.share,
+        )
         for place, effect in enumerate(named)
     ]
     effects += [finding_entry(finding) for finding in findings]
     reasons = separating_measurements(effects)
     reasons += [f"{name} ended at the bound of its range" for name in found.final.at_bounds]
-    reasons += [f"base model: {name} ran into its bound, a sign that it hides something else" for name in found.base.at_bounds]
-    reasons.append(f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened residual on unseen data")
+    reasons += [
+        f"base model: {name} ran into its bound, a sign that it hides something else"
+        for name in found.base.at_bounds
+    ]
+    reasons.append(
+        f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened "
+        "residual on unseen data"
+    )
     reasons += strange.sentences
     if named != found.effects:
         names = ", ".join(effect.trial.name for effect in found.effects)
-        reasons.append(f"{names} would take something off the whitened error, and predict no torque on unseen data")
+        reasons.append(
+            f"{names} would take something off the whitened error, and predict no torque on "
+            "unseen data"
+        )
     if found.refinements:
         names = ", ".join(effect.trial.name for effect in found.refinements)
-        reasons.append(f"the model holds {names} too: less than {100 * REFINEMENT:g} % of the mismatch each, corrections to the rest")
+        reasons.append(
+            f"the model holds {names} too: less than {100 * REFINEMENT:g} % of the mismatch each, "
+            "corrections to the rest"
+        )
     if is_alignment(fitter, found.final):
-        reasons.append(f"torque and position are apart by {1000 * found.final.values[ALIGNMENT]['skew']:.2f} ms, less than half a sample")
+        reasons.append(
+            f"torque and position are apart by {1000 * found.final.values[ALIGNMENT]['skew']:.2f} "
+            "ms, less than half a sample"
+        )
     if word == "unexplained" and after.share > SIGNIFICANT_REMAINDER:
         strongest = max(after.by_input, key=lambda key: after.by_input[key])
         reasons.append(
-            f"no term of the library explains it; regressors of {strongest} predict most of it ({100 * after.by_input[strongest]:.0f} %)"
+            f"no term of the library explains it; regressors of {strongest} predict most of it "
+            f"({100 * after.by_input[strongest]:.0f} %)"
         )
     if baseline is not None:
         reasons.append(_given_model(fitter, baseline))
@@ -215,19 +300,38 @@ def _conclude(
     }
     place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)
     localisation = base_map.summary(place) if word != "no_mismatch" else {}
-    return Verdict(word, effects, localisation, fit, alternatives(found), reasons, bias(found.base, found.final))
+    return Verdict(
+        word,
+        effects,
+        localisation,
+        fit,
+        alternatives(found),
+        reasons,
+        bias(found.base, found.final),
+    )
 
 
 def _likely_place(after: Remainder) -> str:
     """Where an unexplained mismatch probably sits, from the inputs that predict it."""
     strongest = max(after.by_input, key=lambda key: after.by_input[key])
-    return "reflex dynamics" if "rectified" in strongest else "torque sensor" if strongest == "acceleration" else "intrinsic"
+    return (
+        "reflex dynamics"
+        if "rectified" in strongest
+        else "torque sensor"
+        if strongest == "acceleration"
+        else "intrinsic"
+    )
 
 
 def _given_model(fitter: Fitter, baseline: Model) -> str:
     """How the given model does without any refit."""
-    values: dict[str, dict[str, float]] = {e.term.name: dict(e.values) for e in baseline.entries if e.term.name != "voluntary_torque"}
+    values: dict[str, dict[str, float]] = {
+        e.term.name: dict(e.values) for e in baseline.entries if e.term.name != "voluntary_torque"
+    }
     given: Fit = fitter.evaluate(values)
     used = fitter.rows.used
     share = 1.0 - float(np.var(given.plain[used]) / np.var(fitter.plain_target[used]))
-    return f"the given model as it stands explains {100 * share:.1f} % of the torque's variance; refitted it is the baseline"
+    return (
+        f"the given model as it stands explains {100 * share:.1f} % of the torque's variance; "
+        "refitted it is the baseline"
+    )

@@ -2,4 +2,6 @@
 
 
 class DiagnosisError(ValueError):
-    """A recording or a request that cannot be diagnosed at all (a bad recording is a verdict, not an error)."""
+    """A recording or a request that cannot be diagnosed at all (a bad recording is a verdict, not
+    an error).
+    """

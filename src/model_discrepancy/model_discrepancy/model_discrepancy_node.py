@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | `/ankle/samples` | Float64MultiArray | in: t, position, torque, and velocity where it is measured |
 | `/diagnostics` | DiagnosticArray | out: VAF of the base model, predictable share of its residual, what got worse and where |
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -16,23 +16,26 @@ import time
 
 import numpy as np
 
+from ankle_interfaces.block import Block, require_columns
+from ankle_interfaces.continuity import Finding
+from ankle_interfaces.errors import BlockError
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
 from model_discrepancy.live_parameters import PARAMETERS, PERIOD, SHARE_RISE, VAF_FALL, WINDOW
-from model_discrepancy.recording import SAMPLES_TOPIC
+from model_discrepancy.recording.recording import SAMPLES_TOPIC
 from model_discrepancy.session_watch import Indicators, RecentSamples, SessionWatch
-from sample_blocks.block import Block, require_columns
-from sample_blocks.continuity import Finding
-from sample_blocks.errors import BlockError
 
 # A hole of this length [s] cannot be bridged: a reflex response lasts about as long.
 LONGEST_GAP = 0.4
-# Lower priority of the fitting thread, so that estimator and recorder on the same machine come first.
+# Lower priority of the fitting thread, so that estimator and recorder on the same machine come
+# first.
 NICENESS = 10
 SHOWN_AGAIN = 5.0  # s; `health` shows a warning for ten seconds, and a fit may come minutes later
 
 
 class ModelDiscrepancy(AnkleNode):
-    """Keeps the last samples and has a thread fit them; the thread's results are shown from the node's own thread."""
+    """Keeps the last samples and has a thread fit them; the thread's results are shown from the
+    node's own thread.
+    """
 
     def __init__(self) -> None:
         super().__init__("model_discrepancy", PARAMETERS)
@@ -43,11 +46,14 @@ class ModelDiscrepancy(AnkleNode):
         self._fits = 0
         self._skipped = 0
         self._complaint: str | None = None
-        # One window at a time: those that fall due meanwhile are counted, and the newest is fitted next.
+        # One window at a time: those that fall due meanwhile are counted, and the newest is fitted
+        # next.
         self._waiting = False
         self._work: queue.Queue[np.ndarray] = queue.Queue(maxsize=1)
         self._busy = threading.Event()
-        self._results: queue.Queue[tuple[Indicators, Indicators | None, str | None] | Exception] = queue.Queue()
+        self._results: queue.Queue[tuple[Indicators, Indicators | None, str | None] | Exception] = (
+            queue.Queue()
+        )
         threading.Thread(target=self._fit, daemon=True).start()
         self.count("state", "waiting for samples")
         self.block_subscription(SAMPLES_TOPIC, (), self._receive)
@@ -61,7 +67,9 @@ class ModelDiscrepancy(AnkleNode):
         except BlockError as error:
             self.health("samples", ERROR, str(error))
             return
-        names = ["position[rad]", "torque[N.m]"] + (["velocity[rad/s]"] if converted.has("velocity[rad/s]") else [])
+        names = ["position[rad]", "torque[N.m]"] + (
+            ["velocity[rad/s]"] if converted.has("velocity[rad/s]") else []
+        )
         samples = np.column_stack([converted.time, *(converted.column(name) for name in names)])
         start, end = float(samples[0, 0]), float(samples[-1, 0])
         if not self._last - 1.0 < start < self._last + LONGEST_GAP:
@@ -96,7 +104,9 @@ class ModelDiscrepancy(AnkleNode):
             begun = time.monotonic()
             try:
                 now = watch.judge(samples)
-                complaint = watch.complaint(now, self.number(VAF_FALL.name), self.number(SHARE_RISE.name))
+                complaint = watch.complaint(
+                    now, self.number(VAF_FALL.name), self.number(SHARE_RISE.name)
+                )
                 self._results.put((now, watch.reference, complaint))
                 self.get_logger().debug(f"fitted in {time.monotonic() - begun:.1f} s")
             except (ValueError, np.linalg.LinAlgError) as error:
@@ -112,7 +122,9 @@ class ModelDiscrepancy(AnkleNode):
                 self._complaint = f"the window could not be fitted: {result}"
             else:
                 now, reference, self._complaint = result
-                self.count("state", "watching" if reference else "waiting for a window that can be judged")
+                self.count(
+                    "state", "watching" if reference else "waiting for a window that can be judged"
+                )
                 self.count("vaf_base[%]", round(now.vaf, 2))
                 self.count("predictable_share[1]", round(now.share, 4))
                 if reference is not None:
@@ -125,7 +137,9 @@ class ModelDiscrepancy(AnkleNode):
             self._hand_over_window()
 
     def _remind(self) -> None:
-        self.health("model", WARN if self._complaint else OK, self._complaint or "fits as at the start")
+        self.health(
+            "model", WARN if self._complaint else OK, self._complaint or "fits as at the start"
+        )
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
 """Does the base model fit as well as at the start of the session? For the node; no ROS.
 
-Each window of samples is fitted with the paper's model; its VAF and the share of the whitened residual that the
-generic bank still predicts are compared with those of the session's first window. Where they got worse, the library's
-terms are screened on the window, and the best one tells the place.
+Each window of samples is fitted with the paper's model; its VAF and the share of the whitened
+residual that the generic bank still predicts are compared with those of the session's first window.
+Where they got worse, the library's terms are screened on the window, and the best one tells the
+place.
 """
 
 from __future__ import annotations
@@ -13,25 +14,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model_discrepancy.columns import Columns
-from model_discrepancy.evaluation import vaf
-from model_discrepancy.fit import Fitter
-from model_discrepancy.generic_bank import GenericBank
-from model_discrepancy.halves import interleaved
-from model_discrepancy.motion import motion_of
-from model_discrepancy.recording import Recording
-from model_discrepancy.recording_checks import faults
-from model_discrepancy.rows import Rows
-from model_discrepancy.screening import candidates, grid, screen
-from model_discrepancy.search import fit_base, place_of
-from sample_blocks.continuity import sampling_rate
+from ankle_interfaces.continuity import sampling_rate
+from model_discrepancy.criticism.generic_bank import GenericBank
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.fit.held_out import vaf
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.search.screening import candidates, grid, screen
+from model_discrepancy.search.term_search import fit_base, place_of
 
 
 class RecentSamples:
     """The last seconds of the stream; one thread adds, another takes copies.
 
-    Args:
-        window: length that is kept [s].
+    Parameters
+    ----------
+    window
+        Length that is kept [s].
     """
 
     def __init__(self, window: float) -> None:
@@ -40,7 +43,9 @@ class RecentSamples:
         self._lock = threading.Lock()
 
     def add(self, samples: np.ndarray) -> None:
-        """Append samples: time [s], position, torque and, where measured, velocity, shape (n, 3 or 4)."""
+        """Append samples: time [s], position, torque and, where measured, velocity, shape (n, 3 or
+        4).
+        """
         with self._lock:
             if self._blocks and self._blocks[-1].shape[1] != samples.shape[1]:
                 self._blocks.clear()
@@ -68,11 +73,16 @@ class RecentSamples:
 class Indicators:
     """How the base model does on one window.
 
-    Attributes:
-        time: of the window's last sample [s].
-        vaf: of the base model on the window [%].
-        share: of the whitened residual that generic regressors predict on unseen rows, 0...1.
-        faults: why the window cannot be judged; the numbers are then NaN.
+    Attributes
+    ----------
+    time
+        Of the window's last sample [s].
+    vaf
+        Of the base model on the window [%].
+    share
+        Of the whitened residual that generic regressors predict on unseen rows, 0...1.
+    faults
+        Why the window cannot be judged; the numbers are then NaN.
     """
 
     time: float
@@ -84,8 +94,10 @@ class Indicators:
 class SessionWatch:
     """Judges window after window against the first one.
 
-    Attributes:
-        reference: indicators of the first window that could be judged; None before.
+    Attributes
+    ----------
+    reference
+        Indicators of the first window that could be judged; None before.
     """
 
     def __init__(self) -> None:
@@ -95,14 +107,23 @@ class SessionWatch:
     def judge(self, samples: np.ndarray) -> Indicators:
         """Fit one window; the first that can be judged becomes the reference.
 
-        Args:
-            samples: time [s], position [rad], torque [N.m] and, where measured, velocity [rad/s], shape (n, 3 or 4).
+        Parameters
+        ----------
+        samples
+            Time [s], position [rad], torque [N.m] and, where measured, velocity [rad/s], shape (n,
+            3 or 4).
         """
         rate = sampling_rate(samples[:, 0])
         # Lost blocks are short here and reported by the node; a straight line bridges them.
         grid = np.arange(samples[0, 0], samples[-1, 0] + 0.25 / rate, 1.0 / rate)
         columns = [np.interp(grid, samples[:, 0], column) for column in samples.T[1:]]
-        recording = Recording(rate, columns[0], columns[1], columns[2] if len(columns) > 2 else None, start=float(grid[0]))
+        recording = Recording(
+            rate,
+            columns[0],
+            columns[1],
+            columns[2] if len(columns) > 2 else None,
+            start=float(grid[0]),
+        )
         time = float(samples[-1, 0])
         found = tuple(faults(recording))
         if found:
@@ -111,8 +132,12 @@ class SessionWatch:
         fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
         base = fit_base(fitter)
         used = fitter.rows.used
-        remainder = GenericBank(fitter.columns).remainder(fitter, base.residual, base.plain, interleaved(fitter.rows))
-        indicators = Indicators(time, vaf(fitter.plain_target[used], base.plain[used]), max(remainder.share, 0.0))
+        remainder = GenericBank(fitter.columns).remainder(
+            fitter, base.residual, base.plain, interleaved(fitter.rows)
+        )
+        indicators = Indicators(
+            time, vaf(fitter.plain_target[used], base.plain[used]), max(remainder.share, 0.0)
+        )
         self._fitter, self._base = fitter, base
         if self.reference is None:
             self.reference = indicators
@@ -121,10 +146,14 @@ class SessionWatch:
     def complaint(self, now: Indicators, vaf_fall: float, share_rise: float) -> str | None:
         """What got worse since the reference, in one sentence; None for nothing.
 
-        Args:
-            now: of the window judged last.
-            vaf_fall: [%] that is tolerated.
-            share_rise: that is tolerated, 0...1.
+        Parameters
+        ----------
+        now
+            Of the window judged last.
+        vaf_fall
+            [%] that is tolerated.
+        share_rise
+            That is tolerated, 0...1.
         """
         if now.faults:
             return f"the last samples cannot be judged: {now.faults[0]}"
@@ -132,19 +161,31 @@ class SessionWatch:
         assert then is not None
         worse = []
         if now.vaf < then.vaf - vaf_fall:
-            worse.append(f"the base model explains {now.vaf:.1f} % of the torque, {then.vaf:.1f} % at the start")
+            worse.append(
+                f"the base model explains {now.vaf:.1f} % of the torque, {then.vaf:.1f} % at the "
+                "start"
+            )
         if now.share > then.share + share_rise:
-            worse.append(f"{100 * now.share:.0f} % of its residual follows the movement, {100 * then.share:.0f} % at the start")
+            worse.append(
+                f"{100 * now.share:.0f} % of its residual follows the movement, "
+                f"{100 * then.share:.0f} % at the start"
+            )
         return "; ".join([*worse, self._likely_place()]) if worse else None
 
     def _likely_place(self) -> str:
         """The place of the terms that would explain most of the last window's residual."""
         assert self._fitter is not None
-        found = screen(self._fitter, self._base, {name: grid(name) for name in candidates(self._base)})
+        found = screen(
+            self._fitter, self._base, {name: grid(name) for name in candidates(self._base)}
+        )
         best = found[0]
-        # Terms of several places that promise nearly the same cannot be told apart without a diagnosis.
-        places = list(dict.fromkeys(place_of(s.name).value for s in found[:4] if s.share > 0.9 * best.share))
+        # Terms of several places that promise nearly the same cannot be told apart without a
+        # diagnosis.
+        places = list(
+            dict.fromkeys(place_of(s.name).value for s in found[:4] if s.share > 0.9 * best.share)
+        )
         return (
-            f"likely place: {' or '.join(places)} ({best.name.replace('_', ' ')} would explain {100 * best.share:.0f} % of the "
+            f"likely place: {' or '.join(places)} ({best.name.replace('_', ' ')} would explain "
+            f"{100 * best.share:.0f} % of the "
             "residual); check straps and cables, and diagnose the recording"
         )

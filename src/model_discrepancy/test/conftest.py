@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from model_discrepancy.human_trials import load_trial
-from model_discrepancy.planted_trials import simulate_trial
+from simulation_study.human_trials import load_trial
+from simulation_study.planted_trials import simulate_trial
 
 RECORDINGS = Path(__file__).resolve().parents[3].parent / "shared" / "recordings"
 

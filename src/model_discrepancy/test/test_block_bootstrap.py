@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model_discrepancy.block_bootstrap import bootstrap_errors
+from model_discrepancy.fit.block_bootstrap import bootstrap_errors
 
 RATE = 200.0
 COUNT = 12_000
@@ -21,7 +21,9 @@ def test_white_residuals_give_what_least_squares_gives() -> None:
     np.testing.assert_allclose(drawn, _formula(derivatives, residual), rtol=0.35)
 
 
-def test_a_parameter_that_changes_over_the_recording_is_less_certain_than_least_squares_says() -> None:
+def test_a_parameter_that_changes_over_the_recording_is_less_certain_than_least_squares_says() -> (
+    None
+):
     random = np.random.default_rng(2)
     derivatives = random.standard_normal((COUNT, 1))
     drift = np.repeat(random.standard_normal(COUNT // 1200), 1200)
@@ -35,8 +37,13 @@ def test_rows_that_were_not_fitted_do_not_count() -> None:
     derivatives, residual = random.standard_normal((COUNT, 2)), random.standard_normal(COUNT)
     used = np.arange(COUNT) < COUNT // 2
     wild = np.where(used, residual, 1e6)
-    np.testing.assert_array_equal(bootstrap_errors(derivatives, wild, used, RATE), bootstrap_errors(derivatives, residual, used, RATE))
+    np.testing.assert_array_equal(
+        bootstrap_errors(derivatives, wild, used, RATE),
+        bootstrap_errors(derivatives, residual, used, RATE),
+    )
 
 
 def test_too_few_stretches_say_nothing() -> None:
-    assert np.isnan(bootstrap_errors(np.ones((800, 2)), np.ones(800), np.ones(800, bool), RATE)).all()
+    assert np.isnan(
+        bootstrap_errors(np.ones((800, 2)), np.ones(800), np.ones(800, bool), RATE)
+    ).all()

@@ -5,13 +5,13 @@ import pytest
 
 from ankle_physics.model import Model
 from ankle_physics.term import Place, term_library
-from model_discrepancy.columns import Columns
-from model_discrepancy.fit import Fitter
-from model_discrepancy.motion import Motion, motion_of
-from model_discrepancy.planted_trials import STRENGTHS, simulate_trial
-from model_discrepancy.resimulation import simulated_torque
-from model_discrepancy.rows import Rows
-from model_discrepancy.screening import NOT_SEARCHED
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import Motion, motion_of
+from model_discrepancy.search.screening import NOT_SEARCHED
+from model_discrepancy.tools.resimulation import simulated_torque
+from simulation_study.planted_trials import STRENGTHS, simulate_trial
 
 BASE = {
     "inertia": {"I": 0.012},
@@ -20,7 +20,11 @@ BASE = {
     "reflex": {"G": 8.0, "delay": 0.041, "omega": 21.0, "z": 0.8},
 }
 # What moves the position reading changes no torque.
-TERMS = [n for n, term in term_library().items() if n not in NOT_SEARCHED and term.place is not Place.POSITION_SENSOR]
+TERMS = [
+    n
+    for n, term in term_library().items()
+    if n not in NOT_SEARCHED and term.place is not Place.POSITION_SENSOR
+]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +36,10 @@ def _torques(motion: Motion, extra: dict[str, dict[str, float]]) -> tuple[np.nda
     """Used rows of the simulated torque, and of what the fit's spectra say."""
     rows = Rows(len(motion.position), motion.rate)
     fitter = Fitter(Columns(motion, rows))
-    values = {name: {**fitter.start_values([name])[name], **given} for name, given in {**BASE, **extra}.items()}
+    values = {
+        name: {**fitter.start_values([name])[name], **given}
+        for name, given in {**BASE, **extra}.items()
+    }
     made = rows.plain(rows.spectrum(simulated_torque(Model.of(values), motion)))
     return made[rows.used], (fitter.plain_target - fitter.evaluate(values).plain)[rows.used]
 
@@ -46,5 +53,6 @@ def test_both_make_the_same_torque(motion: Motion, name: str) -> None:
     made, said = _torques(motion, extra)
     effect = float(np.std(made - without))
     assert effect > 0.0
-    # A skew, lag or strap is filtered exactly there and sample by sample here; that the reflex pushes the foot aside is left out there.
+    # A skew, lag or strap is filtered exactly there and sample by sample here; that the reflex
+    # pushes the foot aside is left out there.
     assert np.std(made - said) < 0.05 * effect + 0.002 * np.std(made)

@@ -8,21 +8,38 @@ import pytest
 from ankle_physics.actuator import Servo
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
-from model_discrepancy.channel_quality import following_response, noise_levels
-from model_discrepancy.comparison import aligned, compare
-from model_discrepancy.comparison_report import write_comparison
-from model_discrepancy.motion import motion_of
-from model_discrepancy.recording import Recording
+from model_discrepancy.recording.channel_quality import following_response, noise_levels
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.comparison_report import write_comparison
+from model_discrepancy.tools.comparison import aligned, compare
 from perturbation_generator.random_steps import RandomSteps
 from perturbation_generator.settings import Settings
 
-BASE = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}, "voluntary_torque": {"rms": 0.3}}
+BASE = {
+    "inertia": {},
+    "viscosity": {},
+    "stiffness": {},
+    "reflex": {},
+    "voluntary_torque": {"rms": 0.3},
+}
 
 
 def trial(changes=None, seed=1, steps=3, rate=2048.0, bandwidth=30.0, seconds=40.0):
-    reference = RandomSteps(Settings(rate=rate, amplitude=0.03, direction="both", seed=steps)).next(int(seconds * rate))
-    made = simulate(reference, rate, Model.of({**BASE, **(changes or {})}), servo=Servo(bandwidth), seed=seed)
-    return Recording(rate, made.position, made.torque, made.velocity, reference=reference[:, 0], name=f"trial {seed}"), made.noise
+    reference = RandomSteps(Settings(rate=rate, amplitude=0.03, direction="both", seed=steps)).next(
+        int(seconds * rate)
+    )
+    made = simulate(
+        reference, rate, Model.of({**BASE, **(changes or {})}), servo=Servo(bandwidth), seed=seed
+    )
+    return Recording(
+        rate,
+        made.position,
+        made.torque,
+        made.velocity,
+        reference=reference[:, 0],
+        name=f"trial {seed}",
+    ), made.noise
 
 
 def test_noise_and_bandwidth_are_those_of_the_simulation():

@@ -8,7 +8,7 @@ import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
-from model_discrepancy.planted_trials import simulate_trial
+from simulation_study.planted_trials import simulate_trial
 
 
 def test_no_mismatch_is_recognised(null_recording, tmp_path):
@@ -26,7 +26,12 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
 @pytest.mark.parametrize(
     ("name", "values", "checked"),
     [
-        pytest.param("maxwell_relaxation", {"k": 35.0, "T": 0.1}, {"k": 0.1, "T": 0.15}, marks=pytest.mark.slow),
+        pytest.param(
+            "maxwell_relaxation",
+            {"k": 35.0, "T": 0.1},
+            {"k": 0.1, "T": 0.15},
+            marks=pytest.mark.slow,
+        ),
         ("channel_skew", {"skew": 0.003}, {"skew": 0.05}),
     ],
 )
@@ -47,8 +52,15 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
 
 
 def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(tmp_path):
-    recording = simulate_trial({"torque_sensor_mode": {"frequency": 25.0, "damping": 0.15}}, seed=6, duration=40.0)
-    library = ["reflex_threshold", "position_dependent_stiffness", "thixotropy", "hardening_stiffness"]
+    recording = simulate_trial(
+        {"torque_sensor_mode": {"frequency": 25.0, "damping": 0.15}}, seed=6, duration=40.0
+    )
+    library = [
+        "reflex_threshold",
+        "position_dependent_stiffness",
+        "thixotropy",
+        "hardening_stiffness",
+    ]
     verdict = diagnose(recording, tmp_path, library=library).verdict
     assert verdict.verdict == "unexplained"
     block = json.loads((tmp_path / "verdict.json").read_text())["localisation"]["missing_block"]

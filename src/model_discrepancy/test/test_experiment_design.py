@@ -1,4 +1,6 @@
-"""A design keeps within the generator's limits, tells models apart by what they predict, and settles a real ambiguity."""
+"""A design keeps within the generator's limits, tells models apart by what they predict, and
+settles a real ambiguity.
+"""
 
 import json
 
@@ -8,16 +10,21 @@ import yaml
 
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
-from model_discrepancy.candidate_movements import Candidate, candidates_for
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.experiment_design import RivalSet, design_experiment, rank
-from model_discrepancy.planted_trials import simulate_trial
-from model_discrepancy.recording import Recording
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
+from model_discrepancy.tools.experiment_design import RivalSet, design_experiment, rank
 from perturbation_generator.limits import Limits
+from simulation_study.planted_trials import simulate_trial
 
 PAPER = {e.term.name: dict(e.values) for e in Model.of().entries}
-CONDITIONS = {"movement[rad]": 0.04, "background_torque[N.m]": 0.0, "whitening_rate[Hz]": 200.0, "whitening[1/N.m]": [20.0, -10.0]}
+CONDITIONS = {
+    "movement[rad]": 0.04,
+    "background_torque[N.m]": 0.0,
+    "whitening_rate[Hz]": 200.0,
+    "whitening[1/N.m]": [20.0, -10.0],
+}
 
 
 def typical(name):
@@ -26,7 +33,12 @@ def typical(name):
 
 def test_candidates_keep_within_the_limits():
     candidates = candidates_for(0.04, levels=True)
-    assert {c.parameters["signal"] for c in candidates} == {"pulse_step", "random_steps", "prbs", "multisine"}
+    assert {c.parameters["signal"] for c in candidates} == {
+        "pulse_step",
+        "random_steps",
+        "prbs",
+        "multisine",
+    }
     assert any(c.levels for c in candidates)
     for candidate in candidates[::5]:
         reference = candidate.reference(20.0)
@@ -38,7 +50,7 @@ def test_candidates_keep_within_the_limits():
 
 def test_equal_models_cannot_be_told_apart_and_different_ones_can(monkeypatch):
     few = [Candidate("steps", {"signal": "random_steps", "amplitude": 0.03, "direction": "both"})]
-    monkeypatch.setattr("model_discrepancy.experiment_design.candidates_for", lambda *_: few)
+    monkeypatch.setattr("model_discrepancy.tools.experiment_design.candidates_for", lambda *_: few)
     relaxing = {**PAPER, "maxwell_relaxation": typical("maxwell_relaxation")}
     late = {**PAPER, "long_latency_reflex": typical("long_latency_reflex")}
     (same,) = rank([RivalSet({"a": relaxing, "b": relaxing}, 0.0)], CONDITIONS)
@@ -58,7 +70,9 @@ def test_what_is_no_verdict_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_the_proposed_perturbation_settles_a_set(tmp_path):
-    """Steps of one size and speed do not tell a reflex threshold from an exponent; the second recording does."""
+    """Steps of one size and speed do not tell a reflex threshold from an exponent; the second
+    recording does.
+    """
     planted = {"reflex_threshold": {}}
     first = simulate_trial(planted, seed=11, duration=60.0, protocol="equal")
     (effect,) = diagnose(first, tmp_path / "first").verdict.effects
@@ -66,7 +80,9 @@ def test_the_proposed_perturbation_settles_a_set(tmp_path):
     assert len(effect["set"]) > 1
     design = design_experiment(tmp_path / "first")
     design.save(tmp_path / "design")
-    parameters = yaml.safe_load((tmp_path / "design" / "design.yaml").read_text())["perturbation_generator"]["ros__parameters"]
+    parameters = yaml.safe_load((tmp_path / "design" / "design.yaml").read_text())[
+        "perturbation_generator"
+    ]["ros__parameters"]
     reference = Candidate("proposed", parameters).reference(60.0)
     model = Model.of({**PAPER, **planted, "voluntary_torque": {"rms": 0.3}})
     second = simulate(reference, 2048.0, model, seed=12)

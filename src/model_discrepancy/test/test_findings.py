@@ -1,4 +1,6 @@
-"""What the signals show without a fit: gains and lags of channels, tremor, lines, and responses that vary."""
+"""What the signals show without a fit: gains and lags of channels, tremor, lines, and responses
+that vary.
+"""
 
 from dataclasses import replace
 
@@ -6,15 +8,15 @@ import numpy as np
 import pytest
 
 from ankle_physics.memory_elements import Play
-from model_discrepancy.channel_gains import channel_findings, trusted
-from model_discrepancy.columns import Columns
-from model_discrepancy.fit import Fitter
-from model_discrepancy.locate import find_onsets, residual_map
-from model_discrepancy.motion import motion_of
-from model_discrepancy.planted_trials import simulate_trial
-from model_discrepancy.rows import Rows
-from model_discrepancy.search import fit_base, is_alignment
-from model_discrepancy.unpredictable import LEAST_VARIATION, unpredictable
+from model_discrepancy.criticism.locate import find_onsets, residual_map
+from model_discrepancy.criticism.unpredictable import LEAST_VARIATION, unpredictable
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.search.term_search import fit_base, is_alignment
+from simulation_study.planted_trials import simulate_trial
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +40,11 @@ def test_nothing_is_found_in_a_clean_recording(equal_steps):
 
 def test_tremor_is_named_with_frequency_and_size(equal_steps):
     t = equal_steps.time
-    drift = 0.4 * np.cumsum(np.random.default_rng(0).standard_normal(len(t))) / np.sqrt(equal_steps.rate)
+    drift = (
+        0.4
+        * np.cumsum(np.random.default_rng(0).standard_normal(len(t)))
+        / np.sqrt(equal_steps.rate)
+    )
     tremor = 0.3 * np.sin(2 * np.pi * 9.0 * t + drift)
     found = found_in(replace(equal_steps, torque=equal_steps.torque + tremor))
     assert found.tremor.parameters["frequency[Hz]"][0] == pytest.approx(9.0, abs=0.5)
@@ -46,7 +52,12 @@ def test_tremor_is_named_with_frequency_and_size(equal_steps):
 
 
 def test_a_line_is_no_tremor(equal_steps):
-    found = found_in(replace(equal_steps, torque=equal_steps.torque + 0.2 * np.sin(2 * np.pi * 50.0 * equal_steps.time)))
+    found = found_in(
+        replace(
+            equal_steps,
+            torque=equal_steps.torque + 0.2 * np.sin(2 * np.pi * 50.0 * equal_steps.time),
+        )
+    )
     assert found.tremor is None
     assert found.line_hz == pytest.approx(50.0, abs=0.5)
 

@@ -1,16 +1,18 @@
-"""The fit finds the parameters that made the data, with errors of the right size, whatever the sampling rate."""
+"""The fit finds the parameters that made the data, with errors of the right size, whatever the
+sampling rate.
+"""
 
 import numpy as np
 import pytest
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
-from model_discrepancy.columns import Columns
-from model_discrepancy.fit import Fitter, bounded, from_unit, ranges, to_unit
-from model_discrepancy.motion import motion_of
-from model_discrepancy.planted_trials import simulate_trial
-from model_discrepancy.rows import Rows, autoregression
-from model_discrepancy.search import fit_base
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter, bounded, from_unit, ranges, to_unit
+from model_discrepancy.fit.rows import Rows, autoregression
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.search.term_search import fit_base
+from simulation_study.planted_trials import simulate_trial
 
 JOINT = {
     "inertia": {"I": 0.0137},
@@ -70,7 +72,9 @@ def test_bounded_least_squares_keeps_physical_signs():
 def test_scaled_parameters_return():
     for term in term_library().values():
         for parameter in term.parameters:
-            assert from_unit(parameter, to_unit(parameter, parameter.typical)) == pytest.approx(parameter.typical, abs=1e-9)
+            assert from_unit(parameter, to_unit(parameter, parameter.typical)) == pytest.approx(
+                parameter.typical, abs=1e-9
+            )
 
 
 def test_autoregression_whitens():
@@ -83,7 +87,9 @@ def test_autoregression_whitens():
     assert coefficients[:3] == pytest.approx([1.0, -1.5, 0.7], abs=0.04)
 
 
-@pytest.mark.parametrize("name", [n for n, t in term_library().items() if t.place is Place.TORQUE_SENSOR])
+@pytest.mark.parametrize(
+    "name", [n for n, t in term_library().items() if t.place is Place.TORQUE_SENSOR]
+)
 def test_frequency_response_of_a_sensor_is_its_simulation(name):
     rate = 4000.0
     time = np.arange(int(4 * rate)) / rate

@@ -1,4 +1,6 @@
-"""The watching node as a process of its own: a fixation that becomes soft is warned of, an unchanged session is not."""
+"""The watching node as a process of its own: a fixation that becomes soft is warned of, an
+unchanged session is not.
+"""
 
 import os
 import signal
@@ -13,13 +15,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray
 
+from ankle_interfaces.block import Block, pack
 from ankle_node.node import BLOCK_QOS
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.session_watch import RecentSamples, SessionWatch
 from perturbation_generator.random_steps import RandomSteps
 from perturbation_generator.settings import Settings
-from sample_blocks.block import Block, pack
 
 pytestmark = pytest.mark.live
 
@@ -34,11 +36,15 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 def session(soft, seconds=44.0):
     """Samples of shape (n, 4) whose fixation is soft in the second half, or not."""
-    reference = RandomSteps(Settings(rate=RATE, amplitude=0.03, direction="both", seed=3)).next(int(seconds * RATE))
+    reference = RandomSteps(Settings(rate=RATE, amplitude=0.03, direction="both", seed=3)).next(
+        int(seconds * RATE)
+    )
     rigid = simulate(reference, RATE, Model.of(BASE), seed=1).measured
     samples = rigid
     if soft:
-        loose = simulate(reference, RATE, Model.of({**BASE, "fixation_compliance": {}}), seed=1).measured
+        loose = simulate(
+            reference, RATE, Model.of({**BASE, "fixation_compliance": {}}), seed=1
+        ).measured
         samples = np.concatenate([rigid[: len(rigid) // 2], loose[len(rigid) // 2 :]])
     return np.column_stack([np.arange(len(samples)) / RATE, samples])
 
@@ -51,16 +57,23 @@ class Bench:
     """A node process that is fed with blocks, and what it says."""
 
     def __init__(self):
-        program = "import sys; from model_discrepancy.model_discrepancy_node import main; sys.exit(main())"
+        program = (
+            "import sys; from model_discrepancy.model_discrepancy_node import main; "
+            "sys.exit(main())"
+        )
         parameters = ["-p", f"window:={WINDOW}", "-p", "period:=5.0"]
-        self.process = subprocess.Popen([sys.executable, "-c", program, "--ros-args", *parameters], stderr=subprocess.STDOUT)
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", program, "--ros-args", *parameters], stderr=subprocess.STDOUT
+        )
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = rclpy.create_node("bench", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.status = []
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: self.status.extend(m.status), 64)
+        self.node.create_subscription(
+            DiagnosticArray, "/diagnostics", lambda m: self.status.extend(m.status), 64
+        )
         self.publisher = self.node.create_publisher(Float64MultiArray, "/ankle/samples", BLOCK_QOS)
         self.until(lambda: self.publisher.get_subscription_count() > 0, "the node subscribes")
 

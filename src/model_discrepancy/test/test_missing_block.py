@@ -1,18 +1,20 @@
-"""The missing block shows input, delay and curve of what was planted, and nothing where nothing is missing."""
+"""The missing block shows input, delay and curve of what was planted, and nothing where nothing is
+missing.
+"""
 
 import json
 
 import numpy as np
 import pytest
 
-from model_discrepancy.columns import Columns
-from model_discrepancy.fit import Fitter
-from model_discrepancy.locate import residual_map
-from model_discrepancy.missing_block import missing_block
-from model_discrepancy.motion import motion_of
-from model_discrepancy.planted_trials import simulate_trial
-from model_discrepancy.rows import Rows
-from model_discrepancy.search import fit_base
+from model_discrepancy.criticism.locate import residual_map
+from model_discrepancy.criticism.missing_block import missing_block
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.search.term_search import fit_base
+from simulation_study.planted_trials import simulate_trial
 
 
 def block_of(recording):
@@ -25,7 +27,12 @@ def block_of(recording):
 @pytest.mark.parametrize(
     ("name", "values", "inputs", "place"),
     [
-        ("asymmetric_damping", {}, {"velocity", "plantarflexion velocity", "dorsiflexion velocity"}, "intrinsic"),
+        (
+            "asymmetric_damping",
+            {},
+            {"velocity", "plantarflexion velocity", "dorsiflexion velocity"},
+            "intrinsic",
+        ),
         ("long_latency_reflex", {}, {"dorsiflexion velocity"}, "reflex dynamics"),
         ("maxwell_relaxation", {"k": 35.0, "T": 0.1}, {"position", "velocity"}, "intrinsic"),
     ],
@@ -36,7 +43,10 @@ def test_input_and_place_are_those_of_the_planted_effect(name, values, inputs, p
     assert block.place == place
     assert block.share > 0.05
     low, middle, high = block.response
-    assert np.all((low <= middle + 1e-9) & (middle <= high + 1e-9) | (np.abs(middle) < 0.1 * np.abs(middle).max()))
+    assert np.all(
+        (low <= middle + 1e-9) & (middle <= high + 1e-9)
+        | (np.abs(middle) < 0.1 * np.abs(middle).max())
+    )
     assert block.curve[1][np.argmin(np.abs(block.levels))] == 0.0
     assert np.abs(block.curve[1]).max() == pytest.approx(1.0)
     json.dumps(block.content(), allow_nan=False)

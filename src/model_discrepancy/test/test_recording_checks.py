@@ -1,12 +1,12 @@
-"""Broken rigs are recognised, usable recordings pass, and small lags or gains are findings instead."""
+"""Broken rigs are recognised, usable recordings pass, and small lags or gains are findings instead."""  # noqa: E501
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from model_discrepancy.channel_gains import channel_findings
-from model_discrepancy.recording_checks import faults
+from model_discrepancy.recording.channel_gains import channel_findings
+from model_discrepancy.recording.recording_checks import faults
 
 BREAKAGES = {
     "wrong sign": lambda r: replace(r, torque=-r.torque),
@@ -14,12 +14,18 @@ BREAKAGES = {
     "wrong unit": lambda r: replace(r, torque=1000.0 * r.torque),
     "dead": lambda r: replace(r, torque=np.zeros_like(r.torque)),
     "saturated": lambda r: replace(r, torque=np.clip(r.torque, *np.percentile(r.torque, [3, 97]))),
-    "stuck": lambda r: replace(r, torque=np.where(r.time > 30.0, r.torque[int(30 * r.rate)], r.torque)),
+    "stuck": lambda r: replace(
+        r, torque=np.where(r.time > 30.0, r.torque[int(30 * r.rate)], r.torque)
+    ),
     "40 ms apart": lambda r: replace(r, torque=np.roll(r.torque, int(0.04 * r.rate))),
     "-40 ms apart": lambda r: replace(r, torque=np.roll(r.torque, -int(0.04 * r.rate))),
-    "movement explains": lambda r: replace(r, torque=np.random.default_rng(0).standard_normal(len(r.torque))),
+    "movement explains": lambda r: replace(
+        r, torque=np.random.default_rng(0).standard_normal(len(r.torque))
+    ),
     "not finite": lambda r: replace(r, torque=np.where(r.time == r.time[500], np.nan, r.torque)),
-    "no excitation": lambda r: replace(r, position=1e-5 * np.random.default_rng(0).standard_normal(len(r.position)), velocity=None),
+    "no excitation": lambda r: replace(
+        r, position=1e-5 * np.random.default_rng(0).standard_normal(len(r.position)), velocity=None
+    ),
     "velocity has the wrong sign": lambda r: replace(r, velocity=-r.velocity),
     "velocity is": lambda r: replace(r, velocity=np.degrees(r.velocity)),
 }
@@ -38,7 +44,12 @@ def test_a_broken_rig_is_named(null_recording, words):
 
 def test_a_short_recording_is_refused(null_recording):
     n = int(10 * null_recording.rate)
-    short = replace(null_recording, position=null_recording.position[:n], torque=null_recording.torque[:n], velocity=None)
+    short = replace(
+        null_recording,
+        position=null_recording.position[:n],
+        torque=null_recording.torque[:n],
+        velocity=None,
+    )
     assert "lasts 10.0 s" in faults(short)[0]
 
 
@@ -49,13 +60,26 @@ def test_usable_recordings_pass(null_recording, real_recording):
 
 
 def test_a_small_lag_of_torque_is_no_fault(null_recording):
-    assert faults(replace(null_recording, torque=np.roll(null_recording.torque, int(0.006 * null_recording.rate)))) == []
+    assert (
+        faults(
+            replace(
+                null_recording,
+                torque=np.roll(null_recording.torque, int(0.006 * null_recording.rate)),
+            )
+        )
+        == []
+    )
 
 
 def test_wrong_velocity_gain_and_lag_are_findings(null_recording):
     (gain,) = channel_findings(replace(null_recording, velocity=1.1 * null_recording.velocity))
     assert gain.name == "velocity_gain"
     assert gain.parameters["gain[1]"][0] == pytest.approx(1.1, abs=0.01)
-    (lag,) = channel_findings(replace(null_recording, velocity=np.roll(null_recording.velocity, int(0.004 * null_recording.rate))))
+    (lag,) = channel_findings(
+        replace(
+            null_recording,
+            velocity=np.roll(null_recording.velocity, int(0.004 * null_recording.rate)),
+        )
+    )
     assert lag.name == "velocity_lag"
     assert lag.parameters["lag[s]"][0] == pytest.approx(0.004, abs=0.0005)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from ankle_physics.model import Model
-from model_discrepancy.columns import Columns
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit import Fitter
-from model_discrepancy.motion import motion_of
-from model_discrepancy.planted_trials import simulate_trial
-from model_discrepancy.recording import Recording
-from model_discrepancy.resimulation import resimulate, resimulate_bag
-from model_discrepancy.rows import Rows
-from model_discrepancy.search import fit_base
-from model_discrepancy.verdict import to_model
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.verdict import to_model
+from model_discrepancy.search.term_search import fit_base
+from model_discrepancy.tools.resimulation import resimulate, resimulate_bag
+from simulation_study.planted_trials import simulate_trial
 
 # What the movement makes in the trial below; its subject is drawn by the seed.
 MAXWELL = {"maxwell_relaxation": {"k": 60.0, "T": 0.08}}
@@ -31,10 +31,14 @@ def _fitted_models(trial: Recording) -> tuple[Model, Model]:
     fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
     base = fit_base(fitter)
     fitter.whiten_by(base)
-    return to_model(base, "base"), to_model(fitter.fit((*base.terms, "maxwell_relaxation"), base.values), "augmented")
+    return to_model(base, "base"), to_model(
+        fitter.fit((*base.terms, "maxwell_relaxation"), base.values), "augmented"
+    )
 
 
-def test_the_model_with_the_planted_physics_makes_more_of_the_recorded_torque(recording: Recording, tmp_path: Path) -> None:
+def test_the_model_with_the_planted_physics_makes_more_of_the_recorded_torque(
+    recording: Recording, tmp_path: Path
+) -> None:
     base, augmented = _fitted_models(recording)
     result = resimulate(recording, base, augmented)
     assert result.vaf["augmented"] > result.vaf["base"] + 1.0

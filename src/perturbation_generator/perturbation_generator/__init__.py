@@ -1,1 +1,3 @@
-"""Position perturbations for joint identification, sample by sample, and the node that publishes them."""
+"""Position perturbations for joint identification, sample by sample, and the node that publishes
+them.
+"""

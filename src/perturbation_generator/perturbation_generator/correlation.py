@@ -1,4 +1,6 @@
-"""Cross-correlation between position and half-wave rectified velocity: what figure 2 of the paper shows."""
+"""Cross-correlation between position and half-wave rectified velocity: what figure 2 of the paper
+shows.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,8 @@ import math
 import numpy as np
 from scipy.signal import correlate
 
-# Lags [s] at which the reflex can act, so that the correlation must vanish there (paper, section II-A).
+# Lags [s] at which the reflex can act, so that the correlation must vanish there (paper, section
+# II-A).
 REFLEX_LAGS = (0.040, 0.400)
 
 
@@ -16,30 +19,49 @@ def cross_correlation(
 ) -> tuple[np.ndarray, np.ndarray]:
     """c(τ) = 1/n Σ v₊(t) (x(t + τ) - mean x), with v₊ = max(v, 0).
 
-    Positive lags: position after the velocity. Only the position's mean is taken off; that suffices, as it makes the
-    sum of the second factor zero.
+    Positive lags: position after the velocity. Only the position's mean is taken off; that
+    suffices, as it makes the sum of the second factor zero.
 
-    Args:
-        position: [rad], shape (n,).
-        velocity: [rad/s], shape (n,).
-        rate: [Hz].
-        first, last: smallest and largest lag [s].
+    Parameters
+    ----------
+    position
+        [rad], shape (n,).
+    velocity
+        [rad/s], shape (n,).
+    rate
+        [Hz].
+    first, last
+        Smallest and largest lag [s].
 
-    Returns:
+    Returns
+    -------
+    tuple[np.ndarray, np.ndarray]
         Lags [s] and correlation [rad^2/s], each of shape (m,).
 
-    Raises:
-        ValueError: the signals differ in length or are shorter than the lags.
+    Raises
+    ------
+    ValueError
+        The signals differ in length or are shorter than the lags.
     """
     n = len(position)
     lags = np.arange(math.ceil(first * rate - 1e-6), math.floor(last * rate + 1e-6) + 1)
     if len(velocity) != n or n <= np.abs(lags).max():
-        raise ValueError(f"{n} positions and {len(velocity)} velocities do not allow lags of {first:g} to {last:g} s at {rate:g} Hz")
+        raise ValueError(
+            f"{n} positions and {len(velocity)} velocities do not allow lags of {first:g} to "
+            f"{last:g} s at {rate:g} Hz"
+        )
     full = correlate(position - position.mean(), np.maximum(velocity, 0.0), method="fft") / n
     return lags / rate, full[n - 1 + lags]
 
 
-def residual(lags: np.ndarray, correlation: np.ndarray, first: float = REFLEX_LAGS[0], last: float = REFLEX_LAGS[1]) -> float:
-    """Largest absolute correlation at lags from first to last [s], in per cent of the peak at all lags."""
+def residual(
+    lags: np.ndarray,
+    correlation: np.ndarray,
+    first: float = REFLEX_LAGS[0],
+    last: float = REFLEX_LAGS[1],
+) -> float:
+    """Largest absolute correlation at lags from first to last [s], in per cent of the peak at all
+    lags.
+    """
     inside = (lags >= first) & (lags <= last)
     return 100.0 * float(np.abs(correlation[inside]).max() / np.abs(correlation).max())

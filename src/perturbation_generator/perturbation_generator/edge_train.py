@@ -1,4 +1,6 @@
-"""A train of edges between levels, evaluated at any samples: x(t) = level before + Σ step_i s(t - t_i)."""
+"""A train of edges between levels, evaluated at any samples: x(t) = level before + Σ step_i s(t -
+t_i).
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,12 @@ class EdgeTrain:
     Edges are held at their exact times, not at samples, and every sample is evaluated by itself, so
     the signal is the same whatever the rate and in whatever blocks it is read.
 
-    Args:
-        shape: of every edge.
-        rate: sampling rate [Hz].
+    Parameters
+    ----------
+    shape
+        Of every edge.
+    rate
+        Sampling rate [Hz].
     """
 
     def __init__(self, shape: Shape, rate: float) -> None:
@@ -48,7 +53,10 @@ class EdgeTrain:
         self.level = level
 
     def samples(self, first: int, n: int) -> np.ndarray:
-        """Value, derivative and second derivative at samples first ... first + n - 1, shape (n, 3)."""
+        """Value, derivative and second derivative at samples first ...
+
+        first + n - 1, shape (n, 3).
+        """
         while self._moving and self._moving[0].first + self._last <= first:
             self._settled = self._moving.popleft().level
         out = np.zeros((n, 3))

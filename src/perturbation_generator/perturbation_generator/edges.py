@@ -1,9 +1,11 @@
 """Shapes of one edge: how a position gets from one level to the next.
 
-Each shape is a unit step s(age) with its analytic velocity and acceleration; age is the time since the edge began.
+Each shape is a unit step s(age) with its analytic velocity and acceleration; age is the time since
+the edge began.
 
 * block:       s = 1
-* filtered:    s = 1 - e^(-ζωt) (cos ω_d t + ζω/ω_d sin ω_d t),  ω_d = ω √(1 - ζ²): the block behind a second-order low-pass
+* filtered:    s = 1 - e^(-ζωt) (cos ω_d t + ζω/ω_d sin ω_d t),  ω_d = ω √(1 - ζ²): the block behind
+  a second-order low-pass
 * polynomial:  s = 10u³ - 15u⁴ + 6u⁵,  u = t / T: velocity and acceleration are zero at both ends
 
 Source: van 't Veld et al. 2018, section II-B and figure 2.
@@ -24,7 +26,9 @@ from ankle_node.parameters import Parameter, Value
 
 @dataclass(frozen=True)
 class Extremes:
-    """Upper bounds of the absolute position [rad], velocity [rad/s] and acceleration [rad/s^2] of a signal."""
+    """Upper bounds of the absolute position [rad], velocity [rad/s] and acceleration [rad/s^2] of a
+    signal.
+    """
 
     position: float
     velocity: float
@@ -34,15 +38,17 @@ class Extremes:
 class Shape(ABC):
     """One edge of unit height.
 
-    Attributes:
-        name: value of the parameter ``shape``.
+    Attributes
+    ----------
+    name
+        Value of the parameter ``shape``.
     """
 
     name: ClassVar[str]
 
     @property
     def length(self) -> float:
-        """Time [s] after which the next edge may start at the earliest; 0 where edges may overlap."""
+        """Time [s] after which the next edge may start at the earliest; 0 where edges may overlap."""  # noqa: E501
         return 0.0
 
     @property
@@ -51,26 +57,39 @@ class Shape(ABC):
         """Time [s] after which the edge is over, to the last bit of a double."""
 
     @abstractmethod
-    def unit(self, age: np.ndarray, count: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def unit(
+        self, age: np.ndarray, count: np.ndarray, rate: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position [1], velocity [1/s] and acceleration [1/s^2] of the edge, each of shape (n,).
 
-        Args:
-            age: time since the edge began [s], >= 0, shape (n,).
-            count: samples since the first sample of the edge, 0, 1, ..., shape (n,).
-            rate: sampling rate [Hz].
+        Parameters
+        ----------
+        age
+            Time since the edge began [s], >= 0, shape (n,).
+        count
+            Samples since the first sample of the edge, 0, 1, ..., shape (n,).
+        rate
+            Sampling rate [Hz].
         """
 
     @abstractmethod
     def extremes(self, step: float, spacing: float, rate: float) -> Extremes:
         """Bounds for a train of edges.
 
-        Args:
-            step: largest height of an edge [rad].
-            spacing: shortest time between the starts of two edges [s].
-            rate: sampling rate [Hz].
+        Parameters
+        ----------
+        step
+            Largest height of an edge [rad].
+        spacing
+            Shortest time between the starts of two edges [s].
+        rate
+            Sampling rate [Hz].
 
-        Returns:
-            ``position`` is how far the train passes beyond its levels (overshoot), not the levels themselves.
+        Returns
+        -------
+        Extremes
+            ``position`` is how far the train passes beyond its levels (overshoot), not the levels
+            themselves.
         """
 
 
@@ -78,8 +97,9 @@ class Shape(ABC):
 class Block(Shape):
     """An instant step.
 
-    Its velocity is infinite in theory; sampled, the position moves by the whole step in one sample. Velocity and
-    acceleration are given as that: first and second backward difference of the samples.
+    Its velocity is infinite in theory; sampled, the position moves by the whole step in one sample.
+    Velocity and acceleration are given as that: first and second backward difference of the
+    samples.
     """
 
     name: ClassVar[str] = "block"
@@ -89,7 +109,9 @@ class Block(Shape):
         """See `Shape.settling`."""
         return 0.0
 
-    def unit(self, age: np.ndarray, count: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def unit(
+        self, age: np.ndarray, count: np.ndarray, rate: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `Shape.unit`."""
         first, second = count == 0, count == 1
         return np.ones(len(age)), rate * first, rate**2 * (first.astype(float) - second)
@@ -103,9 +125,12 @@ class Block(Shape):
 class Filtered(Shape):
     """A block behind a second-order low-pass.
 
-    Attributes:
-        bandwidth: natural frequency ω / 2π [Hz] (the -3 dB frequency is within 1 % of it at a damping of 0.7).
-        damping: ζ [1], below 1.
+    Attributes
+    ----------
+    bandwidth
+        Natural frequency ω / 2π [Hz] (the -3 dB frequency is within 1 % of it at a damping of 0.7).
+    damping
+        Ζ [1], below 1.
     """
 
     name: ClassVar[str] = "filtered"
@@ -129,7 +154,9 @@ class Filtered(Shape):
     def _root(self) -> float:
         return math.sqrt(1 - self.damping**2)
 
-    def unit(self, age: np.ndarray, count: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def unit(
+        self, age: np.ndarray, count: np.ndarray, rate: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `Shape.unit`."""
         omega, sigma = self._omega, self.damping * self._omega
         damped = omega * self._root
@@ -140,10 +167,16 @@ class Filtered(Shape):
         return position, velocity, acceleration
 
     def extremes(self, step: float, spacing: float, rate: float) -> Extremes:
-        """See `Shape.extremes`: the newest edge at its peak plus what the edges before it can still add at worst."""
+        """See `Shape.extremes`: the newest edge at its peak plus what the edges before it can still
+        add at worst.
+        """
         omega, zeta, root = self._omega, self.damping, self._root
-        # Envelope of 1 - s at the ages of earlier edges; those of velocity and acceleration are ω and ω² times it.
-        envelope = np.exp(-zeta * omega * spacing * np.arange(1, 1 + math.ceil(self.settling / spacing))) / root
+        # Envelope of 1 - s at the ages of earlier edges; those of velocity and acceleration are ω
+        # and ω² times it.
+        envelope = (
+            np.exp(-zeta * omega * spacing * np.arange(1, 1 + math.ceil(self.settling / spacing)))
+            / root
+        )
         overshoot = math.exp(-zeta * math.pi / root)
         fastest = omega * math.exp(-zeta / root * math.acos(zeta))
         return Extremes(
@@ -162,7 +195,9 @@ class Polynomial(Shape):
 
     def __post_init__(self) -> None:
         if not self.duration > 0:
-            raise ValueError(f"a polynomial edge must last longer than 0 s, got {self.duration:g} s")
+            raise ValueError(
+                f"a polynomial edge must last longer than 0 s, got {self.duration:g} s"
+            )
 
     @property
     def length(self) -> float:
@@ -174,7 +209,9 @@ class Polynomial(Shape):
         """See `Shape.settling`."""
         return self.duration
 
-    def unit(self, age: np.ndarray, count: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def unit(
+        self, age: np.ndarray, count: np.ndarray, rate: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `Shape.unit`."""
         u = np.minimum(age / self.duration, 1.0)
         position = u**3 * (10 - 15 * u + 6 * u**2)
@@ -184,18 +221,42 @@ class Polynomial(Shape):
 
     def extremes(self, step: float, spacing: float, rate: float) -> Extremes:
         """See `Shape.extremes`: s' is largest at u = 1/2 (15/8), s'' at u = 1/2 ± 1/√12 (10/√3)."""
-        return Extremes(0.0, step * 15 / 8 / self.duration, step * 10 / math.sqrt(3) / self.duration**2)
+        return Extremes(
+            0.0, step * 15 / 8 / self.duration, step * 10 / math.sqrt(3) / self.duration**2
+        )
 
 
 SHAPE = Parameter(
-    "shape", Polynomial.name, "", "Shape of each edge (paper, figure 2).", choices=(Block.name, Filtered.name, Polynomial.name), fixed=True
+    "shape",
+    Polynomial.name,
+    "",
+    "Shape of each edge (paper, figure 2).",
+    choices=(Block.name, Filtered.name, Polynomial.name),
+    fixed=True,
 )
 # 30 Hz is the most that the paper's actuator reached with this perturbation.
-BANDWIDTH = Parameter("bandwidth", Filtered.bandwidth, "Hz", "Natural frequency of shape 'filtered'.", 1.0, 250.0, fixed=True)
-# A damping of 0.7 is the usual tuning of a position servo: the highest bandwidth with an overshoot below 5 %.
-DAMPING = Parameter("damping", Filtered.damping, "1", "Damping of shape 'filtered'.", 0.3, 0.99, fixed=True)
+BANDWIDTH = Parameter(
+    "bandwidth",
+    Filtered.bandwidth,
+    "Hz",
+    "Natural frequency of shape 'filtered'.",
+    1.0,
+    250.0,
+    fixed=True,
+)
+# A damping of 0.7 is the usual tuning of a position servo: the highest bandwidth with an overshoot
+# below 5 %.
+DAMPING = Parameter(
+    "damping", Filtered.damping, "1", "Damping of shape 'filtered'.", 0.3, 0.99, fixed=True
+)
 EDGE_DURATION = Parameter(
-    "edge_duration", Polynomial.duration, "s", "Duration of an edge of shape 'polynomial' (paper: 24 ms).", 0.005, 0.2, fixed=True
+    "edge_duration",
+    Polynomial.duration,
+    "s",
+    "Duration of an edge of shape 'polynomial' (paper: 24 ms).",
+    0.005,
+    0.2,
+    fixed=True,
 )
 SHAPE_PARAMETERS = (SHAPE, BANDWIDTH, DAMPING, EDGE_DURATION)
 

@@ -19,11 +19,12 @@ class Limits:
 
     Defaults, with their reason:
 
-    * 0.14 rad (8°): the fast ankle stretch of Sinkjær et al., J Neurophysiol 76:1112, 1996, in healthy subjects.
-    * 5 rad/s (286°/s): the fastest dorsiflexions of Cronin et al., J Physiol 587:3375, 2009, in healthy subjects,
-      were about 280°/s; those of Sinkjær et al. 250°/s.
-    * 2000 rad/s²: with the paper's foot and footplate, 0.0137 kg·m², this is 27 N·m. The paper's signal needs
-      400 rad/s², a step of 0.04 rad filtered at the 30 Hz of its actuator 1420 rad/s².
+    * 0.14 rad (8°): the fast ankle stretch of Sinkjær et al., J Neurophysiol 76:1112, 1996, in
+      healthy subjects.
+    * 5 rad/s (286°/s): the fastest dorsiflexions of Cronin et al., J Physiol 587:3375, 2009, in
+      healthy subjects, were about 280°/s; those of Sinkjær et al. 250°/s.
+    * 2000 rad/s²: with the paper's foot and footplate, 0.0137 kg·m², this is 27 N·m. The paper's
+      signal needs 400 rad/s², a step of 0.04 rad filtered at the 30 Hz of its actuator 1420 rad/s².
     """
 
     amplitude: float = 0.14
@@ -33,8 +34,10 @@ class Limits:
     def check(self, signal: Signal, amplitude: float) -> None:
         """Whether the signal keeps within the limits at an amplitude [rad].
 
-        Raises:
-            LimitError: it does not. All that it passes is named.
+        Raises
+        ------
+        LimitError
+            It does not. All that it passes is named.
         """
         reach = signal.extremes(amplitude)
         passed = [
@@ -42,22 +45,49 @@ class Limits:
             for what, value, limit, unit, name in (
                 ("amplitude", reach.position, self.amplitude, "rad", AMPLITUDE_LIMIT.name),
                 ("velocity", reach.velocity, self.velocity, "rad/s", VELOCITY_LIMIT.name),
-                ("acceleration", reach.acceleration, self.acceleration, "rad/s^2", ACCELERATION_LIMIT.name),
+                (
+                    "acceleration",
+                    reach.acceleration,
+                    self.acceleration,
+                    "rad/s^2",
+                    ACCELERATION_LIMIT.name,
+                ),
             )
             # A value at its limit is allowed whatever the rounding.
             if not value <= limit * (1 + 1e-9)
         ]
         if passed:
             shape = signal.settings.shape
-            hint = " (a block moves by its whole step in one sample)" if shape.name == "block" else ""
-            raise LimitError(f"signal '{signal.name}', shape '{shape.name}', 'amplitude' {amplitude:g} rad: {'; '.join(passed)}{hint}")
+            hint = (
+                " (a block moves by its whole step in one sample)" if shape.name == "block" else ""
+            )
+            raise LimitError(
+                f"signal '{signal.name}', shape '{shape.name}', 'amplitude' {amplitude:g} rad: "
+                f"{'; '.join(passed)}{hint}"
+            )
 
 
 AMPLITUDE_LIMIT = Parameter(
-    "amplitude_limit", Limits.amplitude, "rad", "Largest distance from rest, overshoot included.", 0.0, 0.35, fixed=True
+    "amplitude_limit",
+    Limits.amplitude,
+    "rad",
+    "Largest distance from rest, overshoot included.",
+    0.0,
+    0.35,
+    fixed=True,
 )
-VELOCITY_LIMIT = Parameter("velocity_limit", Limits.velocity, "rad/s", "Largest velocity.", 0.0, 1e4, fixed=True)
-ACCELERATION_LIMIT = Parameter("acceleration_limit", Limits.acceleration, "rad/s^2", "Largest acceleration.", 0.0, 1e8, fixed=True)
+VELOCITY_LIMIT = Parameter(
+    "velocity_limit", Limits.velocity, "rad/s", "Largest velocity.", 0.0, 1e4, fixed=True
+)
+ACCELERATION_LIMIT = Parameter(
+    "acceleration_limit",
+    Limits.acceleration,
+    "rad/s^2",
+    "Largest acceleration.",
+    0.0,
+    1e8,
+    fixed=True,
+)
 LIMIT_PARAMETERS = (AMPLITUDE_LIMIT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
 
 

@@ -1,7 +1,9 @@
-"""A sum of sines on a grid of frequencies: x(t) = a Σ cos(2π f_k t + φ_k), f_k = k / period, φ_k random.
+"""A sum of sines on a grid of frequencies: x(t) = a Σ cos(2π f_k t + φ_k), f_k = k / period, φ_k
+random.
 
-All of the power is at known frequencies, so that noise and nonlinearity show between them. Source: Pintelon and
-Schoukens, System Identification: A Frequency Domain Approach, 2nd ed. 2012, chapter 2 (random-phase multisine).
+All of the power is at known frequencies, so that noise and nonlinearity show between them. Source:
+Pintelon and Schoukens, System Identification: A Frequency Domain Approach, 2nd ed. 2012, chapter 2
+(random-phase multisine).
 """
 
 from __future__ import annotations
@@ -16,26 +18,47 @@ from perturbation_generator.edges import Extremes, Polynomial
 from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Signal
 
-# Points per period of the highest frequency when the peak is looked for; the peak between points is bounded exactly.
+# Points per period of the highest frequency when the peak is looked for; the peak between points is
+# bounded exactly.
 POINTS = 32
 
 
 class Multisine(Signal):
-    """Sines of equal amplitude and random phase, scaled so that the position never passes the amplitude.
+    """Sines of equal amplitude and random phase, scaled so that the position never passes the
+    amplitude.
 
-    On one side (``dorsiflexing``, ``plantarflexing``) the position stays between rest and the amplitude, with ``both``
-    between plus and minus the amplitude. Start, end and changes of the amplitude are 5th-order fades, one after the
-    other. A change that could not be completed before the final fade is left out. The period is rounded to a whole number of samples.
+    On one side (``dorsiflexing``, ``plantarflexing``) the position stays between rest and the
+    amplitude, with ``both`` between plus and minus the amplitude. Start, end and changes of the
+    amplitude are 5th-order fades, one after the other. A change that could not be completed before
+    the final fade is left out. The period is rounded to a whole number of samples.
     """
 
     name = "multisine"
     parameters = (
-        Parameter("multisine.period", 10.0, "s", "Period; its inverse is the distance of the frequencies.", 0.5, 120.0, fixed=True),
+        Parameter(
+            "multisine.period",
+            10.0,
+            "s",
+            "Period; its inverse is the distance of the frequencies.",
+            0.5,
+            120.0,
+            fixed=True,
+        ),
         Parameter("multisine.lowest", 0.1, "Hz", "Lowest frequency.", 0.01, 200.0, fixed=True),
-        # The ankle's own resonance under contraction lies below 20 Hz: √(200 / 0.0137) / 2π = 19 Hz at K = 200 N·m/rad.
+        # The ankle's own resonance under contraction lies below 20 Hz: √(200 / 0.0137) / 2π = 19 Hz
+        # at K = 200 N·m/rad.
         Parameter("multisine.highest", 20.0, "Hz", "Highest frequency.", 0.01, 200.0, fixed=True),
-        # Ten stretch-reflex delays of 40 ms and more: slow against everything that the signal asks about.
-        Parameter("multisine.fade", 1.0, "s", "Time to fade in, out and between amplitudes.", 0.1, 60.0, fixed=True),
+        # Ten stretch-reflex delays of 40 ms and more: slow against everything that the signal asks
+        # about.
+        Parameter(
+            "multisine.fade",
+            1.0,
+            "s",
+            "Time to fade in, out and between amplitudes.",
+            0.1,
+            60.0,
+            fixed=True,
+        ),
     )
 
     def __init__(self, settings: Settings, **own: Value) -> None:
@@ -47,7 +70,8 @@ class Multisine(Signal):
         last = math.floor(float(self.own["highest"]) * length / rate + 1e-6)
         if last < first:
             raise ParameterError(
-                f"no frequency of the grid of {rate / length:.4g} Hz lies between 'multisine.lowest' = {self.own['lowest']:g} Hz "
+                f"no frequency of the grid of {rate / length:.4g} Hz lies between "
+                f"'multisine.lowest' = {self.own['lowest']:g} Hz "
                 f"and 'multisine.highest' = {self.own['highest']:g} Hz"
             )
         self._harmonics = np.arange(first, last + 1)
@@ -55,15 +79,24 @@ class Multisine(Signal):
         lines = np.exp(1j * phases)
         peak = self._peak(self._wave(lines, POINTS * last), last)
         omega = 2 * math.pi * self._harmonics * rate / length
-        self._bounds = [1.0] + [self._peak(self._wave(lines * (1j * omega) ** k, POINTS * last), last) / peak for k in (1, 2)]
-        self._table = np.column_stack([self._wave(lines * (1j * omega) ** k, length) for k in range(3)]) / peak
+        self._bounds = [1.0] + [
+            self._peak(self._wave(lines * (1j * omega) ** k, POINTS * last), last) / peak
+            for k in (1, 2)
+        ]
+        self._table = (
+            np.column_stack([self._wave(lines * (1j * omega) ** k, length) for k in range(3)])
+            / peak
+        )
         if len(settings.sides) == 1:
             self._table *= settings.sides[0] / 2
             self._table[:, 0] += settings.sides[0] / 2
             self._bounds[1:] = [bound / 2 for bound in self._bounds[1:]]
         self._fade = max(float(self.own["fade"]), settings.ramp_in)
         if settings.end < 2 * self._fade:
-            raise ParameterError(f"parameter 'duration' = {settings.duration:g} s is refused; fading in and out takes {2 * self._fade:g} s")
+            raise ParameterError(
+                f"parameter 'duration' = {settings.duration:g} s is refused; fading in and out "
+                f"takes {2 * self._fade:g} s"
+            )
         self._envelope = EdgeTrain(Polynomial(self._fade), rate)
         self._envelope.add(0.0, self.amplitude)
         self._faded = self._fade
@@ -99,7 +132,11 @@ class Multisine(Signal):
     def _change(self, first: int, n: int) -> None:
         rate = self.settings.rate
         start = max(first / rate, self._faded)
-        if self.amplitude != self._envelope.level and start < (first + n) / rate and start + self._fade <= self._final:
+        if (
+            self.amplitude != self._envelope.level
+            and start < (first + n) / rate
+            and start + self._fade <= self._final
+        ):
             self._envelope.add(start, self.amplitude)
             self._faded = start + self._fade
         if self._final < (first + n) / rate:

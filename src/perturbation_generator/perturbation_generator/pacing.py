@@ -11,10 +11,14 @@ import numpy as np
 class Schedule:
     """Absolute deadlines of blocks.
 
-    Attributes:
-        start: time of sample 0 [s].
-        rate: [Hz].
-        lead: how long before the time of its last sample a block is due [s].
+    Attributes
+    ----------
+    start
+        Time of sample 0 [s].
+    rate
+        [Hz].
+    lead
+        How long before the time of its last sample a block is due [s].
     """
 
     start: float
@@ -22,7 +26,9 @@ class Schedule:
     lead: float = 0.0
 
     def times(self, first: int, n: int) -> np.ndarray:
-        """Times [s] of samples first ... first + n - 1: start + k / rate, without sums that would drift."""
+        """Times [s] of samples first ... first + n - 1: start + k / rate, without sums that would
+        drift.
+        """
         return self.start + np.arange(first, first + n) / self.rate
 
     def deadline(self, first: int, n: int) -> float:
@@ -34,10 +40,14 @@ class Schedule:
 class Lateness:
     """What is known of blocks sent.
 
-    Attributes:
-        tolerance: a block is late when it leaves more than this after its deadline [s].
-        sent, late: number of blocks.
-        worst: largest delay behind a deadline [s].
+    Attributes
+    ----------
+    tolerance
+        A block is late when it leaves more than this after its deadline [s].
+    sent, late
+        Number of blocks.
+    worst
+        Largest delay behind a deadline [s].
     """
 
     tolerance: float

@@ -5,10 +5,11 @@
 | /perturbation/reference | out | Float64MultiArray | 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
 | /diagnostics | out | DiagnosticArray | 1 Hz | blocks sent, late blocks, worst lateness |
 
-Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A block leaves when the time of its last
-sample is reached, less the parameter ``lead``. A block that is late is sent all the same, with its own times.
+Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A
+block leaves when the time of its last sample is reached, less the parameter ``lead``. A block that
+is late is sent all the same, with its own times.
 Parameters: `perturbation_generator.parameters`.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ from perturbation_generator.signals import signal_from
 
 TOPIC = "/perturbation/reference"
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
-# Between blocks that are sent late, so that a long backlog does not overrun the readers' queues of 64 blocks.
+# Between blocks that are sent late, so that a long backlog does not overrun the readers' queues of
+# 64 blocks.
 CATCH_UP_PAUSE = 0.5e-3  # s
 # Until simulated time starts.
 CLOCK_POLL = 0.02  # s
@@ -102,13 +104,19 @@ class PerturbationGeneratorNode(AnkleNode):
         schedule = Schedule(self.now(), settings.rate, self._lead)
         first = 0
         while self._running and first != settings.samples:
-            n = self._block_size if settings.samples is None else min(self._block_size, settings.samples - first)
+            n = (
+                self._block_size
+                if settings.samples is None
+                else min(self._block_size, settings.samples - first)
+            )
             with self._busy:
                 samples = self._signal.next(n)
             block = np.column_stack([schedule.times(first, n), samples])
             deadline = schedule.deadline(first, n)
             if self.now() < deadline:
-                clock.sleep_until(Time(nanoseconds=round(deadline * 1e9), clock_type=clock.clock_type))
+                clock.sleep_until(
+                    Time(nanoseconds=round(deadline * 1e9), clock_type=clock.clock_type)
+                )
             else:
                 time.sleep(CATCH_UP_PAUSE)
             if not self._running:
@@ -121,7 +129,12 @@ class PerturbationGeneratorNode(AnkleNode):
 
     def _note(self, delay: float) -> None:
         if self._lateness.note(delay):
-            self.health("pacing", WARN, f"a block left {1e3 * delay:.1f} ms late; {self._lateness.late} late so far, none left out")
+            self.health(
+                "pacing",
+                WARN,
+                f"a block left {1e3 * delay:.1f} ms late; {self._lateness.late} late so far, none "
+                "left out",
+            )
         self._report()
 
     def _report(self) -> None:
@@ -130,7 +143,10 @@ class PerturbationGeneratorNode(AnkleNode):
         self.count("worst lateness [ms]", f"{1e3 * self._lateness.worst:.2f}")
 
     def _finish(self) -> None:
-        self.get_logger().info(f"the signal is over: {self._lateness.sent} blocks sent, {self._lateness.late} of them late")
+        self.get_logger().info(
+            f"the signal is over: {self._lateness.sent} blocks sent, {self._lateness.late} of "
+            "them late"
+        )
         for publisher in self.publishers:
             if publisher.topic_name == self.resolve_topic_name(TOPIC):
                 publisher.wait_for_all_acked(Duration(seconds=LAST_BLOCKS_TIMEOUT))

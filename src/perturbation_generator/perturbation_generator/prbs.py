@@ -1,8 +1,9 @@
 """Pseudo-random binary sequence: a maximum-length sequence of 2^n - 1 clock intervals.
 
-Its autocorrelation is that of white noise sampled at the clock: 1 at lag zero, -1/(2^n - 1) at all others (for
-levels ±1). One period holds 2^(n-1) ones. Source: Golomb, Shift Register Sequences, 1967; used for ankle stiffness
-by Kearney, Stein and Parameswaran, IEEE Trans Biomed Eng 44:493-504, 1997.
+Its autocorrelation is that of white noise sampled at the clock: 1 at lag zero, -1/(2^n - 1) at all
+others (for levels ±1). One period holds 2^(n-1) ones. Source: Golomb, Shift Register Sequences,
+1967; used for ankle stiffness by Kearney, Stein and Parameswaran, IEEE Trans Biomed Eng 44:493-504,
+1997.
 """
 
 from __future__ import annotations
@@ -16,16 +17,29 @@ from perturbation_generator.step_sequence import Cycle, StepSequence
 
 
 class Prbs(StepSequence):
-    """Switches between rest and the amplitude (``both``: between plus and minus the amplitude) at clock times.
+    """Switches between rest and the amplitude (``both``: between plus and minus the amplitude) at
+    clock times.
 
-    The seed chooses where in the period the sequence starts. A new amplitude holds from the next switch on.
+    The seed chooses where in the period the sequence starts. A new amplitude holds from the next
+    switch on.
     """
 
     name = "prbs"
     parameters = (
-        Parameter("prbs.order", 10, "1", "Length n of the shift register; the period is 2^n - 1 clock intervals.", 3, 20, fixed=True),
-        # Slow enough for a low mean velocity, which leaves the stretch reflex strong (Kearney et al. 1997).
-        Parameter("prbs.clock", 0.15, "s", "Shortest time between two switches.", 0.005, 10.0, fixed=True),
+        Parameter(
+            "prbs.order",
+            10,
+            "1",
+            "Length n of the shift register; the period is 2^n - 1 clock intervals.",
+            3,
+            20,
+            fixed=True,
+        ),
+        # Slow enough for a low mean velocity, which leaves the stretch reflex strong (Kearney et
+        # al. 1997).
+        Parameter(
+            "prbs.clock", 0.15, "s", "Shortest time between two switches.", 0.005, 10.0, fixed=True
+        ),
     )
 
     def __init__(self, settings: Settings, **own: Value) -> None:

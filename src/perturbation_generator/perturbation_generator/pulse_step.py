@@ -1,9 +1,10 @@
 """The paper's perturbation: pulses and steps in random order.
 
-Each block of 500 ms begins with a rise from rest. A pulse returns after the short width w, a step after the long
-one, 500 ms - w; so a pulse is up for w and down for the rest of the block, and a step the other way round. With a
-random order the position 40 to 400 ms after a rise is as often up as down, whatever it was before: its
-cross-correlation with half-wave rectified velocity, and with it the reflex's share in the intrinsic estimate, is zero.
+Each block of 500 ms begins with a rise from rest. A pulse returns after the short width w, a step
+after the long one, 500 ms - w; so a pulse is up for w and down for the rest of the block, and a
+step the other way round. With a random order the position 40 to 400 ms after a rise is as often up
+as down, whatever it was before: its cross-correlation with half-wave rectified velocity, and with
+it the reflex's share in the intrinsic estimate, is zero.
 
 Source: van 't Veld et al. 2018, sections II-A and II-B.
 """
@@ -16,48 +17,76 @@ from ankle_node.parameters import Parameter, ParameterError, Value
 from perturbation_generator.settings import Settings
 from perturbation_generator.step_sequence import Cycle, StepSequence
 
-PULSE = 0.040  # s, width of a pulse with instant edges (paper, section II-A); the reflex delay is not shorter
-# Blocks in a balanced group: enough that the order stays unpredictable, few enough that every 10 s are balanced;
-# a multiple of 4, for pulses and steps on each of two sides.
+# s, width of a pulse with instant edges (paper, section II-A); the reflex delay is not shorter
+PULSE = 0.040
+# Blocks in a balanced group: enough that the order stays unpredictable, few enough that every 10 s
+# are balanced; a multiple of 4, for pulses and steps on each of two sides.
 GROUP = 20
 
 
 class PulseStep(StepSequence):
     """Pulses and steps in random order.
 
-    The width is from start of rise to start of fall. With instant edges it is the paper's 40 ms. An edge of 24 ms
-    takes part of those 40 ms: velocity lasts as long as the edge, so with a width of 40 ms the fall and the velocity
-    of the rise still overlap at lags of 40 to 64 ms and the correlation there reaches half its peak. The shortest
-    pulse that reaches its amplitude, a width of one edge, leaves 0.4 %. Therefore width 0 (the default) stands for
-    one edge where edges have a length and for 40 ms where they have none.
+    The width is from start of rise to start of fall. With instant edges it is the paper's 40 ms. An
+    edge of 24 ms takes part of those 40 ms: velocity lasts as long as the edge, so with a width of
+    40 ms the fall and the velocity of the rise still overlap at lags of 40 to 64 ms and the
+    correlation there reaches half its peak. The shortest pulse that reaches its amplitude, a width
+    of one edge, leaves 0.4 %. Therefore width 0 (the default) stands for one edge where edges have
+    a length and for 40 ms where they have none.
 
-    The long part of each block is stretched by a uniform random time, so that the rhythm cannot be anticipated.
+    The long part of each block is stretched by a uniform random time, so that the rhythm cannot be
+    anticipated.
 
-    ``balanced``: each group of `GROUP` blocks holds as many pulses as steps on each side, in random order, with the
-    same stretches for the pulses as for the steps. The mean position at 40 to 400 ms after a rise is then exactly the
-    mean position, and the correlation is zero in every run of whole groups, not only on average.
+    ``balanced``: each group of `GROUP` blocks holds as many pulses as steps on each side, in random
+        order, with the
+    same stretches for the pulses as for the steps. The mean position at 40 to 400 ms after a rise
+    is then exactly the mean position, and the correlation is zero in every run of whole groups, not
+    only on average.
 
-    The property holds for velocity rectified in the direction that leaves rest: dorsiflexion velocity for
-    ``dorsiflexing``, plantarflexion velocity for ``plantarflexing``; with ``both`` for neither (57 % of the peak).
+    The property holds for velocity rectified in the direction that leaves rest: dorsiflexion
+    velocity for ``dorsiflexing``, plantarflexion velocity for ``plantarflexing``; with ``both`` for
+    neither (57 % of the peak).
     """
 
     name = "pulse_step"
     parameters = (
         Parameter(
-            "pulse_step.block_length", 0.5, "s", "Length of a pulse or step with its rest (paper: 40 + 460 ms).", 0.1, 5.0, fixed=True
+            "pulse_step.block_length",
+            0.5,
+            "s",
+            "Length of a pulse or step with its rest (paper: 40 + 460 ms).",
+            0.1,
+            5.0,
+            fixed=True,
         ),
         Parameter(
             "pulse_step.pulse_width",
             0.0,
             "s",
-            "Start of rise to start of fall of a pulse; 0: one edge duration where edges have one, else 40 ms.",
+            "Start of rise to start of fall of a pulse; 0: one edge duration where edges have "
+            "one, else 40 ms.",
             0.0,
             0.5,
             fixed=True,
         ),
-        # 0.2 s gives about 100 dorsiflexions a minute with steps and pulses, as many as the paper reports.
-        Parameter("pulse_step.stretch", 0.2, "s", "Largest random stretch of the long part of a block.", 0.0, 2.0, fixed=True),
-        Parameter("pulse_step.balanced", False, "", "As many pulses as steps in each group of 20 blocks.", fixed=True),
+        # 0.2 s gives about 100 dorsiflexions a minute with steps and pulses, as many as the paper
+        # reports.
+        Parameter(
+            "pulse_step.stretch",
+            0.2,
+            "s",
+            "Largest random stretch of the long part of a block.",
+            0.0,
+            2.0,
+            fixed=True,
+        ),
+        Parameter(
+            "pulse_step.balanced",
+            False,
+            "",
+            "As many pulses as steps in each group of 20 blocks.",
+            fixed=True,
+        ),
     )
 
     def __init__(self, settings: Settings, **own: Value) -> None:
@@ -100,11 +129,19 @@ class PulseStep(StepSequence):
 
     def _draw_block(self) -> tuple[bool, int, float]:
         random, sides = self._random, self.settings.sides
-        return bool(random.integers(2)), sides[random.integers(len(sides))], random.uniform(0.0, float(self.own["stretch"]))
+        return (
+            bool(random.integers(2)),
+            sides[random.integers(len(sides))],
+            random.uniform(0.0, float(self.own["stretch"])),
+        )
 
     def _draw_group(self) -> list[tuple[bool, int, float]]:
         half = GROUP // 2
         sides = np.resize(self.settings.sides, half)
         stretches = self._random.uniform(0.0, float(self.own["stretch"]), half)
-        blocks = [(pulse, int(side), float(stretch)) for pulse in (True, False) for side, stretch in zip(sides, stretches, strict=True)]
+        blocks = [
+            (pulse, int(side), float(stretch))
+            for pulse in (True, False)
+            for side, stretch in zip(sides, stretches, strict=True)
+        ]
         return [blocks[i] for i in self._random.permutation(GROUP)]

@@ -10,26 +10,53 @@ from perturbation_generator.step_sequence import Cycle, StepSequence
 class RandomSteps(StepSequence):
     """Out to a random level, hold, back to rest, hold; each hold of uniform random length.
 
-    The defaults follow two trials of the McGill (REKLAB) stiffness identification toolbox: 238 and 240 steps that
-    alternate between rest and a level on a random side (``direction`` both), up to 30 mrad, median 25 mrad, 95 % above
-    11 mrad; starts 200 to 300 ms apart with a flat distribution (one pair in each trial further apart); a rise of
-    10 to 14 ms from 10 to 90 %, which an edge of 24 ms gives (12.2 ms). The level is drawn uniformly between
-    ``smallest_level`` and 1, times the amplitude.
+    The defaults follow two trials of the McGill (REKLAB) stiffness identification toolbox: 238 and
+    240 steps that alternate between rest and a level on a random side (``direction`` both), up to
+    30 mrad, median 25 mrad, 95 % above 11 mrad; starts 200 to 300 ms apart with a flat distribution
+    (one pair in each trial further apart); a rise of 10 to 14 ms from 10 to 90 %, which an edge of
+    24 ms gives (12.2 ms). The level is drawn uniformly between ``smallest_level`` and 1, times the
+    amplitude.
     """
 
     name = "random_steps"
     parameters = (
-        Parameter("random_steps.shortest_hold", 0.2, "s", "Shortest time between two steps.", 0.01, 10.0, fixed=True),
-        Parameter("random_steps.longest_hold", 0.3, "s", "Longest time between two steps.", 0.01, 10.0, fixed=True),
-        Parameter("random_steps.smallest_level", 0.5, "1", "Smallest level as a share of the amplitude.", 0.0, 1.0, fixed=True),
+        Parameter(
+            "random_steps.shortest_hold",
+            0.2,
+            "s",
+            "Shortest time between two steps.",
+            0.01,
+            10.0,
+            fixed=True,
+        ),
+        Parameter(
+            "random_steps.longest_hold",
+            0.3,
+            "s",
+            "Longest time between two steps.",
+            0.01,
+            10.0,
+            fixed=True,
+        ),
+        Parameter(
+            "random_steps.smallest_level",
+            0.5,
+            "1",
+            "Smallest level as a share of the amplitude.",
+            0.0,
+            1.0,
+            fixed=True,
+        ),
     )
 
     def __init__(self, settings: Settings, **own: Value) -> None:
         super().__init__(settings, **own)
         if self.longest_cycle < 2 * self.spacing:
             raise ParameterError(
-                f"parameter 'random_steps.longest_hold' = {self.own['longest_hold']:g} s is refused; "
-                f"it must not be below 'random_steps.shortest_hold' = {self.own['shortest_hold']:g} s"
+                f"parameter 'random_steps.longest_hold' = {self.own['longest_hold']:g} s is "
+                "refused; "
+                "it must not be below 'random_steps.shortest_hold' = "
+                f"{self.own['shortest_hold']:g} s"
             )
 
     @property

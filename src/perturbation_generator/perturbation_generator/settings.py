@@ -1,4 +1,6 @@
-"""What every perturbation signal is told: rate, amplitude, direction, seed, length, and the shape of its edges."""
+"""What every perturbation signal is told: rate, amplitude, direction, seed, length, and the shape
+of its edges.
+"""
 
 from __future__ import annotations
 
@@ -16,19 +18,30 @@ SIDES: dict[str, tuple[int, ...]] = {"dorsiflexing": (1,), "plantarflexing": (-1
 class Settings:
     """Common settings of a signal.
 
-    Attributes:
-        rate: samples a second [Hz]. The signal as a function of time does not depend on it.
-        amplitude: largest distance from the rest position [rad]. The position starts and ends at rest, 0 rad,
-            and moves to one side of it (both sides with ``both``): starting, stopping and changing the amplitude
-            then need no extra movement to a baseline, and rest is the position that the operator chose.
-        direction: ``dorsiflexing``, ``plantarflexing`` or ``both`` (random for each movement from rest).
-        seed: of all random draws; the same seed gives the same signal.
-        duration: length [s], at the end of which the signal is at rest; 0 is endless.
-        ramp_in: time [s] over which the amplitude grows to its value.
-        shape: of each edge; a signal without edges does not use it.
+    Attributes
+    ----------
+    rate
+        Samples a second [Hz]. The signal as a function of time does not depend on it.
+    amplitude
+        Largest distance from the rest position [rad]. The position starts and ends at rest, 0 rad,
+        and moves to one side of it (both sides with ``both``): starting, stopping and changing the
+        amplitude then need no extra movement to a baseline, and rest is the position that the
+        operator chose.
+    direction
+        ``dorsiflexing``, ``plantarflexing`` or ``both`` (random for each movement from rest).
+    seed
+        Of all random draws; the same seed gives the same signal.
+    duration
+        Length [s], at the end of which the signal is at rest; 0 is endless.
+    ramp_in
+        Time [s] over which the amplitude grows to its value.
+    shape
+        Of each edge; a signal without edges does not use it.
 
-    Raises:
-        ParameterError: a value outside the range of `COMMON`.
+    Raises
+    ------
+    ParameterError
+        A value outside the range of `COMMON`.
     """
 
     rate: float = 2048.0
@@ -60,13 +73,44 @@ class Settings:
 
 
 COMMON = (
-    Parameter("rate", Settings.rate, "Hz", "Samples a second (paper: 2048).", 500.0, 10_000.0, fixed=True),
-    # 0.35 rad is the end of the ankle's passive range in dorsiflexion; 'amplitude_limit' is the limit that protects.
-    Parameter("amplitude", Settings.amplitude, "rad", "Largest distance from the rest position.", 0.0, 0.35),
     Parameter(
-        "direction", Settings.direction, "", "Side of the rest position to move to; both: at random.", choices=tuple(SIDES), fixed=True
+        "rate", Settings.rate, "Hz", "Samples a second (paper: 2048).", 500.0, 10_000.0, fixed=True
+    ),
+    # 0.35 rad is the end of the ankle's passive range in dorsiflexion; 'amplitude_limit' is the
+    # limit that protects.
+    Parameter(
+        "amplitude",
+        Settings.amplitude,
+        "rad",
+        "Largest distance from the rest position.",
+        0.0,
+        0.35,
+    ),
+    Parameter(
+        "direction",
+        Settings.direction,
+        "",
+        "Side of the rest position to move to; both: at random.",
+        choices=tuple(SIDES),
+        fixed=True,
     ),
     Parameter("seed", Settings.seed, "1", "Seed of the random draws.", 0, 2**31 - 1, fixed=True),
-    Parameter("duration", Settings.duration, "s", "Length, ending at rest; 0 is endless.", 0.0, 86_400.0, fixed=True),
-    Parameter("ramp_in", Settings.ramp_in, "s", "Time over which the amplitude grows to its value.", 0.0, 60.0, fixed=True),
+    Parameter(
+        "duration",
+        Settings.duration,
+        "s",
+        "Length, ending at rest; 0 is endless.",
+        0.0,
+        86_400.0,
+        fixed=True,
+    ),
+    Parameter(
+        "ramp_in",
+        Settings.ramp_in,
+        "s",
+        "Time over which the amplitude grows to its value.",
+        0.0,
+        60.0,
+        fixed=True,
+    ),
 )

@@ -20,10 +20,14 @@ from perturbation_generator.settings import Settings
 class Onset:
     """The start of a movement.
 
-    Attributes:
-        time: since the start of the signal [s].
-        direction: 1 dorsiflexing, -1 plantarflexing.
-        amplitude: size of the movement [rad], positive.
+    Attributes
+    ----------
+    time
+        Since the start of the signal [s].
+    direction
+        1 dorsiflexing, -1 plantarflexing.
+    amplitude
+        Size of the movement [rad], positive.
     """
 
     time: float
@@ -34,19 +38,29 @@ class Onset:
 class Signal(ABC):
     """Position, velocity and acceleration, sample after sample; the state is kept between calls.
 
-    Args:
-        settings: common to all signals.
-        own: values of the signal's own parameters by their short names (``stretch`` for ``pulse_step.stretch``);
-            those left out have their defaults.
+    Parameters
+    ----------
+    settings
+        Common to all signals.
+    own
+        Values of the signal's own parameters by their short names (``stretch`` for
+        ``pulse_step.stretch``); those left out have their defaults.
 
-    Raises:
-        ParameterError: an unknown parameter, a value out of its range, or values that contradict each other.
+    Raises
+    ------
+    ParameterError
+        An unknown parameter, a value out of its range, or values that contradict each other.
 
-    Attributes:
-        name: value of the parameter ``signal``.
-        parameters: the signal's own, named ``<signal>.<short name>``.
-        own: their values.
-        amplitude: the amplitude in force for the next movement [rad].
+    Attributes
+    ----------
+    name
+        Value of the parameter ``signal``.
+    parameters
+        The signal's own, named ``<signal>.<short name>``.
+    own
+        Their values.
+    amplitude
+        The amplitude in force for the next movement [rad].
     """
 
     name: ClassVar[str]
@@ -56,19 +70,26 @@ class Signal(ABC):
         declared = {parameter.name.split(".")[1]: parameter for parameter in self.parameters}
         unknown = sorted(own.keys() - declared.keys())
         if unknown:
-            raise ParameterError(f"signal '{self.name}' has no parameter '{unknown[0]}'; it has {', '.join(declared)}")
-        self.own = {short: parameter.check(own.get(short, parameter.default)) for short, parameter in declared.items()}
+            raise ParameterError(
+                f"signal '{self.name}' has no parameter '{unknown[0]}'; it has "
+                f"{', '.join(declared)}"
+            )
+        self.own = {
+            short: parameter.check(own.get(short, parameter.default))
+            for short, parameter in declared.items()
+        }
         self.settings = settings
         self.amplitude = settings.amplitude
         self._given = 0
 
     @property
     def time(self) -> float:
-        """Time [s] of the next sample since the start of the signal: samples given so far / rate."""
+        """Time [s] of the next sample since the start of the signal: samples given so far / rate."""  # noqa: E501
         return self._given / self.settings.rate
 
     def next(self, n: int) -> np.ndarray:
-        """The next n samples: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3).
+        """The next n samples: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n,
+        3).
 
         Behind the end of a signal with a duration the samples are at rest.
         """
@@ -77,16 +98,23 @@ class Signal(ABC):
         return samples
 
     def onsets(self) -> list[Onset]:
-        """Every movement that began before the next sample, in order; empty for a signal without edges."""
+        """Every movement that began before the next sample, in order; empty for a signal without
+        edges.
+        """
         return []
 
     def set_amplitude(self, amplitude: float) -> None:
-        """A new amplitude [rad], from the next movement on. The caller has checked `extremes` against the limits."""
+        """A new amplitude [rad], from the next movement on.
+
+        The caller has checked `extremes` against the limits.
+        """
         self.amplitude = amplitude
 
     @abstractmethod
     def extremes(self, amplitude: float) -> Extremes:
-        """What position, velocity and acceleration can reach at most with an amplitude [rad], in any run."""
+        """What position, velocity and acceleration can reach at most with an amplitude [rad], in
+        any run.
+        """
 
     @abstractmethod
     def _samples(self, first: int, n: int) -> np.ndarray:

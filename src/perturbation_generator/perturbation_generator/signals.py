@@ -16,18 +16,26 @@ from perturbation_generator.random_steps import RandomSteps
 from perturbation_generator.settings import COMMON, Settings
 from perturbation_generator.signal import Signal
 
-SIGNALS: dict[str, type[Signal]] = {signal.name: signal for signal in (PulseStep, RandomSteps, Prbs, Multisine)}
-SIGNAL = Parameter("signal", PulseStep.name, "", "Which perturbation.", choices=tuple(SIGNALS), fixed=True)
+SIGNALS: dict[str, type[Signal]] = {
+    signal.name: signal for signal in (PulseStep, RandomSteps, Prbs, Multisine)
+}
+SIGNAL = Parameter(
+    "signal", PulseStep.name, "", "Which perturbation.", choices=tuple(SIGNALS), fixed=True
+)
 
 
 def signal_from(values: Mapping[str, Value]) -> Signal:
     """The signal that parameter values describe.
 
-    Args:
-        values: value of every parameter in `parameters.PARAMETERS`, by name; others are ignored.
+    Parameters
+    ----------
+    values
+        Value of every parameter in `parameters.PARAMETERS`, by name; others are ignored.
 
-    Raises:
-        ParameterError: values out of range or that contradict each other.
+    Raises
+    ------
+    ParameterError
+        Values out of range or that contradict each other.
     """
     kind = SIGNALS[str(SIGNAL.check(values[SIGNAL.name]))]
     common = {parameter.name: parameter.check(values[parameter.name]) for parameter in COMMON}

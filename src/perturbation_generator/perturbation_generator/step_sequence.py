@@ -18,9 +18,12 @@ from perturbation_generator.signal import Onset, Signal
 class Cycle:
     """The smallest piece of a sequence that is drawn at once.
 
-    Attributes:
-        edges: start [s] after the start of the cycle, and level in multiples of the amplitude.
-        length: [s].
+    Attributes
+    ----------
+    edges
+        Start [s] after the start of the cycle, and level in multiples of the amplitude.
+    length
+        [s].
     """
 
     edges: tuple[tuple[float, float], ...]
@@ -30,8 +33,9 @@ class Cycle:
 class StepSequence(Signal):
     """A sequence of cycles. The amplitude is read when a cycle starts and holds for all of it.
 
-    During ``ramp_in`` each cycle has the amplitude times its end's share of the ramp. A cycle starts only where it
-    ends and settles before ``duration``; after the last one the position returns to rest.
+    During ``ramp_in`` each cycle has the amplitude times its end's share of the ramp. A cycle
+    starts only where it ends and settles before ``duration``; after the last one the position
+    returns to rest.
     """
 
     def __init__(self, settings: Settings, **own: Value) -> None:
@@ -44,11 +48,15 @@ class StepSequence(Signal):
         shape = settings.shape
         if self.spacing < shape.length * (1 - 1e-9):
             raise ParameterError(
-                f"edges of {1e3 * shape.length:g} ms do not fit: signal '{self.name}' starts edges {1e3 * self.spacing:g} ms apart"
+                f"edges of {1e3 * shape.length:g} ms do not fit: signal '{self.name}' starts "
+                f"edges {1e3 * self.spacing:g} ms apart"
             )
         shortest = self.longest_cycle + shape.settling
         if settings.end < shortest:
-            raise ParameterError(f"parameter 'duration' = {settings.duration:g} s is refused; one cycle takes up to {shortest:.3g} s")
+            raise ParameterError(
+                f"parameter 'duration' = {settings.duration:g} s is refused; one cycle takes up "
+                f"to {shortest:.3g} s"
+            )
 
     @property
     @abstractmethod
@@ -70,8 +78,12 @@ class StepSequence(Signal):
         """The next cycle."""
 
     def extremes(self, amplitude: float) -> Extremes:
-        """See `Signal.extremes`: levels plus overshoot, for the largest edges as close together as they can be."""
-        edge = self.settings.shape.extremes(self.largest_step * amplitude, self.spacing, self.settings.rate)
+        """See `Signal.extremes`: levels plus overshoot, for the largest edges as close together as
+        they can be.
+        """
+        edge = self.settings.shape.extremes(
+            self.largest_step * amplitude, self.spacing, self.settings.rate
+        )
         return Extremes(amplitude + edge.position, edge.velocity, edge.acceleration)
 
     def onsets(self) -> list[Onset]:

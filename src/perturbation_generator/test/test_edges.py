@@ -35,7 +35,9 @@ def test_an_edge_goes_from_zero_to_one(shape):
     start = unit(shape, np.zeros(3))[:, 0]
     end = unit(shape, np.full(3, shape.settling + 0.01))[:, -1]
     assert start[0] == (1.0 if shape.name == "block" else 0.0)
-    np.testing.assert_allclose(end, [1.0, 0.0, 0.0], atol=[2e-16, 1e-12, 1e-9][0] if shape.name != "filtered" else 1e-9)
+    np.testing.assert_allclose(
+        end, [1.0, 0.0, 0.0], atol=[2e-16, 1e-12, 1e-9][0] if shape.name != "filtered" else 1e-9
+    )
 
 
 def test_a_block_moves_by_its_step_in_one_sample():
@@ -58,7 +60,9 @@ def test_filtered_is_the_block_behind_a_second_order_low_pass():
         train.add(0.01, 0.04)
         train.add(0.05, 0.0)
         train.add(0.06, 0.03)
-    plant = StateSpace([[0, 1], [-(omega**2), -1.4 * omega]], [[0], [omega**2]], np.eye(2), np.zeros((2, 1)))
+    plant = StateSpace(
+        [[0, 1], [-(omega**2), -1.4 * omega]], [[0], [omega**2]], np.eye(2), np.zeros((2, 1))
+    )
     u = block.samples(0, 4000)[:, 0]
     _, expected, _ = lsim(plant, u, np.arange(4000) / rate, interp=False)
     got = filtered.samples(0, 4000)
@@ -66,7 +70,12 @@ def test_filtered_is_the_block_behind_a_second_order_low_pass():
     assert np.abs(got[:, 1] - expected[:, 1]).max() < 1e-9
 
 
-@given(shape=SMOOTH, rate=st.floats(500.0, 10_000.0), gaps=st.lists(st.floats(1.0, 3.0), min_size=1, max_size=12), up=st.randoms())
+@given(
+    shape=SMOOTH,
+    rate=st.floats(500.0, 10_000.0),
+    gaps=st.lists(st.floats(1.0, 3.0), min_size=1, max_size=12),
+    up=st.randoms(),
+)
 @settings(max_examples=60, deadline=None)
 def test_no_train_of_edges_passes_the_bounds(shape, rate, gaps, up):
     spacing = shape.length or 0.02
@@ -100,7 +109,9 @@ def test_shape_from_parameter_values():
 
 
 def test_values_without_sense_are_refused():
-    with pytest.raises(ParameterError, match=r"'damping' = 1\.5 is refused; allowed: 0\.3 to 0\.99"):
+    with pytest.raises(
+        ParameterError, match=r"'damping' = 1\.5 is refused; allowed: 0\.3 to 0\.99"
+    ):
         Filtered(30.0, 1.5)
     with pytest.raises(ValueError, match="longer than 0 s, got 0 s"):
         Polynomial(0.0)

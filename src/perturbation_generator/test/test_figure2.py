@@ -1,4 +1,4 @@
-"""Figure 2 of van 't Veld et al. 2018: which signals keep the reflex out of the intrinsic estimate."""
+"""Figure 2 of van 't Veld et al. 2018: which signals keep the reflex out of the intrinsic estimate."""  # noqa: E501
 
 import numpy as np
 import pytest
@@ -12,7 +12,9 @@ from perturbation_generator.settings import Settings
 
 @pytest.fixture(scope="module", params=[4, 11])
 def residuals(request):
-    return {name: residual(*pair) for name, pair in figure2.correlations(seed=request.param).items()}
+    return {
+        name: residual(*pair) for name, pair in figure2.correlations(seed=request.param).items()
+    }
 
 
 def test_polynomial_leaves_at_most_two_per_cent(residuals):
@@ -50,10 +52,14 @@ def test_both_directions_do_not_have_the_property():
 
 
 def test_whole_balanced_groups_have_the_property_whatever_the_order():
-    balanced, random = ([measure({"balanced": b, "stretch": 0.0}, seconds=60.0, seed=s) for s in range(12)] for b in (True, False))
+    balanced, random = (
+        [measure({"balanced": b, "stretch": 0.0}, seconds=60.0, seed=s) for s in range(12)]
+        for b in (True, False)
+    )
     assert np.ptp(balanced) < 0.01
     assert max(balanced) < 0.5
-    # With p the share of steps, the mean of the position is off by 0.096 (p - 1/2) from the mean after a rise.
+    # With p the share of steps, the mean of the position is off by 0.096 (p - 1/2) from the mean
+    # after a rise.
     assert 2 * max(balanced) < max(random) < 4.0
 
 
@@ -78,7 +84,10 @@ def test_signals_too_short_for_the_lags_are_refused():
 
 def test_the_actuator_follows_slow_signals_and_damps_fast_ones():
     t = np.arange(20_000) / 2048.0
-    gains = [np.ptp(figure2.behind_actuator(np.sin(2 * np.pi * f * t)[:, None])[10_000:]) / 2 for f in (1.0, 30.0, 120.0)]
+    gains = [
+        np.ptp(figure2.behind_actuator(np.sin(2 * np.pi * f * t)[:, None])[10_000:]) / 2
+        for f in (1.0, 30.0, 120.0)
+    ]
     # |H| at f = bandwidth is 1 / (2 damping); at four times the bandwidth 1 / √(15² + (2·0.7·4)²).
     np.testing.assert_allclose(gains, [1.0, 1 / 1.4, 1 / np.hypot(15, 5.6)], rtol=0.02)
 

@@ -19,12 +19,32 @@ def test_the_defaults_allow_the_paper_signal_and_its_30_hz_block():
 @pytest.mark.parametrize(
     ("shape", "amplitude", "limits", "words"),
     [
-        (Polynomial(), 0.15, Limits(velocity=1e3, acceleration=1e5), "amplitude of 0.15 rad passes the limit of 0.14 rad"),
-        (Polynomial(), 0.04, Limits(velocity=3.0), "velocity of 3.125 rad/s passes the limit of 3 rad/s"),
-        (Polynomial(), 0.04, Limits(acceleration=400.0), "acceleration of 400.9 rad/s^2 passes the limit of 400 rad/s^2"),
+        (
+            Polynomial(),
+            0.15,
+            Limits(velocity=1e3, acceleration=1e5),
+            "amplitude of 0.15 rad passes the limit of 0.14 rad",
+        ),
+        (
+            Polynomial(),
+            0.04,
+            Limits(velocity=3.0),
+            "velocity of 3.125 rad/s passes the limit of 3 rad/s",
+        ),
+        (
+            Polynomial(),
+            0.04,
+            Limits(acceleration=400.0),
+            "acceleration of 400.9 rad/s^2 passes the limit of 400 rad/s^2",
+        ),
         (Filtered(60.0), 0.04, Limits(), "velocity of 6.916 rad/s passes the limit of 5 rad/s"),
         # The overshoot counts: 4.6 % at a damping of 0.7.
-        (Filtered(30.0), 0.04, Limits(amplitude=0.041), "amplitude of 0.04213 rad passes the limit of 0.041 rad"),
+        (
+            Filtered(30.0),
+            0.04,
+            Limits(amplitude=0.041),
+            "amplitude of 0.04213 rad passes the limit of 0.041 rad",
+        ),
         # A block is judged by its step per sample: 0.04 rad in 1 / 2048 s.
         (Block(), 0.04, Limits(), "velocity of 81.92 rad/s passes the limit of 5 rad/s"),
     ],
@@ -61,5 +81,7 @@ def test_a_multisine_of_high_frequency_is_refused():
 
 
 def test_limits_from_parameter_values():
-    values = {parameter.name: parameter.default for parameter in LIMIT_PARAMETERS} | {"velocity_limit": 7.0}
+    values = {parameter.name: parameter.default for parameter in LIMIT_PARAMETERS} | {
+        "velocity_limit": 7.0
+    }
     assert limits_from(values) == Limits(velocity=7.0)

@@ -15,18 +15,21 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray
 
+from ankle_interfaces.block import unpack
+from ankle_interfaces.continuity import Continuity
 from ankle_node.node import BLOCK_QOS
 from perturbation_generator.edges import Filtered
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
-from sample_blocks.block import unpack
-from sample_blocks.continuity import Continuity
 
 pytestmark = pytest.mark.live
 
 DOMAIN = 1 + os.getpid() % 100
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
-PROGRAM = "import sys; from perturbation_generator.perturbation_generator_node import main; sys.exit(main())"
+PROGRAM = (
+    "import sys; from perturbation_generator.perturbation_generator_node import main; "
+    "sys.exit(main())"
+)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +59,9 @@ class Ear:
         self.blocks = []
         self.figures = {}
         self.messages = []
-        self.node.create_subscription(Float64MultiArray, "/perturbation/reference", self._block, BLOCK_QOS, raw=True)
+        self.node.create_subscription(
+            Float64MultiArray, "/perturbation/reference", self._block, BLOCK_QOS, raw=True
+        )
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._health, 10)
         self.set = self.node.create_client(SetParameters, "/perturbation_generator/set_parameters")
         self.executor = SingleThreadedExecutor(context=context)
@@ -80,7 +85,11 @@ class Ear:
 
     def set_amplitude(self, value):
         assert self.set.wait_for_service(timeout_sec=20.0)
-        request = SetParameters.Request(parameters=[Parameter(name="amplitude", value=ParameterValue(type=3, double_value=value))])
+        request = SetParameters.Request(
+            parameters=[
+                Parameter(name="amplitude", value=ParameterValue(type=3, double_value=value))
+            ]
+        )
         future = self.set.call_async(request)
         assert self.listen(future.done)
         return future.result().results[0]
@@ -144,8 +153,8 @@ def test_rate_times_and_block_size_are_those_asked_for(ear):
     assert "Traceback" not in output
     assert {len(block.data) for block in ear.blocks} == {50}
     np.testing.assert_allclose(np.diff(ear.data[:, 0]), 1e-3, rtol=0, atol=1e-6)
-    # Paced by the clock: 30 blocks of 50 ms take no less than 1.5 s (a late first one allowed for), and a block
-    # arrives after its last sample's time.
+    # Paced by the clock: 30 blocks of 50 ms take no less than 1.5 s (a late first one allowed for),
+    # and a block arrives after its last sample's time.
     assert lasted > 1.2
     assert 0.0 < late < 10.0
 
@@ -194,8 +203,14 @@ def test_amplitude_changes_while_it_runs_within_the_limits(ear):
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        (("amplitude:=0.3",), "amplitude of 0.3 rad passes the limit of 0.14 rad ('amplitude_limit')"),
-        (("shape:=block",), "velocity of 81.92 rad/s passes the limit of 5 rad/s ('velocity_limit')"),
+        (
+            ("amplitude:=0.3",),
+            "amplitude of 0.3 rad passes the limit of 0.14 rad ('amplitude_limit')",
+        ),
+        (
+            ("shape:=block",),
+            "velocity of 81.92 rad/s passes the limit of 5 rad/s ('velocity_limit')",
+        ),
         (("rate:=20000.0",), "'rate' = 20000.0 Hz is refused; allowed: 500 to 10000 Hz"),
     ],
 )
@@ -217,7 +232,9 @@ class Failing(PerturbationGeneratorNode):
     def _pace(self): self._signal.next = fail; super()._pace()
 sys.exit(run(Failing))
 """
-    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     output = finish(process)
     assert process.returncode == 1
     assert "error: no samples" in output

@@ -1,4 +1,4 @@
-"""The single signals: pulse-step timing and balance, random levels, PRBS and multisine statistics."""
+"""The single signals: pulse-step timing and balance, random levels, PRBS and multisine statistics."""  # noqa: E501
 
 import numpy as np
 import pytest
@@ -43,10 +43,15 @@ def test_the_long_part_is_stretched():
     assert stretch.mean() == pytest.approx(0.1, abs=0.012)
     np.testing.assert_allclose(away[pulse], 0.040, rtol=0, atol=1e-9)
     np.testing.assert_allclose(away[~pulse], 0.460 + stretch[~pulse], rtol=0, atol=1e-9)
-    assert 90 <= len(away) / 5 <= 110  # about 100 responses a minute, as in the paper's section III-B
+    assert (
+        90 <= len(away) / 5 <= 110
+    )  # about 100 responses a minute, as in the paper's section III-B
 
 
-@pytest.mark.parametrize(("shape", "width"), [(Block(), 0.04), (Filtered(), 0.04), (Polynomial(), 0.024), (Polynomial(0.05), 0.05)])
+@pytest.mark.parametrize(
+    ("shape", "width"),
+    [(Block(), 0.04), (Filtered(), 0.04), (Polynomial(), 0.024), (Polynomial(0.05), 0.05)],
+)
 def test_width_of_a_pulse_follows_the_shape(shape, width):
     _, away, _, _ = blocks(PulseStep(Settings(shape=shape), stretch=0.0), 30.0)
     assert away.min() == pytest.approx(width)
@@ -55,13 +60,17 @@ def test_width_of_a_pulse_follows_the_shape(shape, width):
 
 @pytest.mark.parametrize("direction", ["dorsiflexing", "both"])
 def test_balanced_groups(direction):
-    times, away, length, sides = blocks(PulseStep(Settings(shape=Block(), direction=direction), balanced=True), 130.0)
+    times, away, length, sides = blocks(
+        PulseStep(Settings(shape=Block(), direction=direction), balanced=True), 130.0
+    )
     orders = set()
     for first in range(0, len(times) - GROUP, GROUP):
         group = slice(first, first + GROUP)
         pulse = away[group] < 0.25
         assert pulse.sum() == GROUP // 2
-        np.testing.assert_allclose(np.sort(length[group][pulse]), np.sort(length[group][~pulse]), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            np.sort(length[group][pulse]), np.sort(length[group][~pulse]), rtol=0, atol=1e-9
+        )
         if direction == "both":
             assert [sides[group][pulse].sum(), sides[group][~pulse].sum()] == [0, 0]
         orders.add(tuple(pulse))
@@ -90,7 +99,9 @@ def test_random_steps_as_in_the_recordings():
 def test_prbs_has_the_statistics_of_a_maximum_length_sequence():
     order, clock, rate = 8, 0.1, 1000.0
     period = 2**order - 1
-    signal = Prbs(Settings(rate=rate, shape=Block(), direction="both", seed=9), order=order, clock=clock)
+    signal = Prbs(
+        Settings(rate=rate, shape=Block(), direction="both", seed=9), order=order, clock=clock
+    )
     chips = np.sign(signal.next(round(2 * period * clock * rate))[50 :: round(clock * rate), 0])
     np.testing.assert_array_equal(chips[:period], chips[period:])
     one = chips[:period]
@@ -100,9 +111,14 @@ def test_prbs_has_the_statistics_of_a_maximum_length_sequence():
     np.testing.assert_allclose(autocorrelation[1:], -1.0, atol=1e-6)
 
 
-@pytest.mark.parametrize(("direction", "low", "high"), [("both", -1, 1), ("dorsiflexing", 0, 1), ("plantarflexing", -1, 0)])
+@pytest.mark.parametrize(
+    ("direction", "low", "high"),
+    [("both", -1, 1), ("dorsiflexing", 0, 1), ("plantarflexing", -1, 0)],
+)
 def test_multisine_has_equal_lines_and_nothing_between(direction, low, high):
-    signal = Multisine(Settings(direction=direction, rate=1000.0), period=10.0, lowest=0.5, highest=20.0)
+    signal = Multisine(
+        Settings(direction=direction, rate=1000.0), period=10.0, lowest=0.5, highest=20.0
+    )
     x, v, a = signal.next(30_000)[10_000:20_000].T  # a whole period behind the fade
     amplitudes = np.abs(np.fft.rfft(x)) * 2 / len(x)
     lines = np.arange(5, 201)
@@ -119,7 +135,9 @@ def test_multisine_has_equal_lines_and_nothing_between(direction, low, high):
 
 
 def test_multisine_period_at_a_rate_that_does_not_divide_it():
-    signal = Multisine(Settings(rate=1000.3, direction="both"), period=0.5, lowest=2.0, highest=50.0)
+    signal = Multisine(
+        Settings(rate=1000.3, direction="both"), period=0.5, lowest=2.0, highest=50.0
+    )
     x = signal.next(4000)[2000:, 0]
     np.testing.assert_array_equal(x[:1000], x[500:1500])
     assert signal.frequencies[0] == pytest.approx(2.0, rel=1e-3)

@@ -1,4 +1,4 @@
-"""What holds for every signal: derivatives, block size, rate, seed, bounds, end, onsets, amplitude."""
+"""What holds for every signal: derivatives, block size, rate, seed, bounds, end, onsets, amplitude."""  # noqa: E501
 
 import math
 
@@ -19,7 +19,14 @@ DIRECTIONS = st.sampled_from(sorted(SIDES))
 EVERY = pytest.mark.parametrize("name", sorted(SIGNALS))
 
 
-@given(NAMES, SHAPES, DIRECTIONS, st.integers(0, 99), st.lists(st.integers(0, 700), min_size=1, max_size=12), st.floats(500, 4000))
+@given(
+    NAMES,
+    SHAPES,
+    DIRECTIONS,
+    st.integers(0, 99),
+    st.lists(st.integers(0, 700), min_size=1, max_size=12),
+    st.floats(500, 4000),
+)
 @settings(max_examples=40, deadline=None)
 def test_samples_do_not_depend_on_the_block_size(name, shape, direction, seed, sizes, rate):
     common = Settings(rate=rate, shape=shape, direction=direction, seed=seed, ramp_in=1.0)
@@ -36,13 +43,14 @@ def test_samples_do_not_depend_on_the_block_size(name, shape, direction, seed, s
 def test_velocity_and_acceleration_are_the_derivatives_of_position(name, shape):
     rate = 10_000.0
     x, v, a = SIGNALS[name](Settings(rate=rate, shape=shape, ramp_in=0.5)).next(40_000).T
-    # Central differences; the acceleration of a filtered block jumps at each edge, where no difference can follow.
+    # Central differences; the acceleration of a filtered block jumps at each edge, where no
+    # difference can follow.
     calm = np.abs(np.diff(a, prepend=a[0]))[1:-1] < 100.0
     calm &= np.roll(calm, -1)
     assert calm.mean() > 0.98
     assert np.abs((x[2:] - x[:-2]) * rate / 2 - v[1:-1])[calm].max() < 1e-3 * np.abs(v).max()
-    # The polynomial's third derivative jumps by 60 / T³ at its ends, by twice that where a fall follows a rise at once:
-    # a central difference is wrong by a quarter of the jump per sample.
+    # The polynomial's third derivative jumps by 60 / T³ at its ends, by twice that where a fall
+    # follows a rise at once: a central difference is wrong by a quarter of the jump per sample.
     jump = 0.04 * 2 * 60 / 0.024**3 / rate / 4 if isinstance(shape, Polynomial) else 0.0
     assert np.abs((v[2:] - v[:-2]) * rate / 2 - a[1:-1])[calm].max() < 2e-3 * np.abs(a).max() + jump
 
@@ -66,12 +74,18 @@ def test_the_seed_makes_the_signal(name):
 
 @given(NAMES, SHAPES, DIRECTIONS, st.integers(0, 99), st.floats(0.001, 0.1))
 @settings(max_examples=40, deadline=None)
-def test_no_signal_passes_its_own_extremes_or_leaves_its_side(name, shape, direction, seed, amplitude):
-    signal = SIGNALS[name](Settings(rate=1000.0, shape=shape, direction=direction, seed=seed, amplitude=amplitude))
+def test_no_signal_passes_its_own_extremes_or_leaves_its_side(
+    name, shape, direction, seed, amplitude
+):
+    signal = SIGNALS[name](
+        Settings(rate=1000.0, shape=shape, direction=direction, seed=seed, amplitude=amplitude)
+    )
     samples = signal.next(20_000)
     bound = signal.extremes(amplitude)
     reached = np.abs(samples).max(axis=0)
-    assert np.all(reached <= np.array([bound.position, bound.velocity, bound.acceleration]) * (1 + 1e-9))
+    assert np.all(
+        reached <= np.array([bound.position, bound.velocity, bound.acceleration]) * (1 + 1e-9)
+    )
     beyond = bound.position - amplitude + 1e-12
     if direction == "dorsiflexing":
         assert samples[:, 0].min() >= -beyond
@@ -85,7 +99,9 @@ def test_no_signal_passes_its_own_extremes_or_leaves_its_side(name, shape, direc
 @settings(max_examples=25, deadline=None)
 def test_a_signal_with_a_duration_ends_at_rest(name, shape, direction, seed, duration):
     rate = 1000.0
-    signal = SIGNALS[name](Settings(rate=rate, shape=shape, direction=direction, seed=seed, duration=duration))
+    signal = SIGNALS[name](
+        Settings(rate=rate, shape=shape, direction=direction, seed=seed, duration=duration)
+    )
     samples = signal.next(signal.settings.samples + 500)
     last = math.ceil(duration * rate)
     assert np.all(np.abs(samples[last:]).max(axis=0) <= [1e-12, 1e-9, 1e-6])
@@ -109,7 +125,9 @@ def test_onsets_are_where_the_position_leaves_a_level(name, direction):
         first = int(np.ceil(onset.time * rate - 1e-6))
         settled = first + round(0.024 * rate)
         level = samples[first - 1 if not moving[first - 1] else first, 0]
-        assert samples[settled, 0] - level == pytest.approx(onset.direction * onset.amplitude, abs=1e-6)
+        assert samples[settled, 0] - level == pytest.approx(
+            onset.direction * onset.amplitude, abs=1e-6
+        )
         assert np.sign(samples[first + 2, 1]) == onset.direction
     travelled = np.abs(samples[round(0.2 * rate) : round(14.9 * rate), 1]).sum() / rate
     assert travelled == pytest.approx(sum(onset.amplitude for onset in onsets), rel=0.05)
@@ -134,18 +152,24 @@ def test_a_new_amplitude_holds_from_the_next_movement_from_rest(name, when, ampl
             break
         level = round(level + onset.direction * onset.amplitude, 12)
     np.testing.assert_array_equal(samples[:rest], reference[:rest])
-    np.testing.assert_allclose(samples[rest:], reference[rest:] * amplitude / 0.04, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        samples[rest:], reference[rest:] * amplitude / 0.04, rtol=0, atol=1e-12
+    )
 
 
 def test_a_new_amplitude_of_a_multisine_fades_within_its_extremes():
-    signal, reference = (SIGNALS["multisine"](Settings(rate=1000.0, amplitude=0.02, duration=20.0)) for _ in range(2))
+    signal, reference = (
+        SIGNALS["multisine"](Settings(rate=1000.0, amplitude=0.02, duration=20.0)) for _ in range(2)
+    )
     before = signal.next(3000)
     signal.set_amplitude(0.04)
     samples = np.concatenate([before, signal.next(17_000)])
     plain = reference.next(20_000)[:, 0]
     np.testing.assert_allclose(samples[4000:19_000, 0], 2 * plain[4000:19_000], rtol=0, atol=1e-12)
     bound = signal.extremes(0.04)
-    assert np.all(np.abs(samples).max(axis=0) <= [bound.position, bound.velocity, bound.acceleration])
+    assert np.all(
+        np.abs(samples).max(axis=0) <= [bound.position, bound.velocity, bound.acceleration]
+    )
     assert np.abs(samples[-1, 0]) < 1e-6
     late = SIGNALS["multisine"](Settings(rate=1000.0, amplitude=0.02, duration=20.0))
     late.next(18_500)
@@ -164,7 +188,16 @@ def test_ramp_in_grows_to_the_amplitude(name):
 
 def test_signal_from_parameter_values():
     values = {parameter.name: parameter.default for parameter in PARAMETERS}
-    signal = signal_from(values | {"signal": "prbs", "prbs.order": 5, "rate": 1000.0, "shape": "filtered", "bandwidth": 60.0})
+    signal = signal_from(
+        values
+        | {
+            "signal": "prbs",
+            "prbs.order": 5,
+            "rate": 1000.0,
+            "shape": "filtered",
+            "bandwidth": 60.0,
+        }
+    )
     assert signal.name == "prbs"
     assert signal.own["order"] == 5
     assert signal.settings.rate == 1000.0
@@ -175,16 +208,40 @@ def test_signal_from_parameter_values():
     ("make", "words"),
     [
         (lambda: Settings(rate=100.0), "'rate' = 100.0 Hz is refused; allowed: 500 to 10000 Hz"),
-        (lambda: Settings(direction="up"), "'direction' = 'up' is refused; allowed: one of dorsiflexing, plantarflexing, both"),
-        (lambda: SIGNALS["pulse_step"](Settings(), width=0.1), "has no parameter 'width'; it has block_length"),
-        (lambda: SIGNALS["pulse_step"](Settings(), stretch=3.0), "'pulse_step.stretch' = 3.0 s is refused; allowed: 0 to 2 s"),
-        (lambda: SIGNALS["pulse_step"](Settings(), pulse_width=0.3), "pulse_width' = 0.3 s is refused; it must be shorter than half"),
-        (lambda: SIGNALS["pulse_step"](Settings(shape=Polynomial(0.06)), pulse_width=0.04), "edges of 60 ms do not fit"),
-        (lambda: SIGNALS["random_steps"](Settings(), shortest_hold=0.5), "it must not be below 'random_steps.shortest_hold' = 0.5 s"),
-        (lambda: SIGNALS["prbs"](Settings(), clock=0.01), "edges of 24 ms do not fit: signal 'prbs' starts edges 10 ms apart"),
+        (
+            lambda: Settings(direction="up"),
+            "'direction' = 'up' is refused; allowed: one of dorsiflexing, plantarflexing, both",
+        ),
+        (
+            lambda: SIGNALS["pulse_step"](Settings(), width=0.1),
+            "has no parameter 'width'; it has block_length",
+        ),
+        (
+            lambda: SIGNALS["pulse_step"](Settings(), stretch=3.0),
+            "'pulse_step.stretch' = 3.0 s is refused; allowed: 0 to 2 s",
+        ),
+        (
+            lambda: SIGNALS["pulse_step"](Settings(), pulse_width=0.3),
+            "pulse_width' = 0.3 s is refused; it must be shorter than half",
+        ),
+        (
+            lambda: SIGNALS["pulse_step"](Settings(shape=Polynomial(0.06)), pulse_width=0.04),
+            "edges of 60 ms do not fit",
+        ),
+        (
+            lambda: SIGNALS["random_steps"](Settings(), shortest_hold=0.5),
+            "it must not be below 'random_steps.shortest_hold' = 0.5 s",
+        ),
+        (
+            lambda: SIGNALS["prbs"](Settings(), clock=0.01),
+            "edges of 24 ms do not fit: signal 'prbs' starts edges 10 ms apart",
+        ),
         (lambda: SIGNALS["prbs"](Settings(duration=0.5)), "'duration' = 0.5 s is refused"),
         (lambda: SIGNALS["multisine"](Settings(duration=1.5)), "'duration' = 1.5 s is refused"),
-        (lambda: SIGNALS["multisine"](Settings(), lowest=0.12, highest=0.18), "no frequency of the grid of 0.1 Hz"),
+        (
+            lambda: SIGNALS["multisine"](Settings(), lowest=0.12, highest=0.18),
+            "no frequency of the grid of 0.1 Hz",
+        ),
     ],
 )
 def test_bad_values_are_refused_with_their_name_and_range(make, words):

@@ -1,1 +1,3 @@
-"""Hold periods of recorded sessions: impedance estimates against EMG, with confidence intervals, pictures and a report."""
+"""Hold periods of recorded sessions: impedance estimates against EMG, with confidence intervals,
+pictures and a report.
+"""

@@ -25,13 +25,19 @@ def report_validation(
 ) -> None:
     """Validate sessions, write the report and print Table III.
 
-    Args:
-        bags: each as ``BAG`` or ``SUBJECT=BAG``.
-        out: folder of the report; it must be new or empty.
+    Parameters
+    ----------
+    bags
+        Each as ``BAG`` or ``SUBJECT=BAG``.
+    out
+        Folder of the report; it must be new or empty.
 
-    Raises:
-        AnalysisError: `out` holds something, some bags have a subject and others not, or no hold can be used.
-        BagError: a bag that cannot be read.
+    Raises
+    ------
+    AnalysisError
+        `out` holds something, some bags have a subject and others not, or no hold can be used.
+    BagError
+        A bag that cannot be read.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise AnalysisError(f"{out} is not an empty folder; nothing is overwritten unasked")
@@ -39,11 +45,20 @@ def report_validation(
     subjects = [subject for subject, equals, _ in named if equals]
     if subjects and len(subjects) != len(bags):
         raise AnalysisError("either every bag is given as SUBJECT=BAG or none")
-    found = validate([Path(bag) for _, _, bag in named], subjects, recompute=recompute, progress=progress, algorithm=algorithm)
+    found = validate(
+        [Path(bag) for _, _, bag in named],
+        subjects,
+        recompute=recompute,
+        progress=progress,
+        algorithm=algorithm,
+    )
     out.mkdir(parents=True, exist_ok=True)
     report = write_report(found, out, "Impedance estimates against EMG")
     if all(cell.correlation.n < LEAST_PAIRS for cell in found.cells):
-        console.print(f"{len(found.measures)} holds used: too few for a correlation, which needs {LEAST_PAIRS} of one torque target")
+        console.print(
+            f"{len(found.measures)} holds used: too few for a correlation, which needs "
+            f"{LEAST_PAIRS} of one torque target"
+        )
     else:
         head, *rows = correlation_rows(found)
         table = Table(*head)

@@ -1,4 +1,5 @@
-"""Pearson's r with its 95 % interval: bias-corrected accelerated bootstrap over pairs (Efron 1987), by `scipy.stats.bootstrap`.
+"""Pearson's r with its 95 % interval: bias-corrected accelerated bootstrap over pairs (Efron 1987),
+by `scipy.stats.bootstrap`.
 
 Source: van 't Veld et al. 2018, section III-B.4.
 """
@@ -22,10 +23,14 @@ LEAST_PAIRS = 6
 class Correlation:
     """A correlation over n pairs.
 
-    Attributes:
-        r: Pearson's correlation coefficient; NaN where it is not defined.
-        low, high: ends of the confidence interval.
-        n: number of pairs.
+    Attributes
+    ----------
+    r
+        Pearson's correlation coefficient; NaN where it is not defined.
+    low, high
+        Ends of the confidence interval.
+    n
+        Number of pairs.
     """
 
     r: float
@@ -37,12 +42,15 @@ class Correlation:
 def z_scores(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
     """``(value - mean) / standard deviation`` within each group, shape (n,).
 
-    Each subject has a slope and an intercept of their own (paper, figure 5). A group with fewer than three finite values or
-    without variation has no z-score: NaN.
+    Each subject has a slope and an intercept of their own (paper, figure 5). A group with fewer
+    than three finite values or without variation has no z-score: NaN.
 
-    Args:
-        values: shape (n,); those that are not finite stay NaN and count for nothing.
-        groups: label of each value, shape (n,).
+    Parameters
+    ----------
+    values
+        Shape (n,); those that are not finite stay NaN and count for nothing.
+    groups
+        Label of each value, shape (n,).
     """
     out = np.full(len(values), np.nan)
     for group in dict.fromkeys(groups.tolist()):
@@ -53,22 +61,28 @@ def z_scores(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
     return out
 
 
-def correlate(x: np.ndarray, y: np.ndarray, seed: int = 0, resamples: int = RESAMPLES) -> Correlation:
+def correlate(
+    x: np.ndarray, y: np.ndarray, seed: int = 0, resamples: int = RESAMPLES
+) -> Correlation:
     """The correlation of two measures over the pairs in which both are finite.
 
-    Args:
-        x, y: shape (n,).
-        seed: of the bootstrap.
+    Parameters
+    ----------
+    x, y
+        Shape (n,).
+    seed
+        Of the bootstrap.
     """
     good = np.isfinite(x) & np.isfinite(y)
     x, y, n = x[good], y[good], int(good.sum())
     if n < LEAST_PAIRS or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return Correlation(float("nan"), float("nan"), float("nan"), n)
     with warnings.catch_warnings():
-        # A resample that repeats one point has no correlation; scipy leaves it out and says so each time.
+        # A resample that repeats one point has no correlation; scipy leaves it out and says so each
+        # time.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
         result = stats.bootstrap(
-            (x, y), _pearson, paired=True, vectorized=True, n_resamples=resamples, confidence_level=CONFIDENCE, method="BCa",
+            (x, y), _pearson, paired=True, vectorized=True, n_resamples=resamples, confidence_level=CONFIDENCE, method="BCa",  # noqa: E501
             rng=np.random.default_rng(seed),
         )  # fmt: skip
     interval = result.confidence_interval

@@ -1,4 +1,6 @@
-"""How often the interval holds the true correlation: the whole way from absolute values, through z-scores, to the bootstrap."""
+"""How often the interval holds the true correlation: the whole way from absolute values, through
+z-scores, to the bootstrap.
+"""
 
 from __future__ import annotations
 
@@ -19,24 +21,39 @@ def coverage(
 ) -> float:
     """Share of synthetic studies whose 95 % interval holds the true correlation.
 
-    Every study draws Gaussian pairs with correlation r for each subject, gives each subject a slope and an intercept of their
-    own, and is analysed as recorded ones are.
+    Every study draws Gaussian pairs with correlation r for each subject, gives each subject a slope
+    and an intercept of their own, and is analysed as recorded ones are.
 
-    Args:
-        r: true correlation within subjects, -1 to 1.
-        holds: of each subject.
-        trials: number of studies.
-        resamples: of each bootstrap.
-        seed: of everything.
-        progress: called with the fraction done.
+    Parameters
+    ----------
+    r
+        True correlation within subjects, -1 to 1.
+    holds
+        Of each subject.
+    trials
+        Number of studies.
+    resamples
+        Of each bootstrap.
+    seed
+        Of everything.
+    progress
+        Called with the fraction done.
     """
     random = np.random.default_rng(seed)
     groups = np.repeat(np.arange(len(holds)), holds)
     held = 0
     for trial in range(trials):
         x, y = random.multivariate_normal([0.0, 0.0], [[1.0, r], [r, 1.0]], len(groups)).T
-        slopes, intercepts = random.uniform(0.5, 2.0, len(holds)), random.normal(0.0, 3.0, len(holds))
-        found = correlate(z_scores(x, groups), z_scores(slopes[groups] * y + intercepts[groups], groups), trial, resamples)
+        slopes, intercepts = (
+            random.uniform(0.5, 2.0, len(holds)),
+            random.normal(0.0, 3.0, len(holds)),
+        )
+        found = correlate(
+            z_scores(x, groups),
+            z_scores(slopes[groups] * y + intercepts[groups], groups),
+            trial,
+            resamples,
+        )
         held += found.low <= r <= found.high
         if progress is not None:
             progress((trial + 1) / trials)

@@ -7,26 +7,49 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from emg_driver.muscles import BACKGROUND, DORSIFLEXING, MUSCLES, REFLEX, RESPONSE_COLUMNS, STRETCHED_BY
+from emg_driver.muscles import (
+    BACKGROUND,
+    DORSIFLEXING,
+    MUSCLES,
+    REFLEX,
+    RESPONSE_COLUMNS,
+    STRETCHED_BY,
+)
 from emg_driver.settings import Settings
 from session_analysis.excerpts import Excerpt, estimate_column, smoothed
 from session_analysis.table3 import Cell, as_text
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe & Ito: told apart by colour-blind readers
+COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#e69f00",
+)  # Okabe & Ito: told apart by colour-blind readers
 SHOWN_MUSCLE = "SOL"  # as in the paper's figures
 UV = 1e6
 
 
 def figure4(excerpt: Excerpt, path: Path) -> None:
-    """Ensemble average of the rectified EMG about the onset, with the windows of background and reflex."""
+    """Ensemble average of the rectified EMG about the onset, with the windows of background and
+    reflex.
+    """
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     windows = Settings()
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for index, (muscle, axis) in enumerate(zip(MUSCLES, axes, strict=True)):
         axis.axvspan(-1e3 * windows.background_window, 0.0, color="0.85", label="background")
-        axis.axvspan(1e3 * windows.reflex_start, 1e3 * windows.reflex_end, color="#f5d9b8", label="reflex")
-        for measures, wave, colour in zip((excerpt.first, excerpt.second), excerpt.ensembles, COLOURS, strict=False):
-            label = f"hold {measures.hold.number}: K {measures.K:.0f} N·m/rad, G {measures.G:.1f} N·m·s/rad"
+        axis.axvspan(
+            1e3 * windows.reflex_start, 1e3 * windows.reflex_end, color="#f5d9b8", label="reflex"
+        )
+        for measures, wave, colour in zip(
+            (excerpt.first, excerpt.second), excerpt.ensembles, COLOURS, strict=False
+        ):
+            label = (
+                f"hold {measures.hold.number}: K {measures.K:.0f} N·m/rad, G {measures.G:.1f} "
+                "N·m·s/rad"
+            )
             axis.plot(1e3 * wave[:, 0], UV * wave[:, 1 + index], color=colour, lw=1.0, label=label)
         direction = "dorsiflexing" if STRETCHED_BY[muscle] == DORSIFLEXING else "plantarflexing"
         axis.set(title=f"{muscle}, {direction} onsets", ylim=(0.0, None))
@@ -47,13 +70,21 @@ def figure5(cells: list[Cell], path: Path) -> None:
     for cell, (left, right) in zip(chosen, rows, strict=True):
         impedance = "K [N·m/rad]" if cell.pathway == "intrinsic" else "G [N·m·s/rad]"
         emg = "background [µV]" if cell.pathway == "intrinsic" else "reflex [µV·s]"
-        for subject, colour in zip(dict.fromkeys(cell.subjects.tolist()), COLOURS * (1 + len(cell.subjects)), strict=False):
+        for subject, colour in zip(
+            dict.fromkeys(cell.subjects.tolist()), COLOURS * (1 + len(cell.subjects)), strict=False
+        ):
             own = cell.subjects == subject
             _points(left, cell.impedance[own], UV * cell.emg[own], colour, str(subject))
             _points(right, cell.impedance_z[own], cell.emg_z[own], colour, str(subject))
-        left.set(xlabel=impedance, ylabel=f"{cell.muscle} {emg}", title=f"{cell.pathway}, {cell.target:g} N·m: absolute")
+        left.set(
+            xlabel=impedance,
+            ylabel=f"{cell.muscle} {emg}",
+            title=f"{cell.pathway}, {cell.target:g} N·m: absolute",
+        )
         right.set(
-            xlabel="z-score of " + impedance.split()[0], ylabel="z-score of the EMG", title=f"normalised: r = {as_text(cell.correlation)}"
+            xlabel="z-score of " + impedance.split()[0],
+            ylabel="z-score of the EMG",
+            title=f"normalised: r = {as_text(cell.correlation)}",
         )
         left.legend(fontsize=7)
     figure.savefig(path, dpi=110)
@@ -77,9 +108,19 @@ def figure8(excerpt: Excerpt, path: Path) -> None:
     stretched = excerpt.responses[excerpt.responses[:, 1] == STRETCHED_BY[SHOWN_MUSCLE]]
     series = [
         ("torque\n[N·m]", excerpt.torque),
-        ("K\n[N·m/rad]", np.column_stack([excerpt.estimates[:, 0], estimate_column(excerpt.estimates, "K[N.m/rad]")])),
+        (
+            "K\n[N·m/rad]",
+            np.column_stack(
+                [excerpt.estimates[:, 0], estimate_column(excerpt.estimates, "K[N.m/rad]")]
+            ),
+        ),
         (f"{SHOWN_MUSCLE}\nbackground [µV]", _of_responses(stretched, BACKGROUND[index])),
-        ("G\n[N·m·s/rad]", np.column_stack([excerpt.estimates[:, 0], estimate_column(excerpt.estimates, "G[N.m.s/rad]")])),
+        (
+            "G\n[N·m·s/rad]",
+            np.column_stack(
+                [excerpt.estimates[:, 0], estimate_column(excerpt.estimates, "G[N.m.s/rad]")]
+            ),
+        ),
         (f"{SHOWN_MUSCLE}\nreflex [µV·s]", _of_responses(stretched, REFLEX[index])),
     ]
     for axis, (label, values), colour in zip(axes, series, COLOURS, strict=False):
@@ -90,7 +131,13 @@ def figure8(excerpt: Excerpt, path: Path) -> None:
     for measures in (excerpt.first, excerpt.second):
         hold = measures.hold
         text = f"hold {hold.number}, target {hold.target:g} N·m"
-        axes[0].text(0.5 * (hold.start + hold.end) - begin, 1.03, text, ha="center", transform=axes[0].get_xaxis_transform())
+        axes[0].text(
+            0.5 * (hold.start + hold.end) - begin,
+            1.03,
+            text,
+            ha="center",
+            transform=axes[0].get_xaxis_transform(),
+        )
     figure.align_ylabels()
     axes[-1].set_xlabel("time after the start of the first hold [s]")
     figure.savefig(path, dpi=110)

@@ -1,7 +1,8 @@
-"""What one hold gives: mean K and G of its estimates, mean background and reflex of its EMG responses.
+"""What one hold gives: mean K and G of its estimates, mean background and reflex of its EMG
+responses.
 
-Averaging the responses one by one is the same as responding to the ensemble average, because background and area are linear in
-the rectified EMG (van 't Veld et al. 2018, section III-B.3).
+Averaging the responses one by one is the same as responding to the ensemble average, because
+background and area are linear in the rectified EMG (van 't Veld et al. 2018, section III-B.3).
 """
 
 from __future__ import annotations
@@ -10,29 +11,46 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emg_driver.muscles import BACKGROUND, DORSIFLEXING, MUSCLES, REFLEX, RESPONSE_COLUMNS, STRETCHED_BY
+from emg_driver.muscles import (
+    BACKGROUND,
+    DORSIFLEXING,
+    MUSCLES,
+    REFLEX,
+    RESPONSE_COLUMNS,
+    STRETCHED_BY,
+)
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from session_analysis.holds import Excluded, Hold
 
 LEAST_VALID = 0.9
-"""Share of a hold's estimates that must be valid; more missing and its mean is of another stretch of time than the EMG's."""
+"""Share of a hold's estimates that must be valid; more missing and its mean is of another stretch
+of time than the EMG's.
+"""
 LEAST_RESPONSES = 50
-"""Responses of a muscle that a hold must have (the paper: about 100). With 50 the mean of a reflex that varies by 30 % from stretch
-to stretch is known to 4 %."""
+"""Responses of a muscle that a hold must have (the paper: about 100). With 50 the mean of a reflex
+that varies by 30 % from stretch to stretch is known to 4 %."""
 
 
 @dataclass(frozen=True)
 class HoldMeasures:
     """One hold's paired data.
 
-    Attributes:
-        subject: whose.
-        hold: when, at which torque target.
-        K: mean intrinsic stiffness [N.m/rad].
-        G: mean reflex gain [N.m.s/rad].
-        background: mean background of each muscle [V], shape (4,), NaN where it has too few responses.
-        reflex: mean reflex of each muscle [V.s], shape (4,), likewise.
-        responses: number of responses of each muscle to its own stretch, shape (4,).
+    Attributes
+    ----------
+    subject
+        Whose.
+    hold
+        When, at which torque target.
+    K
+        Mean intrinsic stiffness [N.m/rad].
+    G
+        Mean reflex gain [N.m.s/rad].
+    background
+        Mean background of each muscle [V], shape (4,), NaN where it has too few responses.
+    reflex
+        Mean reflex of each muscle [V.s], shape (4,), likewise.
+    responses
+        Number of responses of each muscle to its own stretch, shape (4,).
     """
 
     subject: str
@@ -44,15 +62,20 @@ class HoldMeasures:
     responses: np.ndarray
 
 
-def measure_hold(subject: str, hold: Hold, estimates: np.ndarray, responses: np.ndarray) -> tuple[HoldMeasures | None, list[Excluded]]:
+def measure_hold(
+    subject: str, hold: Hold, estimates: np.ndarray, responses: np.ndarray
+) -> tuple[HoldMeasures | None, list[Excluded]]:
     """A hold's data, None where it cannot be used, and what was left out.
 
-    The background is that before dorsiflexing onsets for all muscles, the reflex that after the onsets that stretch the muscle
-    (paper, section III-B.3).
+    The background is that before dorsiflexing onsets for all muscles, the reflex that after the
+    onsets that stretch the muscle (paper, section III-B.3).
 
-    Args:
-        estimates: of the session, shape (n, 12), columns `ESTIMATE_COLUMNS`.
-        responses: of the session, shape (k, 10), columns `RESPONSE_COLUMNS`.
+    Parameters
+    ----------
+    estimates
+        Of the session, shape (n, 12), columns `ESTIMATE_COLUMNS`.
+    responses
+        Of the session, shape (k, 10), columns `RESPONSE_COLUMNS`.
     """
     what = f"{subject}, hold {hold.number} ({hold.target:g} N.m)"
     during = estimates[(estimates[:, 0] >= hold.start) & (estimates[:, 0] <= hold.end)]
@@ -61,8 +84,15 @@ def measure_hold(subject: str, hold: Hold, estimates: np.ndarray, responses: np.
         return None, [Excluded(what, "there is no estimate in it")]
     if len(valid) < LEAST_VALID * len(during):
         share = 100.0 * len(valid) / len(during)
-        return None, [Excluded(what, f"{share:.0f} % of its estimates are valid, less than {100 * LEAST_VALID:g} %")]
-    K, G = (float(np.mean(valid[:, ESTIMATE_COLUMNS.index(name)])) for name in ("K[N.m/rad]", "G[N.m.s/rad]"))
+        return None, [
+            Excluded(
+                what, f"{share:.0f} % of its estimates are valid, less than {100 * LEAST_VALID:g} %"
+            )
+        ]
+    K, G = (
+        float(np.mean(valid[:, ESTIMATE_COLUMNS.index(name)]))
+        for name in ("K[N.m/rad]", "G[N.m.s/rad]")
+    )
     rows = responses[(responses[:, 0] >= hold.start) & (responses[:, 0] <= hold.end)]
     background, reflex, counts = np.full(4, np.nan), np.full(4, np.nan), np.zeros(4, dtype=int)
     excluded = []
@@ -71,7 +101,12 @@ def measure_hold(subject: str, hold: Hold, estimates: np.ndarray, responses: np.
         after = _column(rows, REFLEX[index], STRETCHED_BY[muscle])
         counts[index] = min(len(before), len(after))
         if counts[index] < LEAST_RESPONSES:
-            excluded.append(Excluded(f"{what}, {muscle}", f"{counts[index]} usable responses, fewer than {LEAST_RESPONSES}"))
+            excluded.append(
+                Excluded(
+                    f"{what}, {muscle}",
+                    f"{counts[index]} usable responses, fewer than {LEAST_RESPONSES}",
+                )
+            )
             continue
         background[index], reflex[index] = before.mean(), after.mean()
     if not np.isfinite(reflex).any():

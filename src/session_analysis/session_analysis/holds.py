@@ -8,18 +8,23 @@ from dataclasses import dataclass
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
 
 SHORTEST = 50.0
-"""[s] A hold that was broken off earlier is left out: the paper's last 60 s, and with fewer than about 80 stretches the mean of a
-reflex (30 % variation from stretch to stretch) is less sure than 3 %."""
+"""[s] A hold that was broken off earlier is left out: the paper's last 60 s, and with fewer than
+about 80 stretches the mean of a reflex (30 % variation from stretch to stretch) is less sure than 3
+%."""
 
 
 @dataclass(frozen=True)
 class Hold:
     """A stretch of time in which the subject kept one state.
 
-    Attributes:
-        number: as the session counts them.
-        start, end: [s].
-        target: torque target [N.m], as the event names it.
+    Attributes
+    ----------
+    number
+        As the session counts them.
+    start, end
+        [s].
+    target
+        Torque target [N.m], as the event names it.
     """
 
     number: int
@@ -39,7 +44,8 @@ class Excluded:
 def find_holds(events: Iterable[SessionEvent]) -> tuple[list[Hold], list[Excluded]]:
     """Complete holds in the order of time, and those that are left out.
 
-    A hold begins with ``hold started``, which says its number and torque target, and ends with the next ``hold ended``.
+    A hold begins with ``hold started``, which says its number and torque target, and ends with the
+    next ``hold ended``.
     """
     holds: list[Hold] = []
     excluded: list[Excluded] = []
@@ -51,7 +57,12 @@ def find_holds(events: Iterable[SessionEvent]) -> tuple[list[Hold], list[Exclude
             if event.event == HOLD_STARTED:
                 begun = event
             else:
-                excluded.append(Excluded(f"hold ending at t = {event.time:.1f} s", "its start is not in the recording"))
+                excluded.append(
+                    Excluded(
+                        f"hold ending at t = {event.time:.1f} s",
+                        "its start is not in the recording",
+                    )
+                )
             continue
         number = begun.details.get("hold", len(holds) + len(excluded) + 1)
         what = f"hold {number} at t = {begun.time:.1f} s"
@@ -69,5 +80,9 @@ def find_holds(events: Iterable[SessionEvent]) -> tuple[list[Hold], list[Exclude
             holds.append(Hold(int(number), begun.time, event.time, float(target)))
         begun = None
     if begun is not None:
-        excluded.append(Excluded(f"hold {begun.details.get('hold', '?')} at t = {begun.time:.1f} s", "it has no end"))
+        excluded.append(
+            Excluded(
+                f"hold {begun.details.get('hold', '?')} at t = {begun.time:.1f} s", "it has no end"
+            )
+        )
     return holds, excluded

@@ -1,4 +1,6 @@
-"""What the analysis takes from a bag: holds, estimates, EMG responses; computed from the samples where the bag lacks them."""
+"""What the analysis takes from a bag: holds, estimates, EMG responses; computed from the samples
+where the bag lacks them.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.block import unpack
+from ankle_interfaces.errors import BlockError
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_node.session_event import SessionEvent, SessionEventError, parse
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC
 from emg_driver.offline import respond_bag
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
-from impedance_estimator.offline import estimate_bag
-from sample_blocks.block import unpack
-from sample_blocks.errors import BlockError
+from impedance_estimator.offline.recorded_estimates import estimate_bag
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Excluded, Hold, find_holds
 from session_recorder.bag_reader import BagReader
@@ -30,14 +32,22 @@ SUBJECT_KEY = "subject"
 class RecordedSession:
     """One bag.
 
-    Attributes:
-        path: the bag.
-        subject: whose.
-        holds: complete holds.
-        excluded: holds that are left out.
-        estimates: shape (n, 12), columns `ESTIMATE_COLUMNS`.
-        responses: shape (k, 10), columns `RESPONSE_COLUMNS`.
-        notes: what a reader should know, one sentence each.
+    Attributes
+    ----------
+    path
+        The bag.
+    subject
+        Whose.
+    holds
+        Complete holds.
+    excluded
+        Holds that are left out.
+    estimates
+        Shape (n, 12), columns `ESTIMATE_COLUMNS`.
+    responses
+        Shape (k, 10), columns `RESPONSE_COLUMNS`.
+    notes
+        What a reader should know, one sentence each.
     """
 
     path: Path
@@ -58,21 +68,39 @@ def read_session(
 ) -> RecordedSession:
     """Read a bag.
 
-    Args:
-        subject: whose; else what the bag's custom data say, else the bag's name.
-        recompute: estimates and responses from the samples, also where they were recorded.
-        progress: called with the fraction done.
-        algorithm: of estimates that come from the samples.
+    Parameters
+    ----------
+    subject
+        Whose; else what the bag's custom data say, else the bag's name.
+    recompute
+        Estimates and responses from the samples, also where they were recorded.
+    progress
+        Called with the fraction done.
+    algorithm
+        Of estimates that come from the samples.
 
-    Raises:
-        BagError: no such bag, or it lacks the samples that are needed.
-        AnalysisError: it holds no events.
+    Raises
+    ------
+    BagError
+        No such bag, or it lacks the samples that are needed.
+    AnalysisError
+        It holds no events.
     """
     bag = BagReader(path)
     if EVENT_TOPIC not in bag.topics or not bag.topics[EVENT_TOPIC].count:
-        raise AnalysisError(f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state")
+        raise AnalysisError(
+            f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state"
+        )
     notes = list(bag.problems)
-    recorded = [] if recompute else [topic for topic in (ESTIMATE_TOPIC, RESPONSE_TOPIC) if topic in bag.topics and bag.topics[topic].count]
+    recorded = (
+        []
+        if recompute
+        else [
+            topic
+            for topic in (ESTIMATE_TOPIC, RESPONSE_TOPIC)
+            if topic in bag.topics and bag.topics[topic].count
+        ]
+    )
     events: list[SessionEvent] = []
     rows: dict[str, list[np.ndarray]] = {topic: [] for topic in recorded}
     columns = {ESTIMATE_TOPIC: ESTIMATE_COLUMNS, RESPONSE_TOPIC: RESPONSE_COLUMNS}
@@ -87,7 +115,10 @@ def read_session(
             notes.append(f"{path}: {topic}: {error}")
             continue
         if block.columns != columns[topic]:
-            raise AnalysisError(f"{path}: {topic} has the columns {', '.join(block.columns)}; expected {', '.join(columns[topic])}")
+            raise AnalysisError(
+                f"{path}: {topic} has the columns {', '.join(block.columns)}; expected "
+                f"{', '.join(columns[topic])}"
+            )
         rows[topic].append(block.data)
     holds, excluded = find_holds(events)
     if ESTIMATE_TOPIC in rows:

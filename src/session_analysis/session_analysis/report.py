@@ -1,4 +1,4 @@
-"""The report of a validation: one HTML file with its pictures inside, readable without a network."""
+"""The report of a validation: one HTML file with its pictures inside, readable without a network."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -17,31 +17,44 @@ from session_analysis.validation import Validation, write_holds, write_table
 
 _STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
-table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""
+table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""  # noqa: E501
 _QUESTION = (
-    "K, the intrinsic stiffness, and G, the reflex gain, were estimated from torque and motion of the ankle alone. Electrodes tell in "
-    "another way what the muscles did: background is their rectified EMG in the 40 ms before a movement, reflex the area above it from "
-    "40 to 60 ms after a movement that stretches the muscle. The estimates are right to the extent that K goes with the background "
+    "K, the intrinsic stiffness, and G, the reflex gain, were estimated from torque and motion of "
+    "the ankle alone. Electrodes tell in "
+    "another way what the muscles did: background is their rectified EMG in the 40 ms before a "
+    "movement, reflex the area above it from "
+    "40 to 60 ms after a movement that stretches the muscle. The estimates are right to the "
+    "extent that K goes with the background "
     "and G with the reflex, from one 60 s hold to the next; r = 1 is a perfect line."
 )
-_SIGN = "Torque is what holds the ankle in place: a push of 5 N·m towards plantarflexion, the target of -5 N·m, is measured as +5 N·m."
+_SIGN = (
+    "Torque is what holds the ankle in place: a push of 5 N·m towards plantarflexion, the "
+    "target of -5 N·m, is measured as +5 N·m."
+)
 _CAPTIONS = {
-    "figure5": "Each dot is one hold of the soleus. Left as measured, each subject with a slope and an intercept of their own; right with "
+    "figure5": "Each dot is one hold of the soleus. Left as measured, each subject with a slope "
+    "and an intercept of their own; right with "
     "those taken away, as in the table.",
-    "figure4": "Rectified EMG averaged over all movements of a hold that stretch the muscle, for two successive holds that differ most.",
-    "figure8": "The same two holds, grey, low-pass filtered at 0.1 Hz. Estimates follow a change within half a minute, EMG at once. "
-    + _SIGN,
+    "figure4": "Rectified EMG averaged over all movements of a hold that stretch the muscle, for "
+    "two successive holds that differ most.",
+    "figure8": "The same two holds, grey, low-pass filtered at 0.1 Hz. Estimates follow a change "
+    "within half a minute, EMG at once. " + _SIGN,
 }
 _RULES = (
-    f"A hold is used when it lasted {SHORTEST:g} s or more and {100 * LEAST_VALID:g} % of its estimates are valid; a muscle in it when "
-    f"{LEAST_RESPONSES} or more of its responses could be measured. Values are z-scored within subject and torque target; "
-    f"r is Pearson's, the interval a {100 * CONFIDENCE:g} % bias-corrected accelerated bootstrap over pairs with {RESAMPLES} resamples. "
+    f"A hold is used when it lasted {SHORTEST:g} s or more and {100 * LEAST_VALID:g} % of its "
+    "estimates are valid; a muscle in it when "
+    f"{LEAST_RESPONSES} or more of its responses could be measured. Values are z-scored within "
+    "subject and torque target; "
+    f"r is Pearson's, the interval a {100 * CONFIDENCE:g} % bias-corrected accelerated bootstrap "
+    f"over pairs with {RESAMPLES} resamples. "
     f"A dash stands where fewer than {LEAST_PAIRS} holds are left: they tell no correlation."
 )
 
 
 def write_report(validation: Validation, folder: Path, title: str) -> Path:
-    """Write ``report.html``, the pictures, ``table3.csv`` and ``holds.csv`` into an existing folder; returns the report's path."""
+    """Write ``report.html``, the pictures, ``table3.csv`` and ``holds.csv`` into an existing
+    folder; returns the report's path.
+    """
     pictures = [("Every hold (the paper's figure 5)", folder / "figure5.png")]
     figure5(validation.cells, pictures[0][1])
     if validation.excerpt is not None:
@@ -56,31 +69,53 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
     subjects = sorted({one.subject for one in validation.measures})
     parts = [
         f"<h1>{escape(title)}</h1>",
-        f"<p>Holds: {len(validation.measures)}. Subjects: {escape(', '.join(subjects))}. Paper: van 't Veld et al., BIOROB 2018.</p>",
+        f"<p>Holds: {len(validation.measures)}. Subjects: {escape(', '.join(subjects))}. Paper: "
+        "van 't Veld et al., BIOROB 2018.</p>",
         f"<p>{escape(_QUESTION)}</p>",
         "<h2>Correlation of impedance with EMG (the paper's table III)</h2>",
         _table(correlation_rows(validation)),
         f"<p>{escape(_RULES)}</p>",
     ]
     for caption, path in pictures:
-        parts += [f"<h2>{escape(caption)}</h2>", _image(path), f"<p>{escape(_CAPTIONS[path.stem])}</p>"]
+        parts += [
+            f"<h2>{escape(caption)}</h2>",
+            _image(path),
+            f"<p>{escape(_CAPTIONS[path.stem])}</p>",
+        ]
     parts += ["<h2>Holds</h2>", _table(_hold_rows(validation))]
-    parts += ["<h2>Left out</h2>", _list([f"{one.what}: {one.reason}" for one in validation.excluded])]
+    parts += [
+        "<h2>Left out</h2>",
+        _list([f"{one.what}: {one.reason}" for one in validation.excluded]),
+    ]
     parts += ["<h2>Remarks on the recordings</h2>", _list(validation.notes)]
     head = f"<meta charset='utf-8'><title>{escape(title)}</title><style>{_STYLE}</style>"
     path = folder / "report.html"
-    path.write_text(f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>", encoding="utf-8")
+    path.write_text(
+        f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>",
+        encoding="utf-8",
+    )
     return path
 
 
 def correlation_rows(validation: Validation) -> list[list[str]]:
     """Table III beside the paper's, as text; the first row names the columns."""
-    rows = [["pathway", "target", "muscle", "N", "r [95 % interval]", "paper: N", "r [95 % interval]"]]
+    rows = [
+        ["pathway", "target", "muscle", "N", "r [95 % interval]", "paper: N", "r [95 % interval]"]
+    ]
     for cell in validation.cells:
         # A session may name the same plantarflexion target with the other sign.
         paper = PAPER.get((cell.pathway, -abs(cell.target) if cell.target else 0.0, cell.muscle))
         theirs = [str(paper.n), as_text(paper)] if paper else ["", ""]
-        rows.append([cell.pathway, f"{cell.target:g} N·m", cell.muscle, str(cell.correlation.n), as_text(cell.correlation), *theirs])
+        rows.append(
+            [
+                cell.pathway,
+                f"{cell.target:g} N·m",
+                cell.muscle,
+                str(cell.correlation.n),
+                as_text(cell.correlation),
+                *theirs,
+            ]
+        )
     return rows
 
 
@@ -101,19 +136,39 @@ def _hold_rows(validation: Validation) -> list[list[str]]:
         background = ", ".join(f"{v:.1f}" for v in 1e6 * one.background)
         reflex = ", ".join(f"{v:.3f}" for v in 1e6 * one.reflex)
         counts = f"{np.min(one.responses)} to {np.max(one.responses)}"
-        rows.append([one.subject, str(one.hold.number), f"{one.hold.target:g}", f"{one.K:.1f}", f"{one.G:.2f}", background, reflex, counts])
+        rows.append(
+            [
+                one.subject,
+                str(one.hold.number),
+                f"{one.hold.target:g}",
+                f"{one.K:.1f}",
+                f"{one.G:.2f}",
+                background,
+                reflex,
+                counts,
+            ]
+        )
     return rows
 
 
 def _table(rows: list[list[str]]) -> str:
     head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:])
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:]
+    )
     return f"<table><tr>{head}</tr>{body}</table>"
 
 
 def _list(sentences: list[str]) -> str:
-    return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>" if sentences else "<p>Nothing.</p>"
+    return (
+        "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
+        if sentences
+        else "<p>Nothing.</p>"
+    )
 
 
 def _image(path: Path) -> str:
-    return f"<img alt='{escape(path.stem)}' src='data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}'>"
+    return (
+        f"<img alt='{escape(path.stem)}' "
+        f"src='data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}'>"
+    )

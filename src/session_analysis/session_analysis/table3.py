@@ -1,4 +1,6 @@
-"""Table III of the paper: correlation of K with background EMG and of G with reflex EMG, by muscle and torque target."""
+"""Table III of the paper: correlation of K with background EMG and of G with reflex EMG, by muscle
+and torque target.
+"""
 
 from __future__ import annotations
 
@@ -38,14 +40,22 @@ PAPER = {
 class Cell:
     """One entry of the table with the data behind it.
 
-    Attributes:
-        pathway: ``intrinsic`` (K, background) or ``reflexive`` (G, reflex).
-        target: torque target [N.m].
-        muscle: as in `MUSCLES`.
-        correlation: of the z-scores.
-        subjects: of each pair, shape (n,).
-        impedance, emg: absolute values, shape (n,).
-        impedance_z, emg_z: z-scores by subject, shape (n,).
+    Attributes
+    ----------
+    pathway
+        ``intrinsic`` (K, background) or ``reflexive`` (G, reflex).
+    target
+        Torque target [N.m].
+    muscle
+        As in `MUSCLES`.
+    correlation
+        Of the z-scores.
+    subjects
+        Of each pair, shape (n,).
+    impedance, emg
+        Absolute values, shape (n,).
+    impedance_z, emg_z
+        Z-scores by subject, shape (n,).
     """
 
     pathway: str
@@ -62,8 +72,8 @@ class Cell:
 def table3(measures: Sequence[HoldMeasures], seed: int = 0) -> list[Cell]:
     """All cells, targets in descending order.
 
-    z-scores are taken within each subject and torque target: a target changes slope and intercept too, and the paper
-    correlates each target by itself.
+    z-scores are taken within each subject and torque target: a target changes slope and intercept
+    too, and the paper correlates each target by itself.
     """
     cells = []
     for pathway in PATHWAYS:
@@ -72,12 +82,20 @@ def table3(measures: Sequence[HoldMeasures], seed: int = 0) -> list[Cell]:
             subjects = np.array([one.subject for one in chosen])
             impedance = np.array([one.K if pathway == "intrinsic" else one.G for one in chosen])
             for index, muscle in enumerate(MUSCLES):
-                emg = np.array([(one.background if pathway == "intrinsic" else one.reflex)[index] for one in chosen])
-                # A pair counts as a whole: an impedance without its EMG must not shift the others' z-scores.
+                emg = np.array(
+                    [
+                        (one.background if pathway == "intrinsic" else one.reflex)[index]
+                        for one in chosen
+                    ]
+                )
+                # A pair counts as a whole: an impedance without its EMG must not shift the others'
+                # z-scores.
                 paired = np.where(np.isfinite(emg), impedance, np.nan)
                 impedance_z, emg_z = z_scores(paired, subjects), z_scores(emg, subjects)
                 found = correlate(impedance_z, emg_z, seed)
-                cells.append(Cell(pathway, target, muscle, found, subjects, paired, emg, impedance_z, emg_z))
+                cells.append(
+                    Cell(pathway, target, muscle, found, subjects, paired, emg, impedance_z, emg_z)
+                )
     return cells
 
 

@@ -24,12 +24,18 @@ Progress = Callable[[str, float], None]
 class Validation:
     """What sessions show.
 
-    Attributes:
-        measures: one for each hold that is used.
-        excluded: what was left out and why.
-        cells: Table III.
-        notes: what a reader should know, one sentence each.
-        excerpt: signals about two holds, for figures 4 and 8; None where a bag has no samples.
+    Attributes
+    ----------
+    measures
+        One for each hold that is used.
+    excluded
+        What was left out and why.
+    cells
+        Table III.
+    notes
+        What a reader should know, one sentence each.
+    excerpt
+        Signals about two holds, for figures 4 and 8; None where a bag has no samples.
     """
 
     measures: list[HoldMeasures]
@@ -50,17 +56,27 @@ def validate(
 ) -> Validation:
     """Correlate impedance estimates with EMG over the holds of all sessions.
 
-    Args:
-        bags: recorded sessions; several of one subject count as one.
-        subjects: whose each bag is; empty takes what the bags say.
-        seed: of the bootstrap.
-        recompute: estimates and responses from the samples, also where they were recorded.
-        progress: called with what is done and the fraction.
-        algorithm: of estimates that come from the samples.
+    Parameters
+    ----------
+    bags
+        Recorded sessions; several of one subject count as one.
+    subjects
+        Whose each bag is; empty takes what the bags say.
+    seed
+        Of the bootstrap.
+    recompute
+        Estimates and responses from the samples, also where they were recorded.
+    progress
+        Called with what is done and the fraction.
+    algorithm
+        Of estimates that come from the samples.
 
-    Raises:
-        BagError: a bag that cannot be read, or lacks the samples that are needed.
-        AnalysisError: a bag without events, or no hold that can be used.
+    Raises
+    ------
+    BagError
+        A bag that cannot be read, or lacks the samples that are needed.
+    AnalysisError
+        A bag without events, or no hold that can be used.
     """
     measures: list[HoldMeasures] = []
     excluded: list[Excluded] = []
@@ -68,17 +84,26 @@ def validate(
     sessions: list[RecordedSession] = []
     for number, bag in enumerate(bags):
         subject = subjects[number] if subjects else ""
-        session = read_session(bag, subject, recompute, _named(progress, f"reading {bag}"), algorithm)
+        session = read_session(
+            bag, subject, recompute, _named(progress, f"reading {bag}"), algorithm
+        )
         sessions.append(session)
         notes += session.notes
-        excluded += [Excluded(f"{session.subject}, {one.what}", one.reason) for one in session.excluded]
+        excluded += [
+            Excluded(f"{session.subject}, {one.what}", one.reason) for one in session.excluded
+        ]
         for hold in session.holds:
-            found, left_out = measure_hold(session.subject, hold, session.estimates, session.responses)
+            found, left_out = measure_hold(
+                session.subject, hold, session.estimates, session.responses
+            )
             excluded += left_out
             if found is not None:
                 measures.append(found)
     if not measures:
-        reasons = "; ".join(f"{one.what}: {one.reason}" for one in excluded[:3]) or "the recordings mark no hold"
+        reasons = (
+            "; ".join(f"{one.what}: {one.reason}" for one in excluded[:3])
+            or "the recordings mark no hold"
+        )
         raise AnalysisError(f"no hold can be used: {reasons}")
     if progress:
         progress("bootstrap", 0.0)
@@ -86,7 +111,11 @@ def validate(
     shown = _most_different_neighbours(measures)
     excerpt = None
     if shown is not None:
-        session = next(one for one in sessions if one.subject == shown[0].subject and shown[0].hold in one.holds)
+        session = next(
+            one
+            for one in sessions
+            if one.subject == shown[0].subject and shown[0].hold in one.holds
+        )
         excerpt = read_excerpt(session, shown[0], shown[1], _named(progress, "figures"))
     return Validation(measures, excluded, cells, notes, excerpt)
 
@@ -99,7 +128,13 @@ def write_table(validation: Validation, path: Path) -> None:
         for cell in validation.cells:
             found = cell.correlation
             writer.writerow(
-                [cell.pathway, f"{cell.target:g}", found.n, cell.muscle, *(f"{v:.4f}" for v in (found.r, found.low, found.high))]
+                [
+                    cell.pathway,
+                    f"{cell.target:g}",
+                    found.n,
+                    cell.muscle,
+                    *(f"{v:.4f}" for v in (found.r, found.low, found.high)),
+                ]
             )
 
 
@@ -109,26 +144,50 @@ def write_holds(validation: Validation, path: Path) -> None:
         writer = csv.writer(stream)
         counts = [f"responses_{muscle}" for muscle in MUSCLES]
         writer.writerow(
-            ["subject", "hold", "torque_target[N.m]", "start[s]", "end[s]", "K[N.m/rad]", "G[N.m.s/rad]", *BACKGROUND, *REFLEX, *counts]
+            [
+                "subject",
+                "hold",
+                "torque_target[N.m]",
+                "start[s]",
+                "end[s]",
+                "K[N.m/rad]",
+                "G[N.m.s/rad]",
+                *BACKGROUND,
+                *REFLEX,
+                *counts,
+            ]
         )
         for one in validation.measures:
             times = [f"{one.hold.start:.6f}", f"{one.hold.end:.6f}"]
             values = [f"{v:.6g}" for v in (one.K, one.G, *one.background, *one.reflex)]
-            writer.writerow([one.subject, one.hold.number, f"{one.hold.target:g}", *times, *values, *one.responses])
+            writer.writerow(
+                [
+                    one.subject,
+                    one.hold.number,
+                    f"{one.hold.target:g}",
+                    *times,
+                    *values,
+                    *one.responses,
+                ]
+            )
 
 
 def _named(progress: Progress | None, what: str) -> Callable[[float], None] | None:
     return None if progress is None else lambda share: progress(what, share)
 
 
-def _most_different_neighbours(measures: Sequence[HoldMeasures]) -> tuple[HoldMeasures, HoldMeasures] | None:
+def _most_different_neighbours(
+    measures: Sequence[HoldMeasures],
+) -> tuple[HoldMeasures, HoldMeasures] | None:
     """Two successive holds of a subject that differ most in K and G, relative to their size."""
     best, pair = -1.0, None
     for first, second in pairwise(measures):
         gap = second.hold.start - first.hold.end
         if first.subject != second.subject or not 0 <= gap < 120.0:
             continue
-        difference = abs(second.K - first.K) / (second.K + first.K) + abs(second.G - first.G) / (second.G + first.G)
+        difference = abs(second.K - first.K) / (second.K + first.K) + abs(second.G - first.G) / (
+            second.G + first.G
+        )
         if difference > best:
             best, pair = difference, (first, second)
     return pair

@@ -1,7 +1,9 @@
-"""Three virtual subjects through the paper's experiment, recorded as bags by the code of a real session, faster than real time.
+"""Three virtual subjects through the paper's experiment, recorded as bags by the code of a real
+session, faster than real time.
 
-Perturbation, rig, estimator and EMG processing are the classes behind the nodes; the bags hold what the recorder would have
-recorded. Nothing of what the subjects were told reaches the analysis: it reads the bags alone.
+Perturbation, rig, estimator and EMG processing are the classes behind the nodes; the bags hold what
+the recorder would have recorded. Nothing of what the subjects were told reaches the analysis: it
+reads the bags alone.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.block import Block
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_physics.actuator import Servo
 from ankle_physics.scenario import Scenario
@@ -24,12 +27,11 @@ from ankle_sim.virtual_subject import draw_subject
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from emg_driver.offline import MOTION_TOPIC, REFERENCE_TOPIC
 from emg_driver.processor import EmgProcessor
-from impedance_estimator.conceptual_experimental import ConceptualExperimental
+from impedance_estimator.correlation.conceptual_experimental import ConceptualExperimental
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
 from impedance_estimator.stream import EstimateStream
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings as PerturbationSettings
-from sample_blocks.block import Block
 from session_analysis.errors import AnalysisError
 from session_analysis.recorded_session import SUBJECT_KEY
 from session_recorder.bag_reader import BagReader
@@ -42,7 +44,9 @@ RATE = 2048.0
 BLOCK_SAMPLES = 32
 """Samples of a message, as the nodes send them."""
 STEP = 256
-"""Samples that are simulated at once: the subject's state moves in steps of 1/8 s, short against the 2 s in which it is reached."""
+"""Samples that are simulated at once: the subject's state moves in steps of 1/8 s, short against
+the 2 s in which it is reached.
+"""
 EPOCH = 1.7e9
 """[s] Time of the first sample: any; a bag's times count from 1970."""
 TAIL = 2.0
@@ -57,12 +61,19 @@ DESCRIPTION_KEY = "virtual_session"
 class VirtualSession:
     """How one bag is made.
 
-    Attributes:
-        subject: number of the virtual subject.
-        holds: at each torque target.
-        modulates: whether the subject can change stiffness and reflex; else both are the same in every hold of a target.
-        seed: of everything random.
-        hold, reach: length of a hold and of the way to it [s].
+    Attributes
+    ----------
+    subject
+        Number of the virtual subject.
+    holds
+        At each torque target.
+    modulates
+        Whether the subject can change stiffness and reflex; else both are the same in every hold of
+        a target.
+    seed
+        Of everything random.
+    hold, reach
+        Length of a hold and of the way to it [s].
     """
 
     subject: int
@@ -78,26 +89,42 @@ class VirtualSession:
 
     def plan(self) -> list[PlannedHold]:
         """The holds in order."""
-        return plan(self.holds, 1000 * self.seed + self.subject, self.modulates, self.hold, self.reach)
+        return plan(
+            self.holds, 1000 * self.seed + self.subject, self.modulates, self.hold, self.reach
+        )
 
 
 def paper_study(modulates: bool = True, seed: int = 1) -> list[VirtualSession]:
     """The paper's three subjects with 33 + 22 holds."""
-    return [VirtualSession(number + 1, holds, modulates, seed) for number, holds in enumerate(PAPER_HOLDS)]
+    return [
+        VirtualSession(number + 1, holds, modulates, seed)
+        for number, holds in enumerate(PAPER_HOLDS)
+    ]
 
 
-def record_study(sessions: list[VirtualSession], folder: Path, progress: Callable[[str, float], None] | None = None) -> list[Path]:
-    """Record every session into ``folder/subject_N``; one that is there already, made in the same way, is kept.
+def record_study(
+    sessions: list[VirtualSession],
+    folder: Path,
+    progress: Callable[[str, float], None] | None = None,
+) -> list[Path]:
+    """Record every session into ``folder/subject_N``; one that is there already, made in the same
+    way, is kept.
 
-    Raises:
-        AnalysisError: something else is at that place.
+    Raises
+    ------
+    AnalysisError
+        Something else is at that place.
     """
     bags = []
     for session in sessions:
         bag = folder / f"subject_{session.subject}"
         if not _is_there(bag, session):
             what = f"recording subject {session.subject} of {len(sessions)}"
-            record_session(session, bag, None if progress is None else lambda share, what=what: progress(what, share))  # type: ignore[misc]
+            record_session(
+                session,
+                bag,
+                None if progress is None else lambda share, what=what: progress(what, share),  # type: ignore[misc]
+            )  # type: ignore[misc]
         bags.append(bag)
     return bags
 
@@ -108,21 +135,37 @@ def _is_there(bag: Path, session: VirtualSession) -> bool:
     try:
         found = BagReader(bag)
     except BagError as error:
-        raise AnalysisError(f"{bag} is there and is no bag ({error}); nothing is overwritten unasked") from None
+        raise AnalysisError(
+            f"{bag} is there and is no bag ({error}); nothing is overwritten unasked"
+        ) from None
     if not found.complete or found.custom_data.get(DESCRIPTION_KEY) != session.described():
-        raise AnalysisError(f"{bag} is there and holds another or an incomplete session; nothing is overwritten unasked")
+        raise AnalysisError(
+            f"{bag} is there and holds another or an incomplete session; nothing is overwritten "
+            "unasked"
+        )
     return True
 
 
-def record_session(session: VirtualSession, bag: Path, progress: Callable[[float], None] | None = None) -> None:
+def record_session(
+    session: VirtualSession, bag: Path, progress: Callable[[float], None] | None = None
+) -> None:
     """Simulate and record one session.
 
-    Raises:
-        BagError: something is at `bag` already.
+    Raises
+    ------
+    BagError
+        Something is at `bag` already.
     """
     person, holds = draw_subject(session.subject), session.plan()
     seed = 1000 * session.seed + session.subject
-    setup = Setup(subject_model(person), Servo(), SignalToNoise(), Scenario([]), PerturbationSettings().amplitude, seed)
+    setup = Setup(
+        subject_model(person),
+        Servo(),
+        SignalToNoise(),
+        Scenario([]),
+        PerturbationSettings().amplitude,
+        seed,
+    )
     live = LiveSubject(setup, person, holds, lambda sentence: None, steady=not session.modulates)
     cycle = round((BLOCK + BREAK) * RATE)
     end = holds[-1].end + TAIL
@@ -132,8 +175,13 @@ def record_session(session: VirtualSession, bag: Path, progress: Callable[[float
         for first in range(0, round(end * RATE), STEP):
             since = np.arange(first, first + STEP) / RATE
             if first % cycle == 0:
-                # Ends at rest after a block and stays there through the break, while everything is recorded on.
-                signal = PulseStep(PerturbationSettings(rate=RATE, duration=BLOCK, seed=100 * seed + first // cycle))
+                # Ends at rest after a block and stays there through the break, while everything is
+                # recorded on.
+                signal = PulseStep(
+                    PerturbationSettings(
+                        rate=RATE, duration=BLOCK, seed=100 * seed + first // cycle
+                    )
+                )
             reference = signal.next(STEP)
             pieces, events = live.take(EPOCH + since, reference)
             for event in events:
@@ -159,7 +207,11 @@ class _Recorder:
 
     def event(self, line: str, time: float) -> None:
         text = self._store.types["std_msgs/msg/String"](data=line)
-        self._writer.write(EVENT_TOPIC, round(time * 1e9), bytes(self._store.serialize_cdr(text, "std_msgs/msg/String")))
+        self._writer.write(
+            EVENT_TOPIC,
+            round(time * 1e9),
+            bytes(self._store.serialize_cdr(text, "std_msgs/msg/String")),
+        )
 
     def samples(self, time: np.ndarray, reference: np.ndarray, pieces: list[Piece]) -> None:
         self._write(REFERENCE_TOPIC, REFERENCE_COLUMNS, np.column_stack([time, reference]))
@@ -167,7 +219,9 @@ class _Recorder:
         for piece in pieces:
             motion = np.column_stack([piece.stretch.time, piece.stretch.samples])
             self._write(MOTION_TOPIC, MOTION_COLUMNS, motion)
-            self._write(SAMPLES_TOPIC, SAMPLE_COLUMNS, np.column_stack([piece.stretch.time, piece.emg]))
+            self._write(
+                SAMPLES_TOPIC, SAMPLE_COLUMNS, np.column_stack([piece.stretch.time, piece.emg])
+            )
             self._respond(self._responses.feed_emg(piece.stretch.time, piece.emg).rows)
             rows = self._estimates.feed_samples(motion, measured_velocity=True).rows
             for row in rows:

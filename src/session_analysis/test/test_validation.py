@@ -21,7 +21,9 @@ HOLD = Hold(4, 100.0, 160.0, 0.0)
 
 
 def started(time, number, **details):
-    return SessionEvent("hold started", time, {"hold": number, "torque_target[N.m]": 0.0, **details})
+    return SessionEvent(
+        "hold started", time, {"hold": number, "torque_target[N.m]": 0.0, **details}
+    )
 
 
 def ended(time):
@@ -37,7 +39,9 @@ def estimates(valid=1.0, K=80.0):
 
 
 def responses(count=100, background=4e-6):
-    """As many onsets of each direction; a muscle has its own reflex, and another at the direction that does not stretch it."""
+    """As many onsets of each direction; a muscle has its own reflex, and another at the direction
+    that does not stretch it.
+    """
     time = np.linspace(100.1, 159.9, 2 * count)
     rows = np.zeros((2 * count, len(RESPONSE_COLUMNS)))
     rows[:, 0], rows[:, 1] = time, np.where(np.arange(2 * count) % 2, -1.0, 1.0)
@@ -50,18 +54,26 @@ def test_an_event_is_a_line_that_is_read_back():
     event = started(1.7e9 + 0.125, 3, note="a, b: c")
     assert parse(event.line()) == event
     assert "\n" not in event.line()
-    for line in ("{", "hold started", "{event: hold started}", "{event: hold started, 't[s]': soon}"):
+    for line in (
+        "{",
+        "hold started",
+        "{event: hold started}",
+        "{event: hold started, 't[s]': soon}",
+    ):
         with pytest.raises(SessionEventError):
             parse(line)
 
 
 def test_complete_holds_are_found_and_the_others_listed_with_their_reason():
     events = [
-        ended(5.0), started(10.0, 1), ended(70.0), started(80.0, 2), started(90.0, 3), ended(150.0), started(160.0, 4), ended(190.0),
-        SessionEvent("target changed", 195.0), SessionEvent("hold started", 200.0, {"hold": 5}), ended(260.0), started(270.0, 6),
+        ended(5.0), started(10.0, 1), ended(70.0), started(80.0, 2), started(90.0, 3), ended(150.0), started(160.0, 4), ended(190.0),  # noqa: E501
+        SessionEvent("target changed", 195.0), SessionEvent("hold started", 200.0, {"hold": 5}), ended(260.0), started(270.0, 6),  # noqa: E501
     ]  # fmt: skip
     holds, excluded = find_holds(events)
-    assert [(hold.number, hold.start, hold.end) for hold in holds] == [(1, 10.0, 70.0), (3, 90.0, 150.0)]
+    assert [(hold.number, hold.start, hold.end) for hold in holds] == [
+        (1, 10.0, 70.0),
+        (3, 90.0, 150.0),
+    ]
     reasons = [one.reason for one in excluded]
     assert reasons == [
         "its start is not in the recording",
@@ -88,7 +100,10 @@ def test_holds_are_left_out_by_the_stated_rules():
     assert np.isnan(measures.reflex).tolist() == [False, False, True, False]
     assert "GL" in excluded[0].what
     assert "25 usable responses, fewer than 50" in excluded[0].reason
-    assert "valid, less than 90 %" in measure_hold("a", HOLD, estimates(valid=0.5), responses())[1][0].reason
+    assert (
+        "valid, less than 90 %"
+        in measure_hold("a", HOLD, estimates(valid=0.5), responses())[1][0].reason
+    )
     assert "no estimate" in measure_hold("a", HOLD, estimates()[:10], responses())[1][0].reason
     assert measure_hold("a", HOLD, estimates(), responses(count=20))[0] is None
 
@@ -108,14 +123,17 @@ def test_the_interval_is_scipys_and_holds_r():
     x = random.standard_normal(33)
     found = correlate(x, 0.8 * x + 0.6 * random.standard_normal(33))
     assert found.low < found.r < found.high
-    assert found.r == pytest.approx(np.corrcoef(x, 0.8 * x + 0.6 * np.random.default_rng(2).standard_normal(66)[33:])[0, 1])
+    assert found.r == pytest.approx(
+        np.corrcoef(x, 0.8 * x + 0.6 * np.random.default_rng(2).standard_normal(66)[33:])[0, 1]
+    )
     assert np.isnan(correlate(x[:4], x[:4]).r)
     assert np.isnan(correlate(x, np.ones(33)).r)
     assert as_text(correlate(x[:4], x[:4])) == "-"
 
 
 def test_the_interval_covers_a_known_correlation():
-    # 95 % asked for; a bootstrap over so few pairs falls a little short. 200 trials: 3 standard errors are 5 %.
+    # 95 % asked for; a bootstrap over so few pairs falls a little short. 200 trials: 3 standard
+    # errors are 5 %.
     assert 0.85 < coverage(0.7, (11, 11, 11), trials=200, resamples=999, seed=1) <= 1.0
 
 

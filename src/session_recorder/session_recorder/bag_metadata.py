@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
 from session_recorder.errors import BagError
@@ -46,13 +53,20 @@ BLOCK_QOS = qos(64)
 class Topic:
     """One topic of a bag.
 
-    Attributes:
-        name: as ``/ankle/samples``.
-        type: as ``std_msgs/msg/Float64MultiArray``.
-        qos: what its publishers offered, each different profile once; empty where unknown.
-        type_hash: ``RIHS01_...``; empty where unknown.
-        definition: the stored schema text.
-        count: messages.
+    Attributes
+    ----------
+    name
+        As ``/ankle/samples``.
+    type
+        As ``std_msgs/msg/Float64MultiArray``.
+    qos
+        What its publishers offered, each different profile once; empty where unknown.
+    type_hash
+        ``RIHS01_...``; empty where unknown.
+    definition
+        The stored schema text.
+    count
+        Messages.
     """
 
     name: str
@@ -65,7 +79,9 @@ class Topic:
 
 @dataclass
 class Contents:
-    """What ``metadata.yaml`` says about a bag: topics, counts, times [ns], files, free key-value pairs."""
+    """What ``metadata.yaml`` says about a bag: topics, counts, times [ns], files, free key-value
+    pairs.
+    """
 
     files: list[str]
     topics: list[Topic]
@@ -87,8 +103,10 @@ def qos_text(profiles: Iterable[Qos]) -> str:
 def parse_qos_text(text: str) -> tuple[Qos, ...]:
     """QoS profiles from the YAML text that MCAP channels carry.
 
-    Raises:
-        ValueError: it is no such text.
+    Raises
+    ------
+    ValueError
+        It is no such text.
     """
     try:
         return tuple(parse_qos(yaml.safe_load(text) or []))
@@ -101,7 +119,9 @@ def information(contents: Contents) -> dict[str, Any]:
     duration = max(0, contents.end_ns - contents.start_ns) if contents.count else 0
     times: dict[str, Any] = {
         "duration": {"nanoseconds": duration},
-        "starting_time": {"nanoseconds_since_epoch": contents.start_ns if contents.count else NO_TIME},
+        "starting_time": {
+            "nanoseconds_since_epoch": contents.start_ns if contents.count else NO_TIME
+        },
         "message_count": contents.count,
     }
     return {
@@ -133,7 +153,11 @@ def information(contents: Contents) -> dict[str, Any]:
 def metadata_text(info: Mapping[str, Any]) -> str:
     """YAML text of a mapping, in its order and without aliases."""
     dumper = yaml.SafeDumper
-    return yaml.dump(_plain(info), Dumper=type("Plain", (dumper,), {"ignore_aliases": lambda self, data: True}), sort_keys=False)
+    return yaml.dump(
+        _plain(info),
+        Dumper=type("Plain", (dumper,), {"ignore_aliases": lambda self, data: True}),
+        sort_keys=False,
+    )
 
 
 def _plain(value: Any) -> Any:
@@ -147,33 +171,50 @@ def _plain(value: Any) -> Any:
 def read_metadata(folder: Path) -> Contents:
     """What the folder's ``metadata.yaml`` says.
 
-    Raises:
-        BagError: it is not readable, not YAML, of another storage, or misses an entry.
+    Raises
+    ------
+    BagError
+        It is not readable, not YAML, of another storage, or misses an entry.
     """
     path = folder / METADATA_FILE
     try:
         info = yaml.safe_load(path.read_text(encoding="utf-8"))[ROOT]
         storage = info["storage_identifier"]
         if storage != "mcap":
-            raise BagError(f"{path}: storage '{storage}' is not read here; convert it: ros2 bag convert (storage_id: mcap)")
+            raise BagError(
+                f"{path}: storage '{storage}' is not read here; convert it: ros2 bag convert "
+                "(storage_id: mcap)"
+            )
         if info.get("compression_mode") or info.get("compression_format"):
             raise BagError(
-                f"{path}: the bag is compressed by rosbag2 ('{info.get('compression_mode')}'); MCAP with zstd chunks is expected"
+                f"{path}: the bag is compressed by rosbag2 ('{info.get('compression_mode')}'); "
+                "MCAP with zstd chunks is expected"
             )
         topics = []
         for entry in info["topics_with_message_count"]:
             about = entry["topic_metadata"]
             profiles = tuple(parse_qos(about.get("offered_qos_profiles") or []))
             topics.append(
-                Topic(about["name"], about["type"], profiles, about.get("type_description_hash", ""), "", int(entry["message_count"]))
+                Topic(
+                    about["name"],
+                    about["type"],
+                    profiles,
+                    about.get("type_description_hash", ""),
+                    "",
+                    int(entry["message_count"]),
+                )
             )
         start = int(info["starting_time"]["nanoseconds_since_epoch"])
         end = start + int(info["duration"]["nanoseconds"])
         custom = {str(key): str(value) for key, value in (info.get("custom_data") or {}).items()}
-        return Contents([Path(file).name for file in info["relative_file_paths"]], topics, start, end, custom)
+        return Contents(
+            [Path(file).name for file in info["relative_file_paths"]], topics, start, end, custom
+        )
     except OSError as error:
         raise BagError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise BagError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
     except (KeyError, TypeError, AttributeError) as error:
-        raise BagError(f"{path} is not a rosbag2 description: {error!r} is missing or of another kind") from None
+        raise BagError(
+            f"{path} is not a rosbag2 description: {error!r} is missing or of another kind"
+        ) from None

@@ -7,9 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from sample_blocks.block import MESSAGE_TYPE, Block, unpack
-from sample_blocks.errors import BlockError
-from session_recorder.bag_metadata import METADATA_FILE, Contents, Topic, parse_qos_text, read_metadata
+from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
+from ankle_interfaces.errors import BlockError
+from session_recorder.bag_metadata import (
+    METADATA_FILE,
+    Contents,
+    Topic,
+    parse_qos_text,
+    read_metadata,
+)
 from session_recorder.errors import BagError
 from session_recorder.mcap_file import McapFile, Progress
 
@@ -19,15 +25,23 @@ class BagReader:
 
     A bag whose writer was killed opens as well: `problems` says what is missing.
 
-    Attributes:
-        path: what was opened.
-        topics: by name, with type, QoS, type hash, definition and count.
-        start_ns, end_ns: log times [ns] of the first and the last message; equal to 0 without messages.
-        custom_data: free key-value pairs of ``metadata.yaml``.
-        problems: one sentence for each thing that is missing or damaged; empty for a complete bag.
+    Attributes
+    ----------
+    path
+        What was opened.
+    topics
+        By name, with type, QoS, type hash, definition and count.
+    start_ns, end_ns
+        Log times [ns] of the first and the last message; equal to 0 without messages.
+    custom_data
+        Free key-value pairs of ``metadata.yaml``.
+    problems
+        One sentence for each thing that is missing or damaged; empty for a complete bag.
 
-    Raises:
-        BagError: nothing is there, it is not a bag, or it cannot be read.
+    Raises
+    ------
+    BagError
+        Nothing is there, it is not a bag, or it cannot be read.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -39,11 +53,18 @@ class BagReader:
         self.topics = self._topics(stated)
         for file in self._files:
             self.problems += file.problems
-        spans = [(f.start_ns, f.end_ns) for f in self._files if f.start_ns is not None and f.end_ns is not None]
+        spans = [
+            (f.start_ns, f.end_ns)
+            for f in self._files
+            if f.start_ns is not None and f.end_ns is not None
+        ]
         self.start_ns = min((start for start, _ in spans), default=0)
         self.end_ns = max((end for _, end in spans), default=0)
         if stated and stated.count > self.count:
-            self.problems.append(f"{self.path}: {METADATA_FILE} counts {stated.count} messages, {self.count} are there")
+            self.problems.append(
+                f"{self.path}: {METADATA_FILE} counts {stated.count} messages, {self.count} are "
+                "there"
+            )
 
     def _find_files(self) -> Contents | None:
         if not self.path.exists():
@@ -57,9 +78,14 @@ class BagReader:
             raise BagError(f"{self.path}: {error.strerror}") from None
         if not (self.path / METADATA_FILE).exists():
             if not present:
-                raise BagError(f"{self.path} is not a bag: it holds neither {METADATA_FILE} nor an .mcap file")
+                raise BagError(
+                    f"{self.path} is not a bag: it holds neither {METADATA_FILE} nor an .mcap file"
+                )
             self._paths = present
-            self.problems.append(f"{self.path}: {METADATA_FILE} is missing, as after a killed recorder; topics are read from the data")
+            self.problems.append(
+                f"{self.path}: {METADATA_FILE} is missing, as after a killed recorder; topics are "
+                "read from the data"
+            )
             return None
         try:
             stated = read_metadata(self.path)
@@ -74,15 +100,23 @@ class BagReader:
         self.problems += [f"{path} is missing, though {METADATA_FILE} names it" for path in lost]
         self._paths = [path for path in self._paths if path not in lost]
         if not self._paths:
-            raise BagError("; ".join(self.problems) or f"{self.path}: {METADATA_FILE} names no data file")
+            raise BagError(
+                "; ".join(self.problems) or f"{self.path}: {METADATA_FILE} names no data file"
+            )
         return stated
 
     def _topics(self, stated: Contents | None) -> dict[str, Topic]:
-        topics = {t.name: Topic(t.name, t.type, t.qos, t.type_hash) for t in stated.topics} if stated else {}
+        topics = (
+            {t.name: Topic(t.name, t.type, t.qos, t.type_hash) for t in stated.topics}
+            if stated
+            else {}
+        )
         for file in self._files:
             for channel_id, channel in file.channels.items():
                 schema = file.schemas.get(channel.schema_id)
-                topic = topics.setdefault(channel.topic, Topic(channel.topic, schema.name if schema else ""))
+                topic = topics.setdefault(
+                    channel.topic, Topic(channel.topic, schema.name if schema else "")
+                )
                 topic.count += file.counts[channel_id]
                 if schema is not None and not topic.definition:
                     topic.definition = schema.data.decode(errors="replace")
@@ -91,7 +125,9 @@ class BagReader:
                     try:
                         topic.qos = parse_qos_text(channel.metadata.get("offered_qos_profiles", ""))
                     except ValueError as error:
-                        self.problems.append(f"{channel.topic}: the stored QoS is not readable ({error})")
+                        self.problems.append(
+                            f"{channel.topic}: the stored QoS is not readable ({error})"
+                        )
         return topics
 
     @property
@@ -116,8 +152,10 @@ class BagReader:
     def topic(self, name: str, message_type: str | None = None) -> Topic:
         """One topic.
 
-        Raises:
-            BagError: no such topic, or it is of another type; the message names what the bag holds.
+        Raises
+        ------
+        BagError
+            No such topic, or it is of another type; the message names what the bag holds.
         """
         try:
             topic = self.topics[name]
@@ -125,47 +163,78 @@ class BagReader:
             held = ", ".join(sorted(self.topics)) or "no topic at all"
             raise BagError(f"{self.path} has no topic '{name}'; it holds {held}") from None
         if message_type is not None and topic.type != message_type:
-            raise BagError(f"{self.path}: {name} is of type '{topic.type}', expected '{message_type}'")
+            raise BagError(
+                f"{self.path}: {name} is of type '{topic.type}', expected '{message_type}'"
+            )
         return topic
 
-    def messages(self, topics: Collection[str] | None = None, progress: Progress | None = None) -> Iterator[tuple[str, int, bytes]]:
+    def messages(
+        self, topics: Collection[str] | None = None, progress: Progress | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
         """Messages in the order of their log time.
 
-        Args:
-            topics: names; None for all.
-            progress: called with the fraction that is read.
+        Parameters
+        ----------
+        topics
+            Names; None for all.
+        progress
+            Called with the fraction that is read.
 
-        Yields:
+        Yields
+        ------
+        Iterator[tuple[str, int, bytes]]
             (topic, log time [ns], CDR bytes)
 
-        Raises:
-            BagError: a topic that is not there; a damaged chunk.
+        Raises
+        ------
+        BagError
+            A topic that is not there; a damaged chunk.
         """
         names = set(self.topics if topics is None else topics)
         for name in names:
             self.topic(name)
         for number, file in enumerate(self._files):
-            channels = {key: channel.topic for key, channel in file.channels.items() if channel.topic in names}
-            for log_time, _, channel_id, data in file.messages(channels, _share(progress, number, len(self._files))):
+            channels = {
+                key: channel.topic
+                for key, channel in file.channels.items()
+                if channel.topic in names
+            }
+            for log_time, _, channel_id, data in file.messages(
+                channels, _share(progress, number, len(self._files))
+            ):
                 yield channels[channel_id], log_time, data
 
     def readable_messages(self) -> Iterator[tuple[str, int, int, bytes]]:
-        """Every message outside damaged chunks: (topic, log time [ns], publish time [ns], CDR bytes); `problems` grows on the way."""
+        """Every message outside damaged chunks: (topic, log time [ns], publish time [ns], CDR
+        bytes); `problems` grows on the way.
+        """
         for file in self._files:
             known = len(file.problems)
             for log_time, publish_time, channel_id, data in file.without_damage(file.channels):
                 yield file.channels[channel_id].topic, log_time, publish_time, data
             self.problems += file.problems[known:]
 
-    def blocks(self, topic: str, refused: Callable[[str], None] | None = None, progress: Progress | None = None) -> Iterator[Block]:
-        """Blocks of one topic in the order of their log time, in the units that they were recorded in.
+    def blocks(
+        self,
+        topic: str,
+        refused: Callable[[str], None] | None = None,
+        progress: Progress | None = None,
+    ) -> Iterator[Block]:
+        """Blocks of one topic in the order of their log time, in the units that they were recorded
+        in.
 
-        Args:
-            refused: called with a sentence for each message that is no valid block, which is then left out.
-            progress: called with the fraction that is read.
+        Parameters
+        ----------
+        refused
+            Called with a sentence for each message that is no valid block, which is then left out.
+        progress
+            Called with the fraction that is read.
 
-        Raises:
-            BagError: no such topic or of another type; a message that is no valid block, when `refused` is not given.
+        Raises
+        ------
+        BagError
+            No such topic or of another type; a message that is no valid block, when `refused` is
+            not given.
         """
         self.topic(topic, MESSAGE_TYPE)
         for _, log_time, message in self.messages((topic,), progress):
@@ -179,14 +248,20 @@ class BagReader:
                 continue
             yield block
 
-    def signal(self, topic: str, progress: Progress | None = None) -> tuple[tuple[str, ...], np.ndarray]:
+    def signal(
+        self, topic: str, progress: Progress | None = None
+    ) -> tuple[tuple[str, ...], np.ndarray]:
         """All blocks of one topic in one piece.
 
-        Returns:
+        Returns
+        -------
+        tuple[tuple[str, ...], np.ndarray]
             The m column names, and the data of shape (n, m).
 
-        Raises:
-            BagError: as `blocks`; also where the columns change on the way, or the topic is empty.
+        Raises
+        ------
+        BagError
+            As `blocks`; also where the columns change on the way, or the topic is empty.
         """
         columns: tuple[str, ...] | None = None
         parts = []
@@ -195,7 +270,10 @@ class BagReader:
                 columns = block.columns
             elif block.columns != columns:
                 at = f"t = {block.time[0]:.6f} s" if len(block.time) else "an empty block"
-                raise BagError(f"{self.path}: {topic} changes its columns at {at} from {', '.join(columns)} to {', '.join(block.columns)}")
+                raise BagError(
+                    f"{self.path}: {topic} changes its columns at {at} from {', '.join(columns)} "
+                    f"to {', '.join(block.columns)}"
+                )
             parts.append(block.data)
         if columns is None:
             raise BagError(f"{self.path}: {topic} holds no message")

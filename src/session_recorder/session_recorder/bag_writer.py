@@ -12,7 +12,7 @@ from typing import BinaryIO
 from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Qos
 
-from sample_blocks.block import MESSAGE_TYPE, Block, pack
+from ankle_interfaces.block import MESSAGE_TYPE, Block, pack
 from session_recorder.bag_metadata import (
     BLOCK_QOS,
     METADATA_FILE,
@@ -38,21 +38,33 @@ CUSTOM_RECORD = "session_recorder"
 class BagWriter:
     """A new bag: a rosbag2 directory with one MCAP file of zstd chunks.
 
-    Use it in a ``with`` statement; leaving it writes the index and ``metadata.yaml``, also after an error.
+    Use it in a ``with`` statement; leaving it writes the index and ``metadata.yaml``, also after an
+    error.
 
-    Args:
-        path: the directory to create; its parents too.
-        overwrite: replace a bag that is there. Anything else that is there is never touched.
-        chunk_seconds: messages reach the disk at the latest this long after `write`, as long as more come or `flush` is called.
+    Parameters
+    ----------
+    path
+        The directory to create; its parents too.
+    overwrite
+        Replace a bag that is there. Anything else that is there is never touched.
+    chunk_seconds
+        Messages reach the disk at the latest this long after `write`, as long as more come or
+        `flush` is called.
 
-    Attributes:
-        custom_data: pairs of texts that are stored with the bag on `close`.
+    Attributes
+    ----------
+    custom_data
+        Pairs of texts that are stored with the bag on `close`.
 
-    Raises:
-        BagError: something is there already, or the directory cannot be written.
+    Raises
+    ------
+    BagError
+        Something is there already, or the directory cannot be written.
     """
 
-    def __init__(self, path: Path | str, *, overwrite: bool = False, chunk_seconds: float = CHUNK_SECONDS) -> None:
+    def __init__(
+        self, path: Path | str, *, overwrite: bool = False, chunk_seconds: float = CHUNK_SECONDS
+    ) -> None:
         self.path = Path(path)
         self.custom_data: dict[str, str] = {}
         self._chunk_seconds = chunk_seconds
@@ -65,7 +77,9 @@ class BagWriter:
         try:
             self._make_room(overwrite)
             self._stream: BinaryIO | None = self._file.open("xb")
-            self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+            self._writer = Writer(
+                self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
+            )
             self._writer.start(profile="ros2")
             self._writer.flush()
         except OSError as error:
@@ -78,9 +92,15 @@ class BagWriter:
         if self.path.exists():
             if not overwrite:
                 raise BagError(f"{self.path} is there already; nothing is overwritten unasked")
-            own = {self.path / METADATA_FILE, *self.path.glob("*.mcap")} if self.path.is_dir() else set()
+            own = (
+                {self.path / METADATA_FILE, *self.path.glob("*.mcap")}
+                if self.path.is_dir()
+                else set()
+            )
             if not own or not set(self.path.iterdir()) <= own:
-                raise BagError(f"{self.path} is there and is not (only) a bag; it is not overwritten")
+                raise BagError(
+                    f"{self.path} is there and is not (only) a bag; it is not overwritten"
+                )
             for file in own:
                 file.unlink(missing_ok=True)
         self.path.mkdir(parents=True, exist_ok=True)
@@ -106,29 +126,47 @@ class BagWriter:
         return self._end_ns
 
     def add_topic(
-        self, topic: str, message_type: str = MESSAGE_TYPE, qos: Collection[Qos] = (BLOCK_QOS,), type_hash: str | None = None
+        self,
+        topic: str,
+        message_type: str = MESSAGE_TYPE,
+        qos: Collection[Qos] = (BLOCK_QOS,),
+        type_hash: str | None = None,
     ) -> None:
         """Announce a topic.
 
-        Args:
-            message_type: as ``std_msgs/msg/Float64MultiArray``.
-            qos: what its publishers offer.
-            type_hash: as the graph reports it; None computes it from the definition.
+        Parameters
+        ----------
+        message_type
+            As ``std_msgs/msg/Float64MultiArray``.
+        qos
+            What its publishers offer.
+        type_hash
+            As the graph reports it; None computes it from the definition.
 
-        Raises:
-            BagError: the topic is there with another type, or the type is not known.
+        Raises
+        ------
+        BagError
+            The topic is there with another type, or the type is not known.
         """
         known = self._topics.get(topic)
         if known is not None:
             if known.type != message_type:
-                raise BagError(f"{topic} is recorded as '{known.type}'; '{message_type}' does not fit into the same topic")
+                raise BagError(
+                    f"{topic} is recorded as '{known.type}'; '{message_type}' does not fit into "
+                    "the same topic"
+                )
             return
         meaning = definition(message_type)
         about = Topic(topic, message_type, tuple(qos), type_hash or meaning.type_hash, meaning.text)
         if message_type not in self._schemas:
-            self._schemas[message_type] = self._writer.register_schema(message_type, "ros2msg", meaning.text.encode())
+            self._schemas[message_type] = self._writer.register_schema(
+                message_type, "ros2msg", meaning.text.encode()
+            )
         self._channels[topic] = self._writer.register_channel(
-            topic, "cdr", self._schemas[message_type], {"offered_qos_profiles": qos_text(qos), "topic_type_hash": about.type_hash}
+            topic,
+            "cdr",
+            self._schemas[message_type],
+            {"offered_qos_profiles": qos_text(qos), "topic_type_hash": about.type_hash},
         )
         self._topics[topic] = about
 
@@ -141,13 +179,20 @@ class BagWriter:
     def write(self, topic: str, stamp_ns: int, cdr: bytes, publish_ns: int | None = None) -> None:
         """Write one message.
 
-        Args:
-            stamp_ns: log time [ns since the epoch], not negative.
-            cdr: the serialised message.
-            publish_ns: time of publication [ns]; None takes the log time.
+        Parameters
+        ----------
+        stamp_ns
+            Log time [ns since the epoch], not negative.
+        cdr
+            The serialised message.
+        publish_ns
+            Time of publication [ns]; None takes the log time.
 
-        Raises:
-            BagError: an unknown topic, a negative time, or the disk refuses; what was flushed before stays readable.
+        Raises
+        ------
+        BagError
+            An unknown topic, a negative time, or the disk refuses; what was flushed before stays
+            readable.
         """
         if self._stream is None:
             raise BagError(f"{self.path} is closed")
@@ -156,10 +201,18 @@ class BagWriter:
         except KeyError:
             raise BagError(f"topic '{topic}' was not announced with add_topic") from None
         if stamp_ns < 0:
-            raise BagError(f"{topic}: log time {stamp_ns} ns is before the epoch; bags cannot hold it")
+            raise BagError(
+                f"{topic}: log time {stamp_ns} ns is before the epoch; bags cannot hold it"
+            )
         about = self._topics[topic]
         try:
-            self._writer.add_message(channel, stamp_ns, cdr, stamp_ns if publish_ns is None else publish_ns, about.count & 0xFFFFFFFF)
+            self._writer.add_message(
+                channel,
+                stamp_ns,
+                cdr,
+                stamp_ns if publish_ns is None else publish_ns,
+                about.count & 0xFFFFFFFF,
+            )
             if time.monotonic() - self._flushed >= self._chunk_seconds:
                 self._flush()
         except OSError as error:
@@ -176,8 +229,10 @@ class BagWriter:
     def flush(self) -> None:
         """Bring everything written so far to the disk, as one chunk.
 
-        Raises:
-            BagError: the disk refuses.
+        Raises
+        ------
+        BagError
+            The disk refuses.
         """
         if self._stream is not None:
             try:
@@ -190,24 +245,36 @@ class BagWriter:
         self._flushed = time.monotonic()
 
     def _abandon(self, error: OSError) -> None:
-        """Let go of a file that cannot be continued: an index behind a half-written chunk would be wrong."""
+        """Let go of a file that cannot be continued: an index behind a half-written chunk would be
+        wrong.
+        """
         stream, self._stream = self._stream, None
         if stream is not None:
             with contextlib.suppress(OSError, ValueError):
                 stream.raw.close()  # type: ignore[attr-defined]
         raise BagError(
-            f"cannot write {self._file}: {error.strerror}; what was written before is readable, `recover` repairs the bag"
+            f"cannot write {self._file}: {error.strerror}; what was written before is readable, "
+            "`recover` repairs the bag"
         ) from None
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``. Does nothing the second time, or after the disk refused.
+        """Write the index and ``metadata.yaml``. Does nothing the second time, or after the disk
+        refused.
 
-        Raises:
-            BagError: the disk refuses.
+        Raises
+        ------
+        BagError
+            The disk refuses.
         """
         if self._stream is None:
             return
-        contents = Contents([self._file.name], list(self._topics.values()), self._start_ns, self._end_ns, dict(self.custom_data))
+        contents = Contents(
+            [self._file.name],
+            list(self._topics.values()),
+            self._start_ns,
+            self._end_ns,
+            dict(self.custom_data),
+        )
         info = information(contents)
         try:
             if self.custom_data:
@@ -223,7 +290,12 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         try:
             self.close()
         except BagError:

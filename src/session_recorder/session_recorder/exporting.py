@@ -11,7 +11,7 @@ from typing import Any, TextIO
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from sample_blocks.block import MESSAGE_TYPE
+from ankle_interfaces.block import MESSAGE_TYPE
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.mcap_file import Progress
@@ -32,21 +32,32 @@ def export_bag(
 ) -> list[Path]:
     """Export a bag.
 
-    ``csv`` writes a folder with one file for each topic: blocks as one row for each sample under the
-    column names with units, with every digit; any other message as its log time and one JSON object.
-    ``npz`` writes one file; every column of a block topic is an array ``ankle_samples.position[rad]``.
+    ``csv`` writes a folder with one file for each topic: blocks as one row for each sample under
+    the column names with units, with every digit; any other message as its log time and one JSON
+    object. ``npz`` writes one file; every column of a block topic is an array
+    ``ankle_samples.position[rad]``.
 
-    Args:
-        output: the folder (``csv``) or file (``npz``) to write.
-        topics: names; None exports every topic (``npz``: every topic of blocks).
-        overwrite: replace files that are there.
-        progress: called with the fraction that is done.
+    Parameters
+    ----------
+    output
+        The folder (``csv``) or file (``npz``) to write.
+    topics
+        Names; None exports every topic (``npz``: every topic of blocks).
+    overwrite
+        Replace files that are there.
+    progress
+        Called with the fraction that is done.
 
-    Returns:
+    Returns
+    -------
+    list[Path]
         The files written.
 
-    Raises:
-        BagError: no such bag or topic, a message that is no valid block, an existing output, a disk that refuses.
+    Raises
+    ------
+    BagError
+        No such bag or topic, a message that is no valid block, an existing output, a disk that
+        refuses.
     """
     if file_format not in FORMATS:
         raise BagError(f"format '{file_format}' is not written; expected {' or '.join(FORMATS)}")
@@ -60,7 +71,9 @@ def export_bag(
         raise BagError(f"{reader.path} holds nothing that can be written as {file_format}")
     target = Path(output)
     try:
-        return (_export_csv if file_format == "csv" else _export_npz)(reader, target, names, overwrite, progress)
+        return (_export_csv if file_format == "csv" else _export_npz)(
+            reader, target, names, overwrite, progress
+        )
     except OSError as error:
         raise BagError(f"cannot write {target}: {error.strerror}") from None
 
@@ -80,19 +93,25 @@ def _share(progress: Progress | None, number: int, count: int) -> Progress | Non
     return lambda fraction: progress((number + fraction) / count)
 
 
-def _export_npz(reader: BagReader, target: Path, names: list[str], overwrite: bool, progress: Progress | None) -> list[Path]:
+def _export_npz(
+    reader: BagReader, target: Path, names: list[str], overwrite: bool, progress: Progress | None
+) -> list[Path]:
     _refuse_existing(target, overwrite)
     arrays: dict[str, np.ndarray] = {}
     for number, topic in enumerate(names):
         columns, data = reader.signal(topic, _share(progress, number, len(names)))
-        arrays.update({f"{_file_name(topic)}.{column}": data[:, k] for k, column in enumerate(columns)})
+        arrays.update(
+            {f"{_file_name(topic)}.{column}": data[:, k] for k, column in enumerate(columns)}
+        )
     target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
     return [target]
 
 
-def _export_csv(reader: BagReader, target: Path, names: list[str], overwrite: bool, progress: Progress | None) -> list[Path]:
+def _export_csv(
+    reader: BagReader, target: Path, names: list[str], overwrite: bool, progress: Progress | None
+) -> list[Path]:
     files = {topic: target / f"{_file_name(topic)}.csv" for topic in names}
     if len(set(files.values())) < len(files):
         raise BagError(f"two topics would be written to the same file: {', '.join(names)}")
@@ -116,7 +135,10 @@ def _write_blocks(reader: BagReader, topic: str, file: TextIO, progress: Progres
             columns = block.columns
             file.write(",".join(columns) + "\n")
         elif block.columns != columns:
-            raise BagError(f"{reader.path}: {topic} changes its columns from {', '.join(columns)} to {', '.join(block.columns)}")
+            raise BagError(
+                f"{reader.path}: {topic} changes its columns from {', '.join(columns)} to "
+                f"{', '.join(block.columns)}"
+            )
         # repr is the shortest text that reads back as the same number.
         file.writelines(",".join(map(repr, row)) + "\n" for row in block.data.tolist())
 
@@ -129,13 +151,18 @@ def _write_messages(reader: BagReader, topic: str, file: TextIO, progress: Progr
     rows.writerow([LOG_TIME, message_type])
     for _, log_time, message in reader.messages((topic,), progress):
         content = _plain(store.deserialize_cdr(message, message_type), store)
-        rows.writerow([f"{log_time // 10**9}.{log_time % 10**9:09d}", json.dumps(content, ensure_ascii=False)])
+        rows.writerow(
+            [f"{log_time // 10**9}.{log_time % 10**9:09d}", json.dumps(content, ensure_ascii=False)]
+        )
 
 
 def _plain(value: Any, store: Typestore) -> Any:
     """A message as what JSON knows."""
     if hasattr(value, "__msgtype__"):
-        return {name: _plain(getattr(value, name), store) for name, _ in store.fielddefs[value.__msgtype__][1]}
+        return {
+            name: _plain(getattr(value, name), store)
+            for name, _ in store.fielddefs[value.__msgtype__][1]
+        }
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, (list, tuple)):

@@ -13,19 +13,25 @@ import time
 from bisect import bisect_right
 from collections.abc import Callable
 
-# Half of the readers' queue of 64, so that a message that is both unread and being worked off has room.
+# Half of the readers' queue of 64, so that a message that is both unread and being worked off has
+# room.
 WINDOW = 32
 
 
 class Flow:
     """Messages of one topic under way to its readers. Safe to use from two threads.
 
-    Args:
-        readers: how many readers tell what they have worked off.
-        window: messages that may be under way.
+    Parameters
+    ----------
+    readers
+        How many readers tell what they have worked off.
+    window
+        Messages that may be under way.
 
-    Attributes:
-        sent: messages sent so far.
+    Attributes
+    ----------
+    sent
+        Messages sent so far.
     """
 
     def __init__(self, readers: int, window: int = WINDOW) -> None:
@@ -48,7 +54,9 @@ class Flow:
     def worked_off(self, reader: str, stamp_ns: int) -> None:
         """A reader is done with the message stamped `stamp_ns` [ns] and everything before it."""
         with self._changed:
-            self._done[reader] = max(self._done.get(reader, 0), bisect_right(self._sent_at, stamp_ns))
+            self._done[reader] = max(
+                self._done.get(reader, 0), bisect_right(self._sent_at, stamp_ns)
+            )
             self._changed.notify_all()
 
     @property
@@ -66,12 +74,18 @@ class Flow:
     def wait(self, at_most: int, patience: float, going_on: Callable[[], bool]) -> bool:
         """Wait until at most so many messages are under way.
 
-        Args:
-            at_most: messages; 0 waits until everything is worked off.
-            patience: longest time [s] without any progress of the slowest reader.
-            going_on: asked ten times a second; False ends the wait.
+        Parameters
+        ----------
+        at_most
+            Messages; 0 waits until everything is worked off.
+        patience
+            Longest time [s] without any progress of the slowest reader.
+        going_on
+            Asked ten times a second; False ends the wait.
 
-        Returns:
+        Returns
+        -------
+        bool
             False when no reader made progress for `patience`, or the wait was ended.
         """
         with self._changed:
@@ -92,6 +106,9 @@ class Flow:
     def laggards(self) -> str:
         """Who has got how far, for an error message."""
         with self._changed:
-            known = [f"{reader.split()[0]} worked off {done} of {len(self._sent_at)}" for reader, done in sorted(self._done.items())]
+            known = [
+                f"{reader.split()[0]} worked off {done} of {len(self._sent_at)}"
+                for reader, done in sorted(self._done.items())
+            ]
             silent = self.readers - len(self._done)
             return ", ".join(known + ([f"{silent} reader(s) never answered"] if silent > 0 else []))

@@ -1,4 +1,5 @@
-"""Recordings of other systems into bags: CSV, NPZ, MAT, EDF and BDF, in SI, with this project's signs.
+"""Recordings of other systems into bags: CSV, NPZ, MAT, EDF and BDF, in SI, with this project's
+signs.
 
 The user states for every column its name and unit, the sampling rate or a time column, and the sign
 of torque. What the data contradict is refused with the reason (`plausibility`), or, when forced,
@@ -13,18 +14,25 @@ from pathlib import Path
 
 import numpy as np
 
-from sample_blocks.block import TIME_COLUMN, Block
-from sample_blocks.continuity import RATE_TOLERANCE, Continuity, sampling_rate
-from sample_blocks.errors import UnitError
-from sample_blocks.units import split_column, to_si
+from ankle_interfaces.block import TIME_COLUMN, Block
+from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity, sampling_rate
+from ankle_interfaces.errors import UnitError
+from ankle_interfaces.units import split_column, to_si
 from session_recorder.bag_writer import BagWriter
 from session_recorder.edf_tables import edf_units
 from session_recorder.errors import ImportRefused
 from session_recorder.mcap_file import Progress
-from session_recorder.plausibility import Intrinsic, check_intrinsic, check_ranges, check_velocity, intrinsic
+from session_recorder.plausibility import (
+    Intrinsic,
+    check_intrinsic,
+    check_ranges,
+    check_velocity,
+    intrinsic,
+)
 from session_recorder.tables import read_table
 
-# Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the subject exerts.
+# Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the
+# subject exerts.
 TORQUE_SIGNS = {"rig": 1.0, "subject": -1.0}
 MISSING_POLICIES = ("nan", "gap")
 # Quantity -> topic and column there. EMG columns have the muscle's name and a unit of voltage.
@@ -37,7 +45,8 @@ QUANTITIES = {
     "reference_acceleration": ("/perturbation/reference", "acceleration[rad/s^2]"),
 }
 EMG_TOPIC = "/emg/samples"
-# Slower does not show an ankle's mechanics, faster is no rig: such a rate is a time column in another unit.
+# Slower does not show an ankle's mechanics, faster is no rig: such a rate is a time column in
+# another unit.
 RATE_RANGE = (50.0, 100_000.0)  # Hz
 BLOCKS_PER_SECOND = 64
 SHOWN_FINDINGS = 5
@@ -47,14 +56,22 @@ SHOWN_FINDINGS = 5
 class ImportReport:
     """Outcome of `import_recording`.
 
-    Attributes:
-        bag: the new bag.
-        columns: of each topic.
-        samples: imported.
-        rate: sampling rate [Hz].
-        warnings: missing samples, contradictions that were forced, conversions worth knowing.
-        ignored: columns of the source that were not stated.
-        intrinsic: what the torque's sign and the units were judged by; None where the data do not tell.
+    Attributes
+    ----------
+    bag
+        The new bag.
+    columns
+        Of each topic.
+    samples
+        Imported.
+    rate
+        Sampling rate [Hz].
+    warnings
+        Missing samples, contradictions that were forced, conversions worth knowing.
+    ignored
+        Columns of the source that were not stated.
+    intrinsic
+        What the torque's sign and the units were judged by; None where the data do not tell.
     """
 
     bag: Path
@@ -91,22 +108,36 @@ def import_recording(
 ) -> ImportReport:
     """Import one recording into a new bag.
 
-    Args:
-        source: a ``.csv``, ``.txt``, ``.npz``, ``.mat``, ``.edf`` or ``.bdf`` file.
-        bag: the directory to create.
-        columns: stated name with unit -> column of the source, as ``{"t[ms]": "time", "position[deg]": "angle"}``.
-            Names: ``t``, those of `QUANTITIES`, and muscles in a unit of voltage as ``SOL[mV]``.
-        torque_sign: ``rig`` (torque that moves the ankle, positive in dorsiflexion) or ``subject`` (the opposite);
-            needed with a torque column.
-        rate: sampling rate [Hz]; needed without a time column, compared with it otherwise.
-        missing: what becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
-        force: import in spite of contradictions; they are recorded in the bag.
-        overwrite: replace a bag that is there.
-        progress: called with the fraction that is done.
+    Parameters
+    ----------
+    source
+        A ``.csv``, ``.txt``, ``.npz``, ``.mat``, ``.edf`` or ``.bdf`` file.
+    bag
+        The directory to create.
+    columns
+        Stated name with unit -> column of the source, as ``{"t[ms]": "time", "position[deg]":
+        "angle"}``. Names: ``t``, those of `QUANTITIES`, and muscles in a unit of voltage as
+        ``SOL[mV]``.
+    torque_sign
+        ``rig`` (torque that moves the ankle, positive in dorsiflexion) or ``subject`` (the
+        opposite); needed with a torque column.
+    rate
+        Sampling rate [Hz]; needed without a time column, compared with it otherwise.
+    missing
+        What becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
+    force
+        Import in spite of contradictions; they are recorded in the bag.
+    overwrite
+        Replace a bag that is there.
+    progress
+        Called with the fraction that is done.
 
-    Raises:
-        ImportRefused: the source is not readable, or what is stated is incomplete or contradicts the data.
-        BagError: the bag cannot be written.
+    Raises
+    ------
+    ImportRefused
+        The source is not readable, or what is stated is incomplete or contradicts the data.
+    BagError
+        The bag cannot be written.
     """
     stated = {name: _meaning(name) for name in columns}
     _check_statement(stated, torque_sign, rate, missing)
@@ -127,14 +158,18 @@ def import_recording(
         writer.custom_data.update(
             {
                 "imported_from": Path(source).name,
-                "stated_columns": ", ".join(f"{name} = {column}" for name, column in columns.items()),
+                "stated_columns": ", ".join(
+                    f"{name} = {column}" for name, column in columns.items()
+                ),
                 "stated_torque_sign": torque_sign or "no torque",
                 "sampling_rate[Hz]": f"{signals.rate!r}",
                 "warnings": "\n".join(signals.warnings),
             }
         )
     names = {topic: tuple(held) for topic, held in signals.columns.items()}
-    return ImportReport(writer.path, names, written, signals.rate, tuple(signals.warnings), tuple(ignored), found)
+    return ImportReport(
+        writer.path, names, written, signals.rate, tuple(signals.warnings), tuple(ignored), found
+    )
 
 
 def _meaning(name: str) -> tuple[str, str, float]:
@@ -151,29 +186,52 @@ def _meaning(name: str) -> tuple[str, str, float]:
     elif si == "V":
         return EMG_TOPIC, f"{quantity}[V]", factor
     else:
-        raise ImportRefused(f"'{name}': unknown quantity; known: t, {', '.join(QUANTITIES)}, and muscles in V, mV or uV")
+        raise ImportRefused(
+            f"'{name}': unknown quantity; known: t, {', '.join(QUANTITIES)}, and muscles in V, mV "
+            "or uV"
+        )
     expected = split_column(column)[1]
     if si != expected:
-        raise ImportRefused(f"'{name}': {quantity} is given in '{unit}', expected {expected} or a multiple of it")
+        raise ImportRefused(
+            f"'{name}': {quantity} is given in '{unit}', expected {expected} or a multiple of it"
+        )
     return topic, column, factor
 
 
-def _check_statement(stated: Mapping[str, tuple[str, str, float]], torque_sign: str | None, rate: float | None, missing: str) -> None:
+def _check_statement(
+    stated: Mapping[str, tuple[str, str, float]],
+    torque_sign: str | None,
+    rate: float | None,
+    missing: str,
+) -> None:
     held = [(topic, column) for topic, column, _ in stated.values()]
     if len(set(held)) < len(held):
         raise ImportRefused(f"a quantity is stated twice: {', '.join(stated)}")
     if all(not topic for topic, _ in held):
-        raise ImportRefused("no signal is stated; expected for example 'position[rad]' and 'torque[N.m]'")
+        raise ImportRefused(
+            "no signal is stated; expected for example 'position[rad]' and 'torque[N.m]'"
+        )
     if ("/ankle/samples", "torque[N.m]") in held and torque_sign is None:
-        raise ImportRefused("the sign of torque is not stated: 'rig' (torque that moves the ankle) or 'subject' (the opposite)")
+        raise ImportRefused(
+            "the sign of torque is not stated: 'rig' (torque that moves the ankle) or 'subject' "
+            "(the opposite)"
+        )
     if torque_sign is not None and torque_sign not in TORQUE_SIGNS:
-        raise ImportRefused(f"torque sign '{torque_sign}' is not known; expected {' or '.join(TORQUE_SIGNS)}")
+        raise ImportRefused(
+            f"torque sign '{torque_sign}' is not known; expected {' or '.join(TORQUE_SIGNS)}"
+        )
     if missing not in MISSING_POLICIES:
-        raise ImportRefused(f"policy '{missing}' for missing samples is not known; expected {' or '.join(MISSING_POLICIES)}")
+        raise ImportRefused(
+            f"policy '{missing}' for missing samples is not known; expected "
+            f"{' or '.join(MISSING_POLICIES)}"
+        )
     if rate is None and ("", TIME_COLUMN) not in held:
         raise ImportRefused("neither a sampling rate nor a time column is stated")
     if rate is not None and not RATE_RANGE[0] <= rate <= RATE_RANGE[1]:
-        raise ImportRefused(f"sampling rate {rate:g} Hz is refused; allowed: {RATE_RANGE[0]:g} to {RATE_RANGE[1]:g} Hz")
+        raise ImportRefused(
+            f"sampling rate {rate:g} Hz is refused; allowed: {RATE_RANGE[0]:g} to "
+            f"{RATE_RANGE[1]:g} Hz"
+        )
 
 
 def _convert(
@@ -201,7 +259,9 @@ def _convert(
 
 
 def _check_units(columns: Mapping[str, str], declared: Mapping[str, str]) -> list[str]:
-    """Where a stated unit is another than the file declares; both are compared in SI, and what is no unit to us is not judged."""
+    """Where a stated unit is another than the file declares; both are compared in SI, and what is
+    no unit to us is not judged.
+    """
     found = []
     for name, column in columns.items():
         stated = split_column(name)[1]
@@ -210,7 +270,10 @@ def _check_units(columns: Mapping[str, str], declared: Mapping[str, str]) -> lis
         except UnitError:
             continue
         if own != to_si(stated):
-            found.append(f"'{name}' is stated in {stated}, the file declares '{column}' in {declared[column]}")
+            found.append(
+                f"'{name}' is stated in {stated}, the file declares '{column}' in "
+                f"{declared[column]}"
+            )
     return found
 
 
@@ -219,18 +282,25 @@ def _check_time(signals: _Signals, stated_rate: float | None) -> None:
     if not finite.all():
         signals.warnings.append(f"{int((~finite).sum())} samples have no time and are left out")
         signals.time = signals.time[finite]
-        signals.columns = {topic: {name: v[finite] for name, v in held.items()} for topic, held in signals.columns.items()}
+        signals.columns = {
+            topic: {name: v[finite] for name, v in held.items()}
+            for topic, held in signals.columns.items()
+        }
     try:
         signals.rate = sampling_rate(signals.time)
     except ValueError as error:
         raise ImportRefused(f"time column: {error}") from None
     if not RATE_RANGE[0] <= signals.rate <= RATE_RANGE[1]:
         raise ImportRefused(
-            f"the time column steps by {1 / signals.rate:g} s, a rate of {signals.rate:g} Hz; expected {RATE_RANGE[0]:g} to "
+            f"the time column steps by {1 / signals.rate:g} s, a rate of {signals.rate:g} Hz; "
+            f"expected {RATE_RANGE[0]:g} to "
             f"{RATE_RANGE[1]:g} Hz. Is it in {'ms or us' if signals.rate < RATE_RANGE[0] else 's'}?"
         )
     if stated_rate is not None and abs(signals.rate / stated_rate - 1) > RATE_TOLERANCE:
-        signals.contradictions.append(f"the stated sampling rate is {stated_rate:g} Hz, the time column steps at {signals.rate:.6g} Hz")
+        signals.contradictions.append(
+            f"the stated sampling rate is {stated_rate:g} Hz, the time column steps at "
+            f"{signals.rate:.6g} Hz"
+        )
     findings = Continuity(signals.rate).check(signals.time[:, None])
     backwards = [finding.message for finding in findings if finding.kind == "backwards"]
     others = [finding.message for finding in findings if finding.kind != "backwards"]
@@ -240,7 +310,9 @@ def _check_time(signals: _Signals, stated_rate: float | None) -> None:
             out.append(f"and {len(sentences) - SHOWN_FINDINGS} more like these")
     if signals.time.min() < 0:
         shift = float(-np.floor(signals.time.min()))
-        signals.warnings.append(f"time begins before 0: {shift:g} s are added, because a bag's times are not negative")
+        signals.warnings.append(
+            f"time begins before 0: {shift:g} s are added, because a bag's times are not negative"
+        )
         signals.time = signals.time + shift
 
 
@@ -249,7 +321,8 @@ def _check_signals(signals: _Signals, torque_sign: str) -> Intrinsic | None:
     reference = signals.columns.get("/perturbation/reference", {})
     signals.contradictions += check_ranges({**ankle, **signals.columns.get(EMG_TOPIC, {})})
     signals.contradictions += [f"reference: {sentence}" for sentence in check_ranges(reference)]
-    # Where samples are missing in time, neighbours are not one step apart: such a place is kept out of the estimates.
+    # Where samples are missing in time, neighbours are not one step apart: such a place is kept out
+    # of the estimates.
     jumps = np.concatenate([[False], np.abs(np.diff(signals.time) * signals.rate - 1) > 0.5])
     position = ankle.get("position[rad]")
     if position is None:
@@ -261,7 +334,9 @@ def _check_signals(signals: _Signals, torque_sign: str) -> Intrinsic | None:
         return None
     found = intrinsic(signals.rate, position, ankle["torque[N.m]"])
     if found is None:
-        signals.warnings.append("units and sign of torque were not verified: the data show too little fast movement")
+        signals.warnings.append(
+            "units and sign of torque were not verified: the data show too little fast movement"
+        )
         return None
     signals.contradictions += check_intrinsic(found, torque_sign)
     return found
@@ -274,7 +349,8 @@ def _report_missing(signals: _Signals, missing: str) -> None:
             bad = np.flatnonzero(~np.isfinite(values))
             if len(bad):
                 signals.warnings.append(
-                    f"{topic} {name}: {len(bad)} samples are missing or not finite, first at t = {signals.time[bad[0]]:.6f} s; {fate}"
+                    f"{topic} {name}: {len(bad)} samples are missing or not finite, first at t = "
+                    f"{signals.time[bad[0]]:.6f} s; {fate}"
                 )
 
 

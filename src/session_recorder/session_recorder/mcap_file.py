@@ -28,8 +28,8 @@ from session_recorder.errors import BagError
 
 Progress = Callable[[float], None]
 Record = tuple[int, int, int, bytes]
-# What the mcap library and its decompressors raise on bytes that are not what they should be; OSError is a seek to
-# where a damaged offset points.
+# What the mcap library and its decompressors raise on bytes that are not what they should be;
+# OSError is a seek to where a damaged offset points.
 DAMAGE = (
     McapError,
     zstandard.ZstdError,
@@ -50,7 +50,9 @@ CRC_AND_MARK = 4 + 8  # bytes at the end that the footer's checksum leaves out
 
 @dataclass(frozen=True)
 class _Piece:
-    """A chunk (or a message outside chunks): where it is, its times [ns], and its message index by channel."""
+    """A chunk (or a message outside chunks): where it is, its times [ns], and its message index by
+    channel.
+    """
 
     offset: int
     start_ns: int
@@ -61,15 +63,23 @@ class _Piece:
 class McapFile:
     """Channels, counts and messages of one MCAP file.
 
-    Attributes:
-        channels, schemas: by the file's ids.
-        counts: messages of each channel.
-        metadata: the file's own metadata records by name.
-        problems: what is damaged or missing, one sentence each; empty for a complete file.
-        start_ns, end_ns: log times [ns] of the first and last message; None without messages.
+    Attributes
+    ----------
+    channels, schemas
+        By the file's ids.
+    counts
+        Messages of each channel.
+    metadata
+        The file's own metadata records by name.
+    problems
+        What is damaged or missing, one sentence each; empty for a complete file.
+    start_ns, end_ns
+        Log times [ns] of the first and last message; None without messages.
 
-    Raises:
-        BagError: the file cannot be opened or is no MCAP file.
+    Raises
+    ------
+    BagError
+        The file cannot be opened or is no MCAP file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -87,7 +97,10 @@ class McapFile:
                 self.size = stream.seek(0, 2)
                 stream.seek(0)
                 if self.size < 8 or stream.read(8) != b"\x89MCAP0\r\n":
-                    raise BagError(f"{path} is not an MCAP file ({self.size} bytes, the start is not the MCAP mark)")
+                    raise BagError(
+                        f"{path} is not an MCAP file ({self.size} bytes, the start is not the "
+                        "MCAP mark)"
+                    )
                 if not self._read_index(stream):
                     self._scan(stream)
         except OSError as error:
@@ -95,7 +108,9 @@ class McapFile:
         self._pieces.sort(key=lambda piece: (piece.start_ns, piece.offset))
 
     def _read_index(self, stream: BinaryIO) -> bool:
-        """Take everything from the summary at the file's end; False where there is none that tells all."""
+        """Take everything from the summary at the file's end; False where there is none that tells
+        all.
+        """
         try:
             stream.seek(0)
             reader = make_reader(stream)
@@ -103,9 +118,13 @@ class McapFile:
             if summary is None or summary.statistics is None or not self._index_is_intact(stream):
                 return False
             statistics = summary.statistics
-            if statistics.message_count and not all(chunk.message_index_offsets for chunk in summary.chunk_indexes):
+            if statistics.message_count and not all(
+                chunk.message_index_offsets for chunk in summary.chunk_indexes
+            ):
                 return False
-            if len(summary.chunk_indexes) != statistics.chunk_count or (statistics.message_count and not summary.chunk_indexes):
+            if len(summary.chunk_indexes) != statistics.chunk_count or (
+                statistics.message_count and not summary.chunk_indexes
+            ):
                 return False
             metadata = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
         except DAMAGE:
@@ -116,12 +135,20 @@ class McapFile:
         if statistics.message_count:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
         self._pieces = [
-            _Piece(c.chunk_start_offset, c.message_start_time, c.message_end_time, c.message_index_offsets) for c in summary.chunk_indexes
+            _Piece(
+                c.chunk_start_offset,
+                c.message_start_time,
+                c.message_end_time,
+                c.message_index_offsets,
+            )
+            for c in summary.chunk_indexes
         ]
         return True
 
     def _index_is_intact(self, stream: BinaryIO) -> bool:
-        """Whether the summary has the checksum that the footer states; the library's reader does not look."""
+        """Whether the summary has the checksum that the footer states; the library's reader does
+        not look.
+        """
         stream.seek(self.size - FOOTER_AND_MARK)
         footer = next(StreamReader(stream, skip_magic=True).records)
         if not isinstance(footer, Footer) or footer.summary_crc == 0:
@@ -132,7 +159,9 @@ class McapFile:
 
     def _scan(self, stream: BinaryIO) -> None:
         stream.seek(0)
-        records = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=self.size).records
+        records = StreamReader(
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=self.size
+        ).records
         finished = False
         while True:
             offset = stream.tell()
@@ -147,7 +176,9 @@ class McapFile:
                 try:
                     inner = breakup_chunk(record, validate_crc=True)
                 except DAMAGE as error:
-                    self._report_chunk(offset, record.message_start_time, record.message_end_time, error)
+                    self._report_chunk(
+                        offset, record.message_start_time, record.message_end_time, error
+                    )
                     continue
                 self._collect(inner, offset)
             elif isinstance(record, Metadata):
@@ -161,15 +192,21 @@ class McapFile:
 
     def _report_chunk(self, offset: int, start_ns: int, end_ns: int, error: BaseException) -> None:
         span = f"{(end_ns - start_ns) * 1e-9:.3f} s from {start_ns * 1e-9:.3f} s"
-        self.problems.append(f"{self.path.name}: the chunk at byte {offset} is damaged ({_reason(error)}); its {span} are lost")
+        self.problems.append(
+            f"{self.path.name}: the chunk at byte {offset} is damaged ({_reason(error)}); its "
+            f"{span} are lost"
+        )
 
     def _report_end(self, offset: int, finished: bool, error: BaseException) -> None:
         if finished:
-            self.problems.append(f"{self.path.name}: the index at the file's end is damaged; every message is there")
+            self.problems.append(
+                f"{self.path.name}: the index at the file's end is damaged; every message is there"
+            )
             return
         lost = "after the last whole chunk" if self._pieces else "after that"
         self.problems.append(
-            f"{self.path.name}: the file ends without its index, as after a killed recorder: it is cut off or damaged at byte {offset}"
+            f"{self.path.name}: the file ends without its index, as after a killed recorder: it "
+            f"is cut off or damaged at byte {offset}"
             f" of {self.size} ({_reason(error)}); messages {lost} are lost"
         )
 
@@ -189,21 +226,33 @@ class McapFile:
             self.start_ns = first if self.start_ns is None else min(self.start_ns, first)
             self.end_ns = last if self.end_ns is None else max(self.end_ns, last)
 
-    def messages(self, channels: Collection[int], progress: Progress | None = None) -> Iterator[Record]:
+    def messages(
+        self, channels: Collection[int], progress: Progress | None = None
+    ) -> Iterator[Record]:
         """Messages of some channels in the order of their log time.
 
-        Args:
-            channels: ids.
-            progress: called with the fraction that is read.
+        Parameters
+        ----------
+        channels
+            Ids.
+        progress
+            Called with the fraction that is read.
 
-        Yields:
-            (log time [ns], publish time [ns], channel id, data); messages of equal time in the file's order.
+        Yields
+        ------
+        Iterator[Record]
+            (log time [ns], publish time [ns], channel id, data); messages of equal time in the
+            file's order.
 
-        Raises:
-            BagError: a chunk is damaged; the message says where.
+        Raises
+        ------
+        BagError
+            A chunk is damaged; the message says where.
         """
         wanted = frozenset(channels)
-        pieces = [piece for piece in self._pieces if not piece.index or not wanted.isdisjoint(piece.index)]
+        pieces = [
+            piece for piece in self._pieces if not piece.index or not wanted.isdisjoint(piece.index)
+        ]
         held: list[Record] = []
         with self.path.open("rb") as stream:
             for number, piece in enumerate(pieces):
@@ -211,12 +260,17 @@ class McapFile:
                     held += self._read(stream, piece, wanted)
                 except DAMAGE as error:
                     raise BagError(
-                        f"{self.path}: the chunk at byte {piece.offset} ({piece.start_ns * 1e-9:.3f} to {piece.end_ns * 1e-9:.3f} s)"
+                        f"{self.path}: the chunk at byte {piece.offset} "
+                        f"({piece.start_ns * 1e-9:.3f} to {piece.end_ns * 1e-9:.3f} s)"
                         f" is damaged: {_reason(error)}; `recover` saves the rest"
                     ) from None
                 held.sort(key=_log_time)
                 # Later pieces start at or after the next one: everything before it is in its place.
-                ready = bisect_left(held, pieces[number + 1].start_ns, key=_log_time) if number + 1 < len(pieces) else len(held)
+                ready = (
+                    bisect_left(held, pieces[number + 1].start_ns, key=_log_time)
+                    if number + 1 < len(pieces)
+                    else len(held)
+                )
                 yield from held[:ready]
                 del held[:ready]
                 if progress:
@@ -225,9 +279,19 @@ class McapFile:
     def _read(self, stream: BinaryIO, piece: _Piece, wanted: frozenset[int]) -> list[Record]:
         if not piece.index:
             stream.seek(piece.offset)
-            record = next(StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=self.size).records)
-            inner = breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
-            return [(m.log_time, m.publish_time, m.channel_id, m.data) for m in inner if isinstance(m, Message) and m.channel_id in wanted]
+            record = next(
+                StreamReader(
+                    stream, skip_magic=True, emit_chunks=True, record_size_limit=self.size
+                ).records
+            )
+            inner = (
+                breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+            )
+            return [
+                (m.log_time, m.publish_time, m.channel_id, m.data)
+                for m in inner
+                if isinstance(m, Message) and m.channel_id in wanted
+            ]
         stream.seek(piece.offset + RECORD_HEAD)
         content, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
         inside = BytesIO(content.read(size))
@@ -244,7 +308,9 @@ class McapFile:
         return out
 
     def without_damage(self, channels: Collection[int]) -> Iterator[Record]:
-        """As `messages`, in the order of the file and over damaged chunks, each of which becomes one of `problems`."""
+        """As `messages`, in the order of the file and over damaged chunks, each of which becomes
+        one of `problems`.
+        """
         wanted = frozenset(channels)
         with self.path.open("rb") as stream:
             for piece in self._pieces:

@@ -22,9 +22,12 @@ from session_recorder.errors import BagError
 class Definition:
     """What a bag stores about a message type.
 
-    Attributes:
-        text: the ``ros2msg`` schema: the type's own definition followed by every nested one.
-        type_hash: ``RIHS01_...`` (REP 2016), as the graph reports it.
+    Attributes
+    ----------
+    text
+        The ``ros2msg`` schema: the type's own definition followed by every nested one.
+    type_hash
+        ``RIHS01_...`` (REP 2016), as the graph reports it.
     """
 
     text: str
@@ -41,8 +44,10 @@ def typestore() -> Typestore:
 def definition(message_type: str) -> Definition:
     """Full definition of a type, as ``std_msgs/msg/Float64MultiArray``.
 
-    Raises:
-        BagError: neither Jazzy nor an installed package defines the type.
+    Raises
+    ------
+    BagError
+        Neither Jazzy nor an installed package defines the type.
     """
     store = typestore()
     if message_type not in store.fielddefs:
@@ -61,7 +66,9 @@ def _register_installed(store: Typestore, message_type: str) -> None:
         found = get_types_from_msg(_installed_file(name).read_text(), name)
         types.update(found)
         for _, fields in found.values():
-            pending += [nested for _, description in fields if (nested := _nested_type(description))]
+            pending += [
+                nested for _, description in fields if (nested := _nested_type(description))
+            ]
     store.register(types)
 
 
@@ -76,9 +83,15 @@ def _nested_type(description: tuple) -> str | None:
 def _installed_file(message_type: str) -> Path:
     parts = message_type.split("/")
     if len(parts) == 3:
-        prefixes = [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
+        prefixes = [
+            *filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)),
+            sys.prefix,
+        ]
         for prefix in prefixes:
             path = Path(prefix, "share", parts[0], parts[1], parts[2] + ".msg")
             if path.is_file():
                 return path
-    raise BagError(f"no definition of message type '{message_type}': it is not part of ROS 2 Jazzy, and no installed package has it")
+    raise BagError(
+        f"no definition of message type '{message_type}': it is not part of ROS 2 Jazzy, and no "
+        "installed package has it"
+    )

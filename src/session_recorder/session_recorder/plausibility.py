@@ -1,8 +1,8 @@
 """Whether recorded signals can be what was stated about them: units, sign of torque, sampling rate.
 
 An ankle is a body part of known size. Its range of movement, strength, inertia and stiffness leave
-room for every subject, but not for a factor of 57 (degrees) or 1000 (millinewton-metres), and inertia
-and stiffness are positive. They are estimated around fast movements by least squares of
+room for every subject, but not for a factor of 57 (degrees) or 1000 (millinewton-metres), and
+inertia and stiffness are positive. They are estimated around fast movements by least squares of
 
     torque = I acceleration + B velocity + K position        (paper, figure 1: the intrinsic part)
 
@@ -17,10 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-# From 50 degrees plantarflexion to 30 degrees dorsiflexion is the joint's range; with room for where zero was put.
+# From 50 degrees plantarflexion to 30 degrees dorsiflexion is the joint's range; with room for
+# where zero was put.
 LARGEST_POSITION = 1.5  # rad
 LARGEST_SPREAD = 1.6  # rad
-# Twice the strongest maximal voluntary contractions in the literature (about 200 N.m in plantarflexion).
+# Twice the strongest maximal voluntary contractions in the literature (about 200 N.m in
+# plantarflexion).
 LARGEST_TORQUE = 400.0  # N.m
 # Sprinting reaches 15 rad/s.
 LARGEST_VELOCITY = 40.0  # rad/s
@@ -28,7 +30,8 @@ LARGEST_VELOCITY = 40.0  # rad/s
 LARGEST_EMG = 20.0  # V
 # Foot alone 0.005 to 0.015 kg.m^2; with a heavy footplate up to 0.1.
 INERTIA_RANGE = (0.002, 0.25)  # kg.m^2
-# Relaxed about 10, maximally contracted about 500 N.m/rad; the recording includes what reflexes add.
+# Relaxed about 10, maximally contracted about 500 N.m/rad; the recording includes what reflexes
+# add.
 STIFFNESS_RANGE = (2.0, 2000.0)  # N.m/rad
 # Below 5 Hz voluntary torque dominates, above 40 Hz the noise of differentiated positions.
 BAND = (5.0, 40.0)  # Hz
@@ -50,10 +53,14 @@ TORQUE_UNITS = {"mN.m": 1e-3, "N.cm": 1e-2, "kN.m": 1e3}
 class Intrinsic:
     """Estimates over the segments of a recording.
 
-    Attributes:
-        inertia, stiffness: means [kg.m^2, N.m/rad].
-        inertia_error, stiffness_error: their standard errors.
-        explained: share of the torque's variance in the band, 0 to 1.
+    Attributes
+    ----------
+    inertia, stiffness
+        Means [kg.m^2, N.m/rad].
+    inertia_error, stiffness_error
+        Their standard errors.
+    explained
+        Share of the torque's variance in the band, 0 to 1.
     """
 
     inertia: float
@@ -66,25 +73,38 @@ class Intrinsic:
 def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
     """Contradictions between SI columns (by full name, shape (n,)) and what an ankle can do."""
     found = []
-    columns = {name: values[np.isfinite(values)] for name, values in columns.items() if np.isfinite(values).any()}
+    columns = {
+        name: values[np.isfinite(values)]
+        for name, values in columns.items()
+        if np.isfinite(values).any()
+    }
     position = columns.get("position[rad]")
     if position is not None:
         spread, largest = float(np.ptp(position)), float(np.max(np.abs(position)))
         if spread > LARGEST_SPREAD or largest > LARGEST_POSITION:
             found.append(
-                f"position spans {spread:.4g} rad and reaches {largest:.4g} rad, an ankle's range is {LARGEST_SPREAD:g} rad"
-                + _suggest(largest, ANGLE_UNITS, LARGEST_POSITION)
+                f"position spans {spread:.4g} rad and reaches {largest:.4g} rad, an ankle's range "
+                f"is {LARGEST_SPREAD:g} rad" + _suggest(largest, ANGLE_UNITS, LARGEST_POSITION)
             )
     for name, limit, units in (
         ("torque[N.m]", LARGEST_TORQUE, TORQUE_UNITS),
-        ("velocity[rad/s]", LARGEST_VELOCITY, {f"{unit}/s": factor for unit, factor in ANGLE_UNITS.items()}),
-        *((name, LARGEST_EMG, {"mV": 1e-3, "uV": 1e-6}) for name in columns if name.endswith("[V]")),
+        (
+            "velocity[rad/s]",
+            LARGEST_VELOCITY,
+            {f"{unit}/s": factor for unit, factor in ANGLE_UNITS.items()},
+        ),
+        *(
+            (name, LARGEST_EMG, {"mV": 1e-3, "uV": 1e-6})
+            for name in columns
+            if name.endswith("[V]")
+        ),
     ):
         values = columns.get(name)
         if values is not None and (largest := float(np.max(np.abs(values)))) > limit:
             quantity, unit = name[:-1].split("[")
             found.append(
-                f"{quantity} reaches {largest:.4g} {unit}, more than {limit:g} {unit} is not possible" + _suggest(largest, units, limit)
+                f"{quantity} reaches {largest:.4g} {unit}, more than {limit:g} {unit} is not "
+                "possible" + _suggest(largest, units, limit)
             )
     return found
 
@@ -95,11 +115,15 @@ def _suggest(largest: float, units: dict[str, float], limit: float) -> str:
 
 
 def segments(rate: float, *signals: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
-    """Pieces of `SEGMENT` seconds in which every signal is finite, band-passed to `BAND`, without the ends where the filter rings.
+    """Pieces of `SEGMENT` seconds in which every signal is finite, band-passed to `BAND`, without
+    the ends where the filter rings.
 
-    Args:
-        rate: sampling rate [Hz].
-        signals: shape (n,) each; the samples must be equally spaced, except where one is NaN.
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz].
+    signals
+        Shape (n,) each; the samples must be equally spaced, except where one is NaN.
     """
     length, edge = int(SEGMENT * rate), int(rate / BAND[0])
     if rate < 2.5 * BAND[1]:
@@ -112,7 +136,8 @@ def segments(rate: float, *signals: np.ndarray) -> Iterator[tuple[np.ndarray, ..
 
 
 def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsic | None:
-    """Inertia and stiffness of a recording in SI, shape (n,) each; None where it does not tell them.
+    """Inertia and stiffness of a recording in SI, shape (n,) each; None where it does not tell
+    them.
 
     It does not where fewer than `FEWEST_SEGMENTS` are intact, nothing moves, or movement explains
     less than `LEAST_EXPLAINED` of the torque.
@@ -137,13 +162,17 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     share = np.array(weights) / np.sum(weights)
     mean = share @ np.array(estimates)
     error = np.sqrt(share**2 @ (np.array(estimates) - mean) ** 2 * len(share) / (len(share) - 1))
-    return Intrinsic(float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), 1 - left / total)
+    return Intrinsic(
+        float(mean[0]), float(error[0]), float(mean[2]), float(error[2]), 1 - left / total
+    )
 
 
 def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
-    """Contradictions between an ankle's inertia and stiffness and those found under the stated units and sign.
+    """Contradictions between an ankle's inertia and stiffness and those found under the stated
+    units and sign.
 
-    Inertia decides where it is certain, because neither contraction nor reflexes change it; stiffness otherwise.
+    Inertia decides where it is certain, because neither contraction nor reflexes change it;
+    stiffness otherwise.
     """
     values = f"inertia {found.inertia:.3g} ± {found.inertia_error:.1g} kg.m^2"
     values += f", stiffness {found.stiffness:.4g} ± {found.stiffness_error:.2g} N.m/rad"
@@ -157,30 +186,54 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
     if value < 0:
         other = "subject" if stated_sign == "rig" else "rig"
         contradictions.append(
-            f"the torque's sign is not '{stated_sign}': it gives {values}, which are positive in an ankle; state '{other}'"
+            f"the torque's sign is not '{stated_sign}': it gives {values}, which are positive in "
+            f"an ankle; state '{other}'"
         )
     if not lowest <= abs(value) <= highest:
-        guess = "position in degrees, or torque already in N.m" if abs(value) < lowest else "torque in mN.m, or position already in rad"
+        guess = (
+            "position in degrees, or torque already in N.m"
+            if abs(value) < lowest
+            else "torque in mN.m, or position already in rad"
+        )
         contradictions.append(
-            f"the units of position and torque do not fit each other: {values}, an ankle has {lowest:g} to {highest:g} {unit}; {guess}?"
+            f"the units of position and torque do not fit each other: {values}, an ankle has "
+            f"{lowest:g} to {highest:g} {unit}; {guess}?"
         )
     return contradictions
 
 
 def check_velocity(rate: float, position: np.ndarray, velocity: np.ndarray) -> list[str]:
-    """Contradictions between a velocity [rad/s] and the derivative of position [rad], shape (n,) each."""
+    """Contradictions between a velocity [rad/s] and the derivative of position [rad], shape (n,)
+    each.
+    """
     cross = own = other = 0.0
     for x, v in segments(rate, position, velocity):
         slope = np.gradient(x, 1 / rate)
-        cross, own, other = cross + float(slope @ v), own + float(slope @ slope), other + float(v @ v)
+        cross, own, other = (
+            cross + float(slope @ v),
+            own + float(slope @ slope),
+            other + float(v @ v),
+        )
     if own == 0:
         return []
     gain, correlation = cross / own, cross / np.sqrt(own * other) if other else 0.0
     if correlation < -LEAST_CORRELATION:
-        return [f"velocity has the opposite sign of the derivative of position (correlation {correlation:.2f})"]
+        return [
+            "velocity has the opposite sign of the derivative of position (correlation "
+            f"{correlation:.2f})"
+        ]
     if correlation < LEAST_CORRELATION:
-        return [f"velocity does not follow the derivative of position (correlation {correlation:.2f})"]
+        return [
+            f"velocity does not follow the derivative of position (correlation {correlation:.2f})"
+        ]
     if not VELOCITY_GAIN_RANGE[0] <= gain <= VELOCITY_GAIN_RANGE[1]:
-        near = [f"{unit}/s" for unit, factor in ANGLE_UNITS.items() if VELOCITY_GAIN_RANGE[0] <= gain * factor <= VELOCITY_GAIN_RANGE[1]]
-        return [f"velocity is {gain:.4g} times the derivative of position" + (f"; is it in {near[0]}?" if near else "")]
+        near = [
+            f"{unit}/s"
+            for unit, factor in ANGLE_UNITS.items()
+            if VELOCITY_GAIN_RANGE[0] <= gain * factor <= VELOCITY_GAIN_RANGE[1]
+        ]
+        return [
+            f"velocity is {gain:.4g} times the derivative of position"
+            + (f"; is it in {near[0]}?" if near else "")
+        ]
     return []

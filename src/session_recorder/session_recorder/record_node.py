@@ -6,11 +6,12 @@
 | /diagnostics | out | DiagnosticArray | ready, messages, missing samples and messages, free disk |
 | TOPIC/_worked_off | out | String | how far a replay may go on (see `ankle_node.node`) |
 
-The log line ``ready: recording into PATH`` and ``ready`` = True in the diagnostics say that every topic
-known so far is connected. The laboratory's topics are connected before they have a publisher, so that
-no first block is lost; any other one when it appears. Log time is the time of reception, or the
-simulated time under `use_sim_time`; publish time is the publisher's stamp. Parameters: `session_recorder.parameters`.
-"""
+The log line ``ready: recording into PATH`` and ``ready`` = True in the diagnostics say that every
+topic known so far is connected. The laboratory's topics are connected before they have a publisher,
+so that no first block is lost; any other one when it appears. Log time is the time of reception, or
+the simulated time under `use_sim_time`; publish time is the publisher's stamp. Parameters:
+`session_recorder.parameters`.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ from datetime import datetime
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
 
+from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_node.node import BLOCK_QOS, ERROR, OK, WARN, WORKED_OFF, AnkleNode, MessageInfo, run
-from sample_blocks.block import MESSAGE_TYPE
 from session_recorder import bag_metadata
 from session_recorder.bag_writer import CHUNK_SECONDS
 from session_recorder.errors import BagError
@@ -61,7 +62,9 @@ class RecordNode(AnkleNode):
         self._began = time.monotonic()
         self._simulated_time = bool(self.get_parameter("use_sim_time").value)
         self.failed = False
-        self.recording: Recording | None = Recording(self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}")
+        self.recording: Recording | None = Recording(
+            self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
+        )
         for topic, message_type in LABORATORY_TOPICS.items():
             if not self._named or topic in self._named:
                 self._connect(topic, message_type, to_record([BLOCK_QOS]))
@@ -73,7 +76,11 @@ class RecordNode(AnkleNode):
     def _look_for_topics(self) -> None:
         self._quiet_looks += 1
         for topic, types in self.get_topic_names_and_types():
-            if topic.endswith(WORKED_OFF) or topic in self._refused or (self._named and topic not in self._named):
+            if (
+                topic.endswith(WORKED_OFF)
+                or topic in self._refused
+                or (self._named and topic not in self._named)
+            ):
                 continue
             offers = self.get_publishers_info_by_topic(topic)
             self._publisher_counts[topic] = len(offers)
@@ -88,7 +95,12 @@ class RecordNode(AnkleNode):
         waiting = [name for name in self._named if name not in self._connected]
         if waiting and time.monotonic() - self._began > NAMED_TOPIC_PATIENCE:
             self.health("topics", WARN, f"no publisher yet of {', '.join(waiting)}")
-        if not self._ready and not waiting and self._quiet_looks >= SETTLED_LOOKS and self.recording is not None:
+        if (
+            not self._ready
+            and not waiting
+            and self._quiet_looks >= SETTLED_LOOKS
+            and self.recording is not None
+        ):
             self._ready = True
             self.count("ready", True)
             self.health("topics", OK, "")
@@ -120,11 +132,21 @@ class RecordNode(AnkleNode):
             offers = self.get_publishers_info_by_topic(topic)
             self._publisher_counts[topic] = len(offers)
             profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)
-            self.recording.add_topic(topic, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,))
-        received = self.get_clock().now().nanoseconds if self._simulated_time else info["received_timestamp"] or time.time_ns()
+            self.recording.add_topic(
+                topic, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
+            )
+        received = (
+            self.get_clock().now().nanoseconds
+            if self._simulated_time
+            else info["received_timestamp"] or time.time_ns()
+        )
         # Counted by each publisher for itself, so of no use where there are several.
-        sequence = info["publication_sequence_number"] if self._publisher_counts.get(topic) == 1 else None
-        for sentence in self.recording.write(topic, received, message, info["source_timestamp"] or None, sequence):
+        sequence = (
+            info["publication_sequence_number"] if self._publisher_counts.get(topic) == 1 else None
+        )
+        for sentence in self.recording.write(
+            topic, received, message, info["source_timestamp"] or None, sequence
+        ):
             self._warn(topic, sentence)
 
     def _warn(self, topic: str, sentence: str) -> None:
@@ -142,7 +164,10 @@ class RecordNode(AnkleNode):
         self.count("lost messages", sum(self.recording.lost.values()))
         self.count("free disk [MB]", round(free))
         if free < self.number("min_free_disk"):
-            sentence = f"recording ended: {free:.0f} MB free on the disk of {self.recording.bag.path}, below min_free_disk"
+            sentence = (
+                f"recording ended: {free:.0f} MB free on the disk of "
+                f"{self.recording.bag.path}, below min_free_disk"
+            )
             sentence += f" = {self.number('min_free_disk'):g} MB"
             self.health("disk", ERROR, sentence)
             self._publish_health()

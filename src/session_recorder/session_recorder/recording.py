@@ -9,25 +9,32 @@ from pathlib import Path
 
 from rosbags.interfaces import Qos
 
-from sample_blocks.block import MESSAGE_TYPE, TIME_COLUMN, unpack
-from sample_blocks.continuity import Continuity
-from sample_blocks.errors import BlockError
+from ankle_interfaces.block import MESSAGE_TYPE, TIME_COLUMN, unpack
+from ankle_interfaces.continuity import Continuity
+from ankle_interfaces.errors import BlockError
 from session_recorder.bag_writer import BagWriter
 
-# Fewer samples in a block are an event or a result (an onset, an estimate), which has no sampling rate to keep.
+# Fewer samples in a block are an event or a result (an onset, an estimate), which has no sampling
+# rate to keep.
 SAMPLED_BLOCK = 4
 
 
 class Recording:
     """Messages on their way into a bag.
 
-    Args:
-        path: the new bag.
+    Parameters
+    ----------
+    path
+        The new bag.
 
-    Attributes:
-        bag: its writer.
-        lost: messages that the middleware lost, by topic.
-        warnings: what went wrong, with the time [s since the start].
+    Attributes
+    ----------
+    bag
+        Its writer.
+    lost
+        Messages that the middleware lost, by topic.
+    warnings
+        What went wrong, with the time [s since the start].
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -51,25 +58,41 @@ class Recording:
     def add_topic(self, topic: str, message_type: str, qos: Collection[Qos]) -> None:
         """Announce a topic.
 
-        Raises:
-            BagError: see `BagWriter.add_topic`.
+        Raises
+        ------
+        BagError
+            See `BagWriter.add_topic`.
         """
         self.bag.add_topic(topic, message_type, qos)
         if message_type == MESSAGE_TYPE:
             self._streams.setdefault(topic, Continuity())
 
-    def write(self, topic: str, stamp_ns: int, message: bytes, publish_ns: int | None = None, sequence: int | None = None) -> list[str]:
+    def write(
+        self,
+        topic: str,
+        stamp_ns: int,
+        message: bytes,
+        publish_ns: int | None = None,
+        sequence: int | None = None,
+    ) -> list[str]:
         """Write a message, and say what is wrong in its stream.
 
-        Args:
-            stamp_ns, publish_ns: times of reception and publication [ns].
-            sequence: the message's number at its publisher, None where it is not known.
+        Parameters
+        ----------
+        stamp_ns, publish_ns
+            Times of reception and publication [ns].
+        sequence
+            The message's number at its publisher, None where it is not known.
 
-        Returns:
+        Returns
+        -------
+        list[str]
             A sentence for each gap, step back in time or damaged value; mostly empty.
 
-        Raises:
-            BagError: see `BagWriter.write`.
+        Raises
+        ------
+        BagError
+            See `BagWriter.write`.
         """
         self.bag.write(topic, stamp_ns, message, publish_ns)
         found = self._check_sequence(topic, sequence) + self._check_samples(topic, message)
@@ -82,7 +105,9 @@ class Recording:
             return []
         lost = sequence - self._sequences.get(topic, sequence) - 1
         self._sequences[topic] = sequence
-        if lost <= 0:  # the first message, the next one, or the first of a publisher that started again
+        if (
+            lost <= 0
+        ):  # the first message, the next one, or the first of a publisher that started again
             return []
         self.lost[topic] = self.lost.get(topic, 0) + lost
         return [f"{lost} message(s) lost on the way before number {sequence}"]
@@ -111,7 +136,8 @@ class Recording:
         """One line: messages, topics, duration, missing samples, path."""
         where = ", ".join(f"{topic} {count}" for topic, count in self.missing.items() if count)
         return (
-            f"recorded {self.bag.count} messages of {len(self.bag.topics)} topics in {self.duration:.1f} s, "
+            f"recorded {self.bag.count} messages of {len(self.bag.topics)} topics in "
+            f"{self.duration:.1f} s, "
             f"{sum(self.missing.values())} samples missing{f' ({where})' if where else ''}, "
             f"{sum(self.lost.values())} messages lost: {self.bag.path}"
         )
@@ -119,8 +145,10 @@ class Recording:
     def close(self) -> None:
         """Finish the bag; what is missing is stored in it.
 
-        Raises:
-            BagError: the disk refuses.
+        Raises
+        ------
+        BagError
+            The disk refuses.
         """
         self.bag.custom_data["missing_samples"] = str(sum(self.missing.values()))
         self.bag.custom_data["lost_messages"] = str(sum(self.lost.values()))

@@ -15,10 +15,14 @@ from session_recorder.mcap_file import Progress
 class Recovery:
     """Outcome of `recover`.
 
-    Attributes:
-        path: the new bag.
-        messages: how many it holds.
-        problems: what was missing or damaged in the old one.
+    Attributes
+    ----------
+    path
+        The new bag.
+    messages
+        How many it holds.
+    problems
+        What was missing or damaged in the old one.
     """
 
     path: Path
@@ -26,23 +30,38 @@ class Recovery:
     problems: tuple[str, ...]
 
 
-def recover(path: Path | str, output: Path | str | None = None, progress: Progress | None = None) -> Recovery:
-    """Copy every readable message of a damaged bag into a new, complete one. The old one stays as it is.
+def recover(
+    path: Path | str, output: Path | str | None = None, progress: Progress | None = None
+) -> Recovery:
+    """Copy every readable message of a damaged bag into a new, complete one. The old one stays as
+    it is.
 
-    Args:
-        path: the damaged bag.
-        output: the new bag; by default the old name with ``_recovered``.
-        progress: called with the fraction that is copied.
+    Parameters
+    ----------
+    path
+        The damaged bag.
+    output
+        The new bag; by default the old name with ``_recovered``.
+    progress
+        Called with the fraction that is copied.
 
-    Raises:
-        BagError: nothing readable is there, or the output exists.
+    Raises
+    ------
+    BagError
+        Nothing readable is there, or the output exists.
     """
     reader = BagReader(path)
-    target = Path(output) if output is not None else reader.path.with_name(reader.path.stem + "_recovered")
+    target = (
+        Path(output)
+        if output is not None
+        else reader.path.with_name(reader.path.stem + "_recovered")
+    )
     total = max(reader.count, 1)
     with BagWriter(target) as writer:
         for topic in reader.topics.values():
-            writer.add_topic(topic.name, topic.type, topic.qos or (BLOCK_QOS,), topic.type_hash or None)
+            writer.add_topic(
+                topic.name, topic.type, topic.qos or (BLOCK_QOS,), topic.type_hash or None
+            )
         for number, (name, log_time, publish_time, data) in enumerate(reader.readable_messages()):
             writer.write(name, log_time, data, publish_time)
             if progress and number % 1000 == 0:

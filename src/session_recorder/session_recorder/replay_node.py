@@ -7,11 +7,12 @@
 | TOPIC/_worked_off | in | String | how far each reader of blocks has got |
 | /diagnostics | out | DiagnosticArray | messages sent, delay |
 
-Parameters: `session_recorder.parameters`. Rename topics with ROS's own remapping (``-r /ankle/samples:=/old/samples``).
-At any `rate` at most `flow_control.WINDOW` blocks of a topic are ahead of the slowest reader made by
-`AnkleNode.block_subscription`, so that nothing is lost; of other readers DDS tells only that their queue has the
-message, so give them a rate that they follow. Ends with 0 when every reader worked off everything.
-"""
+Parameters: `session_recorder.parameters`. Rename topics with ROS's own remapping (``-r
+/ankle/samples:=/old/samples``). At any `rate` at most `flow_control.WINDOW` blocks of a topic are
+ahead of the slowest reader made by `AnkleNode.block_subscription`, so that nothing is lost; of
+other readers DDS tells only that their queue has the message, so give them a rate that they follow.
+Ends with 0 when every reader worked off everything.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -30,8 +31,8 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
+from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_node.node import WARN, WORKED_OFF, WORKED_OFF_QOS, AnkleNode, run
-from sample_blocks.block import MESSAGE_TYPE
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.flow_control import Flow
@@ -40,7 +41,9 @@ from session_recorder.replaying import Replay, choose_topics
 from session_recorder.ros_qos import to_replay
 
 PROGRESS_PERIOD = 2.0  # s
-SETTLING = 1.0  # s in which both ends of a connection find each other (localhost: a few ms; longer on a busy machine)
+# s in which both ends of a connection find each other (localhost: a few ms; longer on a busy
+# machine)
+SETTLING = 1.0
 POLL = 0.05  # s
 LATE = 0.5  # s behind the asked rate before it is reported
 
@@ -58,11 +61,19 @@ class ReplayNode(AnkleNode):
         self._chosen = choose_topics(self._reader, self.text("topics"))
         self._senders = {name: self._sender(name) for name in self._chosen}
         self._clock_sender = self.create_publisher(ClockMessage, "/clock", 10)
-        self._flows = {name: Flow(0) for name in self._chosen if self._reader.topics[name].type == MESSAGE_TYPE}
+        self._flows = {
+            name: Flow(0) for name in self._chosen if self._reader.topics[name].type == MESSAGE_TYPE
+        }
         for name in self._flows:
             self._listen(name)
         self._replay = Replay(
-            self._reader, self._chosen, self.number("rate"), self._flows, self, self.number("reader_timeout"), self.context.ok
+            self._reader,
+            self._chosen,
+            self.number("rate"),
+            self._flows,
+            self,
+            self.number("reader_timeout"),
+            self.context.ok,
         )
         self.error: str | None = None
         self.finished = False
@@ -76,7 +87,9 @@ class ReplayNode(AnkleNode):
         try:
             message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
         except (ImportError, AttributeError) as error:
-            raise BagError(f"{name}: this installation cannot send '{package}/msg/{kind}': {error}") from None
+            raise BagError(
+                f"{name}: this installation cannot send '{package}/msg/{kind}': {error}"
+            ) from None
         return self.create_publisher(message_class, name, to_replay(self._reader.topics[name].qos))
 
     def _worked_off_topic(self, name: str) -> str:
@@ -87,7 +100,11 @@ class ReplayNode(AnkleNode):
             reader, _, stamp = message.data.rpartition(" ")
             self._flows[name].worked_off(reader, int(stamp))
 
-        qos = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL, reliability=WORKED_OFF_QOS.reliability, durability=WORKED_OFF_QOS.durability)
+        qos = QoSProfile(
+            history=QoSHistoryPolicy.KEEP_ALL,
+            reliability=WORKED_OFF_QOS.reliability,
+            durability=WORKED_OFF_QOS.durability,
+        )
         self.create_subscription(String, self._worked_off_topic(name), told, qos)
 
     def send(self, topic: str, message: bytes) -> None:
@@ -99,8 +116,12 @@ class ReplayNode(AnkleNode):
         self._clock_sender.publish(ClockMessage(clock=Time(nanoseconds=now_ns).to_msg()))
 
     def delivered(self, topic: str, patience: float) -> bool:
-        """Whether the readers' queues take everything within `patience` [s]; not asked where every reader tells more than that."""
-        if self._senders[topic].get_subscription_count() <= (self._flows[topic].readers if topic in self._flows else 0):
+        """Whether the readers' queues take everything within `patience` [s]; not asked where every
+        reader tells more than that.
+        """
+        if self._senders[topic].get_subscription_count() <= (
+            self._flows[topic].readers if topic in self._flows else 0
+        ):
             return True
         deadline = time.monotonic() + patience
         while not self._senders[topic].wait_for_all_acked(Duration(seconds=POLL)):
@@ -114,7 +135,11 @@ class ReplayNode(AnkleNode):
             self.finished = self._replay.run()
         except Exception as error:  # the thread must not end unheard
             if self.context.ok():
-                self.error = str(error) if isinstance(error, BagError) else f"{type(error).__name__}: {error}"
+                self.error = (
+                    str(error)
+                    if isinstance(error, BagError)
+                    else f"{type(error).__name__}: {error}"
+                )
 
     def _wait_for_readers(self) -> None:
         needed, patience = int(self.number("wait_for_readers")), self.number("wait_timeout")
@@ -129,7 +154,10 @@ class ReplayNode(AnkleNode):
                 break
             if time.monotonic() > deadline:
                 names = ", ".join(sorted(nodes)) or "none"
-                raise BagError(f"{len(nodes)} of {needed} readers (wait_for_readers) connected within {patience:g} s: {names}")
+                raise BagError(
+                    f"{len(nodes)} of {needed} readers (wait_for_readers) connected within "
+                    f"{patience:g} s: {names}"
+                )
             time.sleep(POLL)
         self._refuse_second_source()
         for name, sender in self._senders.items():
@@ -137,21 +165,29 @@ class ReplayNode(AnkleNode):
                 self._flows[name].readers = self.count_publishers(self._worked_off_topic(name))
                 silent = sender.get_subscription_count() - self._flows[name].readers
                 if silent > 0:
-                    self._warn(f"{silent} reader(s) of {sender.topic_name} do not tell how far they are and may lose blocks at this rate")
+                    self._warn(
+                        f"{silent} reader(s) of {sender.topic_name} do not tell how far they are "
+                        "and may lose blocks at this rate"
+                    )
 
     def _refuse_second_source(self) -> None:
         for sender in self._senders.values():
             sources = self.get_publishers_info_by_topic(sender.topic_name)
             if len(sources) > 1:
                 names = ", ".join(sorted(info.node_name for info in sources))
-                raise BagError(f"{sender.topic_name} has {len(sources)} publishers ({names}); two sources would mix in its readers")
+                raise BagError(
+                    f"{sender.topic_name} has {len(sources)} publishers ({names}); two sources "
+                    "would mix in its readers"
+                )
 
     def _warn(self, sentence: str) -> None:
         self.get_logger().warning(sentence)
         self.health("replay", WARN, sentence)
 
     def _connections(self) -> tuple[frozenset[str], int, int]:
-        """Names of the nodes that read, links that are not up yet, and readers that tell how far they are."""
+        """Names of the nodes that read, links that are not up yet, and readers that tell how far
+        they are.
+        """
         nodes: set[str] = set()
         missing = telling = 0
         for name, sender in self._senders.items():
@@ -165,16 +201,26 @@ class ReplayNode(AnkleNode):
     def _watch(self) -> None:
         self.count("messages sent", self._replay.sent)
         if self._replay.behind > LATE:
-            self.health("pace", WARN, f"up to {self._replay.behind:.1f} s late: the readers do not follow at this rate")
+            self.health(
+                "pace",
+                WARN,
+                f"up to {self._replay.behind:.1f} s late: the readers do not follow at this rate",
+            )
         self._refuse_second_source()
         if time.monotonic() - self._shown > PROGRESS_PERIOD:
             self._shown = time.monotonic()
-            self.get_logger().info(f"replayed {self._replay.elapsed:.1f} of {self._reader.duration:.1f} s")
+            self.get_logger().info(
+                f"replayed {self._replay.elapsed:.1f} of {self._reader.duration:.1f} s"
+            )
         if not self._thread.is_alive():
             if self.error is not None:
                 raise BagError(self.error)
             if self.finished:
-                print(f"replayed {self._replay.sent} messages of {self._reader.path}, every one worked off", flush=True)
+                print(
+                    f"replayed {self._replay.sent} messages of {self._reader.path}, every one "
+                    "worked off",
+                    flush=True,
+                )
             raise ExternalShutdownException
 
     def destroy_node(self) -> None:

@@ -10,24 +10,37 @@ from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.flow_control import Flow
 
-# What the outside world gave to the session; everything else was computed from it and is computed again.
-RECORDED_INPUTS = ("/perturbation/reference", "/ankle/samples", "/ankle/joint_states", "/emg/samples", "/session/event")
+# What the outside world gave to the session; everything else was computed from it and is computed
+# again.
+RECORDED_INPUTS = (
+    "/perturbation/reference",
+    "/ankle/samples",
+    "/ankle/joint_states",
+    "/emg/samples",
+    "/session/event",
+)
 # Topics that ROS itself writes and that would mix with those of the running graph.
 OWN_OF_ROS = ("/clock", "/rosout", "/parameter_events", "/diagnostics")
 EVERYTHING = "all"
-CLOCK_STEP = 5_000_000  # ns of bag time between two messages on /clock: finer than the blocks' 15.6 ms
+CLOCK_STEP = (
+    5_000_000  # ns of bag time between two messages on /clock: finer than the blocks' 15.6 ms
+)
 LONGEST_NAP = 0.02  # s; /clock goes on at least this often while nothing is due
 
 
 def choose_topics(reader: BagReader, wanted: str) -> list[str]:
     """The topics to replay.
 
-    Args:
-        wanted: names joined by commas; empty takes the recorded inputs that the bag holds;
-            ``all`` takes everything but what ROS writes about itself.
+    Parameters
+    ----------
+    wanted
+        Names joined by commas; empty takes the recorded inputs that the bag holds; ``all`` takes
+        everything but what ROS writes about itself.
 
-    Raises:
-        BagError: a named topic that is not there; nothing to replay.
+    Raises
+    ------
+    BagError
+        A named topic that is not there; nothing to replay.
     """
     names = [name.strip() for name in wanted.split(",") if name.strip()]
     if names == [EVERYTHING]:
@@ -51,21 +64,32 @@ class Outlet(Protocol):
         """Publish the time [ns] on /clock."""
 
     def delivered(self, topic: str, patience: float) -> bool:
-        """Wait until the middleware has handed everything to the readers' queues; False after `patience` [s]."""
+        """Wait until the middleware has handed everything to the readers' queues; False after
+        `patience` [s].
+        """
 
 
 class Replay:
-    """Sends messages of a bag in their order: each when it is due, and no further ahead than its readers allow.
+    """Sends messages of a bag in their order: each when it is due, and no further ahead than its
+    readers allow.
 
-    Args:
-        rate: bag seconds per second; 0 is as fast as the readers follow.
-        flows: of the topics whose readers tell how far they are.
-        patience: time [s] that a reader may take for one message.
-        going_on: asked while waiting; False ends the replay.
+    Parameters
+    ----------
+    rate
+        Bag seconds per second; 0 is as fast as the readers follow.
+    flows
+        Of the topics whose readers tell how far they are.
+    patience
+        Time [s] that a reader may take for one message.
+    going_on
+        Asked while waiting; False ends the replay.
 
-    Attributes:
-        sent: messages so far.
-        behind: longest delay so far [s] against the pace.
+    Attributes
+    ----------
+    sent
+        Messages so far.
+    behind
+        Longest delay so far [s] against the pace.
     """
 
     def __init__(
@@ -78,7 +102,13 @@ class Replay:
         patience: float,
         going_on: Callable[[], bool],
     ) -> None:
-        self._reader, self._topics, self._rate, self._flows, self._outlet = reader, topics, rate, flows, outlet
+        self._reader, self._topics, self._rate, self._flows, self._outlet = (
+            reader,
+            topics,
+            rate,
+            flows,
+            outlet,
+        )
         self._patience, self._going_on = patience, going_on
         self._time_ns = -CLOCK_STEP
         self._begin_ns: int | None = None
@@ -94,11 +124,15 @@ class Replay:
     def run(self) -> bool:
         """Replay everything.
 
-        Returns:
+        Returns
+        -------
+        bool
             True when everything was sent and worked off, False when `going_on` ended it.
 
-        Raises:
-            BagError: a reader does not follow; the bag is damaged.
+        Raises
+        ------
+        BagError
+            A reader does not follow; the bag is damaged.
         """
         for topic, log_time, message in self._reader.messages(self._topics):
             self._wait_until_due(log_time)
@@ -116,7 +150,10 @@ class Replay:
                 self._let_follow(topic, 0)
         for topic in self._topics:
             if not self._outlet.delivered(topic, self._patience) and self._going_on():
-                raise BagError(f"{topic}: a reader's queue did not take the messages within {self._patience:g} s (reader_timeout)")
+                raise BagError(
+                    f"{topic}: a reader's queue did not take the messages within "
+                    f"{self._patience:g} s (reader_timeout)"
+                )
         return self._going_on()
 
     def _wait_until_due(self, log_time: int) -> None:
@@ -139,4 +176,7 @@ class Replay:
     def _let_follow(self, topic: str, at_most: int) -> None:
         flow = self._flows[topic]
         if not flow.wait(at_most, self._patience, self._going_on) and self._going_on():
-            raise BagError(f"{topic}: a reader made no progress for {self._patience:g} s (reader_timeout): {flow.laggards()}")
+            raise BagError(
+                f"{topic}: a reader made no progress for {self._patience:g} s (reader_timeout): "
+                f"{flow.laggards()}"
+            )

@@ -6,16 +6,24 @@ from collections.abc import Collection
 
 from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 
 from session_recorder.bag_metadata import INFINITE
 
 # Of a latched topic whose depth the graph did not tell: one second of blocks.
 LATCHED_DEPTH = 64
-# A minute of blocks. KEEP_ALL instead of a deep KEEP_LAST lost messages of a graph replayed at full speed.
+# A minute of blocks. KEEP_ALL instead of a deep KEEP_LAST lost messages of a graph replayed at full
+# speed.
 RECORD_DEPTH = 5000
-# Room for what the middleware has not handed over yet. Blocks need only `flow_control.WINDOW`; other topics are not
-# counted one by one, but go along with the blocks, one to a block or fewer.
+# Room for what the middleware has not handed over yet. Blocks need only `flow_control.WINDOW`;
+# other topics are not counted one by one, but go along with the blocks, one to a block or fewer.
 REPLAY_DEPTH = 1000
 
 
@@ -40,12 +48,15 @@ def _time(duration: Duration) -> QosTime:
 
 
 def to_record(offered: Collection[QoSProfile]) -> QoSProfile:
-    """What a subscription must ask for so that every publisher with these profiles matches, with nothing overwritten.
+    """What a subscription must ask for so that every publisher with these profiles matches, with
+    nothing overwritten.
 
     As rosbag2 does: reliable or latched only where every publisher is.
     """
     reliable = all(profile.reliability == QoSReliabilityPolicy.RELIABLE for profile in offered)
-    latched = bool(offered) and all(profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
+    latched = bool(offered) and all(
+        profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for profile in offered
+    )
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=RECORD_DEPTH,
@@ -55,12 +66,15 @@ def to_record(offered: Collection[QoSProfile]) -> QoSProfile:
 
 
 def to_replay(recorded: Collection[Qos]) -> QoSProfile:
-    """What a replay offers: the reliability and durability of the recorded publishers, and room for what is on its way.
+    """What a replay offers: the reliability and durability of the recorded publishers, and room for
+    what is on its way.
 
     A latched topic keeps its recorded depth, because it is kept for readers that come late.
     """
     reliable = all(profile.reliability != QosReliability.BEST_EFFORT for profile in recorded)
-    latched = bool(recorded) and all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in recorded)
+    latched = bool(recorded) and all(
+        profile.durability == QosDurability.TRANSIENT_LOCAL for profile in recorded
+    )
     depth = max((profile.depth for profile in recorded), default=0)
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,

@@ -20,25 +20,36 @@ MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 DELIMITERS = ",;\t "
 
 
-def read_table(path: Path | str, wanted: Collection[str]) -> tuple[dict[str, np.ndarray], list[str]]:
+def read_table(
+    path: Path | str, wanted: Collection[str]
+) -> tuple[dict[str, np.ndarray], list[str]]:
     """Named columns of a file, as float64 of shape (n,); a missing cell is NaN.
 
-    CSV columns go by their header, or by number from ``1`` where the first line holds numbers. Arrays
-    of NPZ and MAT go by their name, fields of a structure by ``name.field``, the columns of a
-    two-dimensional array by ``name:1``, ``name:2``, ... Signals of EDF and BDF go by their label, the time since the start is ``t``.
+    CSV columns go by their header, or by number from ``1`` where the first line holds numbers.
+    Arrays of NPZ and MAT go by their name, fields of a structure by ``name.field``, the columns of
+    a two-dimensional array by ``name:1``, ``name:2``, ... Signals of EDF and BDF go by their label,
+    the time since the start is ``t``.
 
-    Args:
-        wanted: column names.
+    Parameters
+    ----------
+    wanted
+        Column names.
 
-    Returns:
+    Returns
+    -------
+    tuple[dict[str, np.ndarray], list[str]]
         The wanted columns, and the names of those that are there and not wanted.
 
-    Raises:
-        ImportRefused: no such file or column, not a format that is read, a cell that is no number,
-            columns of different length.
+    Raises
+    ------
+    ImportRefused
+        No such file or column, not a format that is read, a cell that is no number, columns of
+        different length.
     """
     source = Path(path)
-    readers: dict[str, Callable[[Path, Collection[str]], tuple[dict[str, np.ndarray], list[str]]]] = {
+    readers: dict[
+        str, Callable[[Path, Collection[str]], tuple[dict[str, np.ndarray], list[str]]]
+    ] = {
         ".csv": _read_csv,
         ".txt": _read_csv,
         ".npz": _read_npz,
@@ -47,21 +58,28 @@ def read_table(path: Path | str, wanted: Collection[str]) -> tuple[dict[str, np.
     }
     read = readers.get(source.suffix.lower())
     if read is None:
-        raise ImportRefused(f"{source}: '{source.suffix}' is not read; expected one of {', '.join(readers)}")
+        raise ImportRefused(
+            f"{source}: '{source.suffix}' is not read; expected one of {', '.join(readers)}"
+        )
     try:
         columns, names = read(source, wanted)
     except OSError as error:
         raise ImportRefused(f"{source}: {error.strerror or error}") from None
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        raise ImportRefused(f"{source}: columns of different length: {', '.join(f'{name} {n}' for name, n in lengths.items())}")
+        raise ImportRefused(
+            f"{source}: columns of different length: "
+            f"{', '.join(f'{name} {n}' for name, n in lengths.items())}"
+        )
     return columns, [name for name in names if name not in columns]
 
 
 def _choose(source: Path, available: dict[str, Any], wanted: Collection[str]) -> None:
     for name in wanted:
         if name not in available:
-            raise ImportRefused(f"{source} has no column '{name}'; it holds {', '.join(available) or 'none'}")
+            raise ImportRefused(
+                f"{source} has no column '{name}'; it holds {', '.join(available) or 'none'}"
+            )
 
 
 def _read_csv(source: Path, wanted: Collection[str]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -73,7 +91,10 @@ def _read_csv(source: Path, wanted: Collection[str]) -> tuple[dict[str, np.ndarr
     if not first.strip():
         raise ImportRefused(f"{source}: the first line is empty; expected column names or numbers")
     delimiter = max(DELIMITERS, key=first.count)
-    cells = [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter, skipinitialspace=True))]
+    cells = [
+        cell.strip()
+        for cell in next(csv.reader([first], delimiter=delimiter, skipinitialspace=True))
+    ]
     has_header = any(_number(cell) is None for cell in cells)
     names = cells if has_header else [str(number + 1) for number in range(len(cells))]
     doubled = {name for name in names if names.count(name) > 1}
@@ -90,7 +111,13 @@ def _read_csv(source: Path, wanted: Collection[str]) -> tuple[dict[str, np.ndarr
     try:
         data = np.loadtxt(io.StringIO(text), **options)
     except ValueError:
-        data = _read_cells(source, text, delimiter, int(has_header), {i: name for i, name in zip(index, wanted, strict=True)})
+        data = _read_cells(
+            source,
+            text,
+            delimiter,
+            int(has_header),
+            {i: name for i, name in zip(index, wanted, strict=True)},
+        )
     return {name: np.ascontiguousarray(data[:, k]) for k, name in enumerate(wanted)}, names
 
 
@@ -103,7 +130,9 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _read_cells(source: Path, text: str, delimiter: str, skip: int, columns: dict[int, str]) -> np.ndarray:
+def _read_cells(
+    source: Path, text: str, delimiter: str, skip: int, columns: dict[int, str]
+) -> np.ndarray:
     """Cell by cell, so that an empty one becomes NaN and a wrong one is named."""
     rows = []
     reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
@@ -115,7 +144,9 @@ def _read_cells(source: Path, text: str, delimiter: str, skip: int, columns: dic
             cell = row[index] if index < len(row) else ""
             value = _number(cell)
             if value is None:
-                raise ImportRefused(f"{source}, line {reader.line_num}: '{cell}' in column '{name}' is not a number")
+                raise ImportRefused(
+                    f"{source}, line {reader.line_num}: '{cell}' in column '{name}' is not a number"
+                )
             values.append(value)
         rows.append(values)
     return np.array(rows, dtype=float).reshape(len(rows), len(columns))
@@ -136,9 +167,13 @@ def _read_mat(source: Path, wanted: Collection[str]) -> tuple[dict[str, np.ndarr
     except FileNotFoundError:
         raise
     except NotImplementedError:
-        raise ImportRefused(f"{source} is a MATLAB 7.3 file; save it with save(..., '-v7')") from None
+        raise ImportRefused(
+            f"{source} is a MATLAB 7.3 file; save it with save(..., '-v7')"
+        ) from None
     except Exception as error:  # scipy raises a dozen kinds on damaged files
-        raise ImportRefused(f"{source} is not a readable MAT file: {error or type(error).__name__}") from None
+        raise ImportRefused(
+            f"{source} is not a readable MAT file: {error or type(error).__name__}"
+        ) from None
     arrays: dict[str, Any] = {}
     _flatten(content, "", arrays)
     return _from_arrays(source, arrays, wanted)
@@ -154,7 +189,9 @@ def _flatten(content: dict[str, Any], prefix: str, out: dict[str, Any]) -> None:
             out[prefix + name] = value
 
 
-def _from_arrays(source: Path, arrays: dict[str, Any], wanted: Collection[str]) -> tuple[dict[str, np.ndarray], list[str]]:
+def _from_arrays(
+    source: Path, arrays: dict[str, Any], wanted: Collection[str]
+) -> tuple[dict[str, np.ndarray], list[str]]:
     columns: dict[str, np.ndarray] = {}
     for name, value in arrays.items():
         array = np.asarray(value)
@@ -163,6 +200,11 @@ def _from_arrays(source: Path, arrays: dict[str, Any], wanted: Collection[str]) 
         if array.ndim < 2 or 1 in array.shape:
             columns[name] = np.ascontiguousarray(array.reshape(-1), dtype=float)
         else:
-            columns.update({f"{name}:{k + 1}": np.ascontiguousarray(array[:, k], dtype=float) for k in range(array.shape[1])})
+            columns.update(
+                {
+                    f"{name}:{k + 1}": np.ascontiguousarray(array[:, k], dtype=float)
+                    for k in range(array.shape[1])
+                }
+            )
     _choose(source, columns, wanted)
     return {name: columns[name] for name in wanted}, list(columns)

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from sample_blocks.block import Block
+from ankle_interfaces.block import Block
 from session_recorder.bag_writer import BagWriter
 
 RATE = 2048
@@ -18,7 +18,9 @@ SAMPLES = ("t[s]", "position[rad]", "torque[N.m]")
 
 def make_block(number, columns=SAMPLES, start=1000.0, size=32):
     t = start + (number * size + np.arange(size)) / RATE
-    return Block(columns, np.column_stack([t, *(np.sin((k + 2) * t) for k in range(len(columns) - 1))]))
+    return Block(
+        columns, np.column_stack([t, *(np.sin((k + 2) * t) for k in range(len(columns) - 1))])
+    )
 
 
 @pytest.fixture
@@ -36,7 +38,9 @@ def make_bag(tmp_path):
             writer.add_topic("/perturbation/reference")
             for number in range(blocks):
                 writer.write_block("/ankle/samples", make_block(number))
-                writer.write_block("/perturbation/reference", make_block(number, ("t[s]", "position[rad]")))
+                writer.write_block(
+                    "/perturbation/reference", make_block(number, ("t[s]", "position[rad]"))
+                )
                 if number % chunk_blocks == chunk_blocks - 1:
                     writer.flush()
         return tmp_path / name
@@ -58,7 +62,11 @@ class Graph:
 
     def start(self, *arguments):
         process = subprocess.Popen(
-            [sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=self.environment
+            [sys.executable, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=self.environment,
         )
         self.processes.append(process)
         return process

@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.typesys import Stores, get_typestore
 
-from sample_blocks.block import Block, pack, unpack
+from ankle_interfaces.block import Block, pack, unpack
 from session_recorder.bag_metadata import qos
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
@@ -34,15 +34,28 @@ def test_every_message_comes_back_from_three_readers(make_bag):
     with mcap_path(bag).open("rb") as stream:
         foreign = [
             (channel.topic, message.log_time, message.data, list(decoded.data))
-            for _, channel, message, decoded in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+            for _, channel, message, decoded in make_reader(
+                stream, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages()
         ]
     assert [entry[:3] for entry in foreign] == own
-    assert all(np.array_equal(unpack(data).data.ravel(), decoded) for _, _, data, decoded in foreign)
+    assert all(
+        np.array_equal(unpack(data).data.ravel(), decoded) for _, _, data, decoded in foreign
+    )
     with AnyReader([bag]) as reader:
-        other = [(c.topic, time, bytes(data), reader.deserialize(data, c.msgtype)) for c, time, data in reader.messages()]
-        assert {c.topic: c.msgcount for c in reader.connections} == {"/ankle/samples": 100, "/perturbation/reference": 100}
+        other = [
+            (c.topic, time, bytes(data), reader.deserialize(data, c.msgtype))
+            for c, time, data in reader.messages()
+        ]
+        assert {c.topic: c.msgcount for c in reader.connections} == {
+            "/ankle/samples": 100,
+            "/perturbation/reference": 100,
+        }
     assert [entry[:3] for entry in other] == own
-    assert all(message.layout.dim[1].label == ",".join(unpack(data).columns) for _, _, data, message in other)
+    assert all(
+        message.layout.dim[1].label == ",".join(unpack(data).columns)
+        for _, _, data, message in other
+    )
 
 
 def test_metadata_is_complete_and_says_what_the_reader_says(make_bag):
@@ -53,10 +66,20 @@ def test_metadata_is_complete_and_says_what_the_reader_says(make_bag):
     assert info["version"] == 9
     assert info["storage_identifier"] == "mcap"
     assert info["message_count"] == reader.count == 200
-    assert info["duration"]["nanoseconds"] == reader.end_ns - reader.start_ns == round(99 * 32 / 2048 * 1e9)
-    assert info["relative_file_paths"] == [mcap_path(bag).name] == [file["path"] for file in info["files"]]
+    assert (
+        info["duration"]["nanoseconds"]
+        == reader.end_ns - reader.start_ns
+        == round(99 * 32 / 2048 * 1e9)
+    )
+    assert (
+        info["relative_file_paths"]
+        == [mcap_path(bag).name]
+        == [file["path"] for file in info["files"]]
+    )
     about = info["topics_with_message_count"][0]["topic_metadata"]
-    assert about["type_description_hash"] == get_typestore(Stores.ROS2_JAZZY).hash_rihs01("std_msgs/msg/Float64MultiArray")
+    assert about["type_description_hash"] == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(
+        "std_msgs/msg/Float64MultiArray"
+    )
     assert about["offered_qos_profiles"][0]["reliability"] == "reliable"
     assert about["offered_qos_profiles"][0]["depth"] == 64
     assert "MSG: std_msgs/MultiArrayDimension" in reader.topics["/ankle/samples"].definition
@@ -86,14 +109,24 @@ def test_messages_written_out_of_order_are_read_in_order(tmp_path):
 
 def test_qos_and_custom_data_come_back(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/session/event", "std_msgs/msg/String", [qos(7, reliable=False, latched=True)])
+        writer.add_topic(
+            "/session/event", "std_msgs/msg/String", [qos(7, reliable=False, latched=True)]
+        )
         writer.add_qos("/session/event", qos(3))
         writer.custom_data["subject"] = "3: the 'odd' one\nsecond line"
     reader = BagReader(tmp_path / "bag")
     first, second = reader.topics["/session/event"].qos
-    assert (first.depth, first.reliability, first.durability) == (7, QosReliability.BEST_EFFORT, QosDurability.TRANSIENT_LOCAL)
+    assert (first.depth, first.reliability, first.durability) == (
+        7,
+        QosReliability.BEST_EFFORT,
+        QosDurability.TRANSIENT_LOCAL,
+    )
     assert (second.depth, second.reliability) == (3, QosReliability.RELIABLE)
-    assert reader.custom_data == reader.metadata_record("session_recorder") == {"subject": "3: the 'odd' one\nsecond line"}
+    assert (
+        reader.custom_data
+        == reader.metadata_record("session_recorder")
+        == {"subject": "3: the 'odd' one\nsecond line"}
+    )
     (tmp_path / "bag" / "metadata.yaml").unlink()
     (alone,) = BagReader(tmp_path / "bag").topics["/session/event"].qos
     assert alone == first
@@ -121,7 +154,9 @@ def test_definitions_are_full_and_hashed(message_type, nested):
 def test_a_type_that_is_not_of_jazzy_is_read_from_its_installation(tmp_path, monkeypatch):
     folder = tmp_path / "share" / "lab_msgs" / "msg"
     folder.mkdir(parents=True)
-    (folder / "Grip.msg").write_text("# a grip\nstd_msgs/Header header\nlab_msgs/Finger[3] fingers\nfloat64[<=8] force\n")
+    (folder / "Grip.msg").write_text(
+        "# a grip\nstd_msgs/Header header\nlab_msgs/Finger[3] fingers\nfloat64[<=8] force\n"
+    )
     (folder / "Finger.msg").write_text("string<=10 name\nfloat32 angle\n")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     known = definition("lab_msgs/msg/Grip")
@@ -251,14 +286,21 @@ def test_what_is_no_bag_is_named(tmp_path, make_bag):
     (tmp_path / "text.mcap").write_text("this is a text file, and a long one")
     with pytest.raises(BagError, match="not an MCAP file"):
         BagReader(tmp_path / "text.mcap")
-    (tmp_path / "empty" / "metadata.yaml").write_text("rosbag2_bagfile_information: {storage_identifier: sqlite3}")
+    (tmp_path / "empty" / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {storage_identifier: sqlite3}"
+    )
     with pytest.raises(BagError, match="storage 'sqlite3' is not read here"):
         BagReader(tmp_path / "empty")
-    with pytest.raises(BagError, match="has no topic '/emg/samples'; it holds /ankle/samples, /perturbation/reference"):
+    with pytest.raises(
+        BagError,
+        match="has no topic '/emg/samples'; it holds /ankle/samples, /perturbation/reference",
+    ):
         next(BagReader(make_bag()).blocks("/emg/samples"))
 
 
-@pytest.mark.parametrize("text", ["{", "- 1", "", "rosbag2_bagfile_information: {storage_identifier: mcap}", "a: \x00"])
+@pytest.mark.parametrize(
+    "text", ["{", "- 1", "", "rosbag2_bagfile_information: {storage_identifier: mcap}", "a: \x00"]
+)
 def test_damaged_metadata_is_reported_and_the_data_read(make_bag, text):
     bag = make_bag()
     (bag / "metadata.yaml").write_text(text)
@@ -324,7 +366,7 @@ def test_wrong_use_of_the_writer_is_refused(tmp_path, block):
 FULL_DISK = """
 import resource, signal, sys
 import numpy as np
-from sample_blocks.block import Block
+from ankle_interfaces.block import Block
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -338,12 +380,17 @@ with BagWriter(sys.argv[1]) as writer:
             writer.flush()
     except BagError as error:
         print(number, error)
-"""
+"""  # noqa: E501
 
 
 def test_a_full_disk_is_one_clear_error_and_the_rest_is_readable(tmp_path):
     result = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path / "bag")], capture_output=True, text=True, timeout=60, env=os.environ, check=True
+        [sys.executable, "-c", FULL_DISK, str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=os.environ,
+        check=True,
     )
     number, words = result.stdout.split(" ", 1)
     assert "cannot write" in words

@@ -18,13 +18,19 @@ def test_other_messages_become_json(tmp_path):
     stamp = make["builtin_interfaces/msg/Time"](sec=3, nanosec=7)
     header = make["std_msgs/msg/Header"](stamp=stamp, frame_id="foot")
     state = make["sensor_msgs/msg/JointState"](
-        header=header, name=["ankle"], position=np.array([0.125]), velocity=np.array([]), effort=np.array([-3.5])
+        header=header,
+        name=["ankle"],
+        position=np.array([0.125]),
+        velocity=np.array([]),
+        effort=np.array([-3.5]),
     )
     event = make["std_msgs/msg/String"](data='hold: "started", 5 N·m')
     with BagWriter(tmp_path / "bag") as writer:
         for topic, message in (("/ankle/joint_states", state), ("/session/event", event)):
             writer.add_topic(topic, message.__msgtype__)
-            writer.write(topic, 1_500_000_001, bytes(store.serialize_cdr(message, message.__msgtype__)))
+            writer.write(
+                topic, 1_500_000_001, bytes(store.serialize_cdr(message, message.__msgtype__))
+            )
     joint, session = export_bag(tmp_path / "bag", tmp_path / "out", "csv")
     assert (joint.name, session.name) == ("ankle_joint_states.csv", "session_event.csv")
     with joint.open(newline="") as file:
@@ -53,4 +59,6 @@ def test_wrong_requests_are_refused(make_bag, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BagError, match="cannot write"):
         export_bag(bag, tmp_path / "file" / "out", "csv")
-    assert [path.name for path in export_bag(bag, tmp_path / "some", "csv", topics=["/ankle/samples"])] == ["ankle_samples.csv"]
+    assert [
+        path.name for path in export_bag(bag, tmp_path / "some", "csv", topics=["/ankle/samples"])
+    ] == ["ankle_samples.csv"]

@@ -9,14 +9,15 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from sample_blocks.block import pack
+from ankle_interfaces.block import pack
 from session_recorder.bag_reader import BagReader
 from session_recorder.recording import Recording
 from session_recorder.recovery import recover
 
 pytestmark = pytest.mark.live
 
-# Sends blocks of 32 samples at 2048 Hz, a latched event and a best-effort text; says when it is done.
+# Sends blocks of 32 samples at 2048 Hz, a latched event and a best-effort text; says when it is
+# done.
 SOURCE = """
 import sys, threading, time
 import numpy as np
@@ -46,7 +47,7 @@ class Source(AnkleNode):
             time.sleep(max(0.0, t[-1] - time.time()))
         print("all sent", flush=True)
 sys.exit(run(Source, []))
-"""
+"""  # noqa: E501
 
 # Reads blocks slowly and sends something for each.
 READER = """
@@ -70,7 +71,7 @@ class Reader(AnkleNode):
         print("reader:", self.blocks, "blocks", self.findings, "findings", self.stream.missing, "missing", flush=True)
         super().destroy_node()
 sys.exit(run(Reader, ["--ros-args", "-p", "use_sim_time:=true"]))
-"""
+"""  # noqa: E501
 
 
 def start_recording(graph, path, blocks, skipped=-1, **parameters):
@@ -111,7 +112,10 @@ def test_recorded_graph_is_complete_and_read_by_others(graph, tmp_path):
             other.deserialize(message, connection.msgtype)
     with next(path.glob("*.mcap")).open("rb") as stream:
         for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
-            assert 0 <= message.log_time - message.publish_time < 2_000_000_000 or channel.topic == "/session/event"
+            assert (
+                0 <= message.log_time - message.publish_time < 2_000_000_000
+                or channel.topic == "/session/event"
+            )
 
 
 def test_a_killed_recorder_leaves_everything_but_the_last_second(graph, tmp_path):
@@ -127,7 +131,9 @@ def test_a_killed_recorder_leaves_everything_but_the_last_second(graph, tmp_path
     assert any("metadata.yaml is missing" in problem for problem in reader.problems)
     assert any("without its index" in problem for problem in reader.problems)
     _, data = reader.signal("/ankle/samples")
-    assert killed_at - data[-1, 0] < 3.0  # one second, and two for a machine that is busy with other tests
+    assert (
+        killed_at - data[-1, 0] < 3.0
+    )  # one second, and two for a machine that is busy with other tests
     assert np.all(np.abs(np.diff(data[:, 0]) - 1 / 2048) < 1e-5)
     assert recover(path).messages == reader.count
     assert BagReader(tmp_path / "bag_recovered").complete
@@ -140,7 +146,9 @@ def test_only_named_topics_and_stop_by_sigterm(graph, tmp_path):
     time.sleep(0.3)
     graph.stop(recorder, signal.SIGTERM)
     assert recorder.returncode == 0
-    assert {name: topic.count for name, topic in BagReader(tmp_path / "bag").topics.items()} == {"/ankle/samples": 40}
+    assert {name: topic.count for name, topic in BagReader(tmp_path / "bag").topics.items()} == {
+        "/ankle/samples": 40
+    }
 
 
 def test_a_disk_that_fills_up_ends_the_recording_in_good_order(graph, tmp_path):
@@ -164,7 +172,9 @@ def test_an_existing_bag_is_refused_by_the_recorder(graph, make_bag):
 
 
 def replay_into(graph, tmp_path, bag, delay, rate):
-    """Replays into a reader and a recorder; returns the replay's and the reader's output and the new bag."""
+    """Replays into a reader and a recorder; returns the replay's and the reader's output and the
+    new bag.
+    """
     recorder = graph.node("record_node", {"out": tmp_path / "new", "use_sim_time": "true"})
     graph.wait_for_line(recorder, "ready")
     reader = graph.start("-c", READER, str(delay), "1")
@@ -184,9 +194,16 @@ def test_replay_as_fast_as_possible_loses_nothing_with_a_slow_reader(graph, make
     assert "reader: 250 blocks 0 findings 0 missing" in heard
     old = BagReader(bag)
     for topic in old.topics:
-        assert [data for _, _, data in new.messages([topic])] == [data for _, _, data in old.messages([topic])]
-    assert np.array_equal(new.signal("/impedance/estimate")[1], old.signal("/ankle/samples")[1][31::32, :2])
-    times = [int.from_bytes(data[4:8], "little") * 10**9 + int.from_bytes(data[8:12], "little") for _, _, data in new.messages(["/clock"])]
+        assert [data for _, _, data in new.messages([topic])] == [
+            data for _, _, data in old.messages([topic])
+        ]
+    assert np.array_equal(
+        new.signal("/impedance/estimate")[1], old.signal("/ankle/samples")[1][31::32, :2]
+    )
+    times = [
+        int.from_bytes(data[4:8], "little") * 10**9 + int.from_bytes(data[8:12], "little")
+        for _, _, data in new.messages(["/clock"])
+    ]
     assert len(times) > 100
     assert times == sorted(times)
     assert old.start_ns <= times[0]
@@ -223,13 +240,19 @@ def test_a_reader_that_stands_still_is_named(graph, make_bag):
         ({"bag": "nowhere"}, "no bag at nowhere"),
         ({}, "parameter 'bag' is missing"),
         ({"bag": "BAG", "topics": "/emg/samples"}, "has no topic '/emg/samples'; it holds"),
-        ({"bag": "BAG", "wait_timeout": 0.5}, r"0 of 1 readers (wait_for_readers) connected within 0.5 s: none"),
+        (
+            {"bag": "BAG", "wait_timeout": 0.5},
+            r"0 of 1 readers (wait_for_readers) connected within 0.5 s: none",
+        ),
         ({"bag": "BAG", "rate": -1.0}, "'rate' = -1.0 is refused; allowed: 0 to 1e+06"),
     ],
 )
 def test_replay_that_cannot_start_says_why(graph, make_bag, parameters, words):
     bag = make_bag(blocks=3)
-    replayer = graph.node("replay_node", {name: bag if value == "BAG" else value for name, value in parameters.items()})
+    replayer = graph.node(
+        "replay_node",
+        {name: bag if value == "BAG" else value for name, value in parameters.items()},
+    )
     told, _ = replayer.communicate(timeout=40)
     assert replayer.returncode == 1
     assert words in told
@@ -274,7 +297,9 @@ def test_messages_lost_on_the_way_are_counted(tmp_path, block):
     recording = Recording(tmp_path / "bag")
     recording.add_topic("/impedance/estimate", "std_msgs/msg/Float64MultiArray", ())
     for sequence in (5, 6, 9, 1, 2):
-        found = recording.write("/impedance/estimate", sequence, pack(block(0, size=1)), None, sequence)
+        found = recording.write(
+            "/impedance/estimate", sequence, pack(block(0, size=1)), None, sequence
+        )
         assert bool(found) == (sequence == 9)
     recording.close()
     assert "0 samples missing, 2 messages lost" in recording.summary()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sample_blocks.continuity import Continuity
+from ankle_interfaces.continuity import Continuity
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError, ImportRefused
 from session_recorder.exporting import export_bag
@@ -20,7 +20,9 @@ I, B, K = 0.0137, 0.63, 100.0  # the paper's ankle
 
 
 def synthetic(seconds=20.0, rate=1000.0, noise=0.02):
-    """An ankle of known I, B and K under smooth random steps of 20 mrad, at 0.1 rad, with torque of the rig's sign."""
+    """An ankle of known I, B and K under smooth random steps of 20 mrad, at 0.1 rad, with torque of
+    the rig's sign.
+    """
     n = int(seconds * rate)
     random = np.random.default_rng(5)
     t = np.arange(n) / rate
@@ -58,7 +60,9 @@ def human():
 
 def test_synthetic_ankle_is_accepted_and_recovered(write, tmp_path):
     source = write()
-    report = import_recording(source, tmp_path / "bag", {**STATED, "velocity[rad/s]": "velocity"}, torque_sign="rig")
+    report = import_recording(
+        source, tmp_path / "bag", {**STATED, "velocity[rad/s]": "velocity"}, torque_sign="rig"
+    )
     assert report.warnings == ()
     assert report.rate == 1000.0
     assert report.intrinsic.inertia == pytest.approx(I, rel=0.1)
@@ -66,7 +70,10 @@ def test_synthetic_ankle_is_accepted_and_recovered(write, tmp_path):
     columns, data = BagReader(tmp_path / "bag").signal("/ankle/samples")
     assert columns == ("t[s]", "position[rad]", "torque[N.m]", "velocity[rad/s]")
     truth = np.load(source)
-    assert np.array_equal(data, np.column_stack([truth["time"], truth["position"], truth["torque"], truth["velocity"]]))
+    assert np.array_equal(
+        data,
+        np.column_stack([truth["time"], truth["position"], truth["torque"], truth["velocity"]]),
+    )
 
 
 def test_units_and_sign_are_converted(write, tmp_path):
@@ -91,9 +98,13 @@ def test_units_and_sign_are_converted(write, tmp_path):
     reader = BagReader(tmp_path / "bag")
     columns, data = reader.signal("/ankle/samples")
     for name in ("position[rad]", "velocity[rad/s]", "torque[N.m]"):
-        np.testing.assert_allclose(data[:, columns.index(name)], truth[name.split("[")[0]], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            data[:, columns.index(name)], truth[name.split("[")[0]], rtol=1e-12, atol=1e-12
+        )
     assert reader.signal("/emg/samples")[0] == ("t[s]", "SOL[V]")
-    np.testing.assert_allclose(reader.signal("/emg/samples")[1][:, 1], 1e-6 * truth["torque"], rtol=1e-12)
+    np.testing.assert_allclose(
+        reader.signal("/emg/samples")[1][:, 1], 1e-6 * truth["torque"], rtol=1e-12
+    )
     assert reader.signal("/perturbation/reference")[0] == ("t[s]", "position[rad]")
     assert reader.custom_data["stated_torque_sign"] == "subject"
 
@@ -104,23 +115,48 @@ def test_real_trials_are_imported_as_they_are(human, tmp_path):
         assert report.warnings == ()
         columns, data = BagReader(tmp_path / str(number)).signal("/ankle/samples")
         assert columns == ("t[s]", "position[rad]", "torque[N.m]")
-        assert np.array_equal(data, np.column_stack([truth["time"], truth["position"], -truth["torque"]]))
+        assert np.array_equal(
+            data, np.column_stack([truth["time"], truth["position"], -truth["torque"]])
+        )
         assert data[:, 1].mean() == pytest.approx(0.151, abs=0.002)
         assert not Continuity().check(data)
 
 
 CONTRADICTIONS = {
     "wrong sign": ({}, {}, "rig", "sign is not 'rig'.*state 'subject'"),
-    "degrees": ({"position": lambda d: np.degrees(d["position"])}, {}, "subject", "an ankle's range is 1.6 rad; is it in deg"),
+    "degrees": (
+        {"position": lambda d: np.degrees(d["position"])},
+        {},
+        "subject",
+        "an ankle's range is 1.6 rad; is it in deg",
+    ),
     "degrees without offset": (
-        {"position": lambda d: 0.2 * np.degrees(d["position"] - d["position"].mean()), "torque": lambda d: 0.2 * d["torque"]},
+        {
+            "position": lambda d: 0.2 * np.degrees(d["position"] - d["position"].mean()),
+            "torque": lambda d: 0.2 * d["torque"],
+        },
         {},
         "subject",
         "units of position and torque do not fit.*position in degrees",
     ),
-    "mN.m": ({"torque": lambda d: 1000 * d["torque"]}, {}, "subject", "torque reaches .* N.m.*is it in mN.m"),
-    "stated as mN.m": ({}, {"torque[N.m]": None, "torque[mN.m]": "torque"}, "subject", "units of position and torque do not fit"),
-    "stated as degrees": ({}, {"position[rad]": None, "position[deg]": "position"}, "subject", "position already in rad"),
+    "mN.m": (
+        {"torque": lambda d: 1000 * d["torque"]},
+        {},
+        "subject",
+        "torque reaches .* N.m.*is it in mN.m",
+    ),
+    "stated as mN.m": (
+        {},
+        {"torque[N.m]": None, "torque[mN.m]": "torque"},
+        "subject",
+        "units of position and torque do not fit",
+    ),
+    "stated as degrees": (
+        {},
+        {"position[rad]": None, "position[deg]": "position"},
+        "subject",
+        "position already in rad",
+    ),
 }
 
 
@@ -142,20 +178,42 @@ def test_real_trials_with_wrong_statements_are_refused(human, tmp_path, case):
         (lambda d: {"torque": -d["torque"]}, "rig", "sign is not 'rig'"),
         (lambda d: {}, "subject", "sign is not 'subject'.*state 'rig'"),
         (lambda d: {"velocity": -d["velocity"]}, "rig", "velocity has the opposite sign"),
-        (lambda d: {"velocity": np.degrees(d["velocity"])}, "rig", "velocity is 5[78].* times the derivative.*deg/s"),
-        (lambda d: {"velocity": d["velocity"][::-1]}, "rig", "velocity does not follow the derivative"),
-        (lambda d: {"velocity": 1000 * d["velocity"]}, "rig", "velocity reaches .* more than 40 rad/s is not possible"),
-        (lambda d: {"time": np.where(np.arange(20000) < 9000, d["time"], d["time"] - 5)}, "rig", "time runs back by 5"),
+        (
+            lambda d: {"velocity": np.degrees(d["velocity"])},
+            "rig",
+            "velocity is 5[78].* times the derivative.*deg/s",
+        ),
+        (
+            lambda d: {"velocity": d["velocity"][::-1]},
+            "rig",
+            "velocity does not follow the derivative",
+        ),
+        (
+            lambda d: {"velocity": 1000 * d["velocity"]},
+            "rig",
+            "velocity reaches .* more than 40 rad/s is not possible",
+        ),
+        (
+            lambda d: {"time": np.where(np.arange(20000) < 9000, d["time"], d["time"] - 5)},
+            "rig",
+            "time runs back by 5",
+        ),
         (lambda d: {"time": 1000 * d["time"]}, "rig", "a rate of 1 Hz.*Is it in ms"),
         (lambda d: {"time": -d["time"]}, "rig", "time does not increase"),
         (lambda d: {"time": np.full(20000, np.nan)}, "rig", "do not tell a sampling rate"),
-        (lambda d: {"position": d["position"][:-1]}, "rig", "columns of different length: .*position 19999"),
+        (
+            lambda d: {"position": d["position"][:-1]},
+            "rig",
+            "columns of different length: .*position 19999",
+        ),
     ],
 )
 def test_contradictions_are_refused_with_the_reason(write, tmp_path, change, sign, words):
     source = write(**change(synthetic()))
     with pytest.raises(ImportRefused, match=words):
-        import_recording(source, tmp_path / "bag", {**STATED, "velocity[rad/s]": "velocity"}, torque_sign=sign)
+        import_recording(
+            source, tmp_path / "bag", {**STATED, "velocity[rad/s]": "velocity"}, torque_sign=sign
+        )
     assert not (tmp_path / "bag").exists()
 
 
@@ -173,15 +231,35 @@ def test_force_imports_and_keeps_the_warning(write, tmp_path):
     [
         ({"position": "position"}, {"rate": 1000}, "does not say its unit"),
         ({"position[furlong]": "position"}, {"rate": 1000}, "unknown unit 'furlong'"),
-        ({"position[N.m]": "position"}, {"rate": 1000}, r"position is given in 'N\.m', expected rad"),
+        (
+            {"position[N.m]": "position"},
+            {"rate": 1000},
+            r"position is given in 'N\.m', expected rad",
+        ),
         ({"weight[N.m]": "position"}, {"rate": 1000}, "unknown quantity; known: t, position"),
         ({"position[rad]": "position"}, {}, "neither a sampling rate nor a time column"),
-        ({"position[rad]": "position"}, {"rate": -5}, "sampling rate -5 Hz is refused; allowed: 50 to 100000 Hz"),
+        (
+            {"position[rad]": "position"},
+            {"rate": -5},
+            "sampling rate -5 Hz is refused; allowed: 50 to 100000 Hz",
+        ),
         ({"t[s]": "time"}, {}, "no signal is stated"),
         ({"torque[N.m]": "torque"}, {"rate": 1000}, "the sign of torque is not stated"),
-        ({"torque[N.m]": "torque"}, {"rate": 1000, "torque_sign": "left"}, "torque sign 'left' is not known"),
-        ({"position[rad]": "angle"}, {"rate": 1000}, "no column 'angle'; it holds time, position, velocity, torque"),
-        ({"position[rad]": "position", "position[deg]": "position"}, {"rate": 1000}, "stated twice"),
+        (
+            {"torque[N.m]": "torque"},
+            {"rate": 1000, "torque_sign": "left"},
+            "torque sign 'left' is not known",
+        ),
+        (
+            {"position[rad]": "angle"},
+            {"rate": 1000},
+            "no column 'angle'; it holds time, position, velocity, torque",
+        ),
+        (
+            {"position[rad]": "position", "position[deg]": "position"},
+            {"rate": 1000},
+            "stated twice",
+        ),
         ({"position[rad]": "position"}, {"rate": 1000, "missing": "fill"}, "policy 'fill'"),
         (
             {"t[s]": "time", "position[rad]": "position"},
@@ -201,7 +279,11 @@ def test_missing_samples_are_reported_and_never_filled(write, tmp_path):
     truth["position"][7000] = np.inf
     source = write(**truth)
     kept = import_recording(source, tmp_path / "kept", STATED, torque_sign="rig")
-    assert any("torque[N.m]: 3 samples are missing or not finite, first at t = 0.100000 s; kept as NaN" in w for w in kept.warnings)
+    assert any(
+        "torque[N.m]: 3 samples are missing or not finite, first at t = 0.100000 s; kept as NaN"
+        in w
+        for w in kept.warnings
+    )
     assert any("position[rad]: 1 samples" in w for w in kept.warnings)
     _, data = BagReader(tmp_path / "kept").signal("/ankle/samples")
     assert np.flatnonzero(np.isnan(data).any(axis=1)).tolist() == [100, 101, 5000, 7000]
@@ -217,8 +299,12 @@ def test_missing_samples_are_reported_and_never_filled(write, tmp_path):
 def test_a_gap_in_time_stays_a_gap_and_is_reported(write, tmp_path):
     truth = {name: np.delete(values, slice(3000, 3250)) for name, values in synthetic().items()}
     report = import_recording(write(**truth), tmp_path / "bag", STATED, torque_sign="rig")
-    assert any("250 samples (0.250 s) missing before t = 3.25" in warning for warning in report.warnings)
-    assert np.array_equal(BagReader(tmp_path / "bag").signal("/ankle/samples")[1][:, 0], truth["time"])
+    assert any(
+        "250 samples (0.250 s) missing before t = 3.25" in warning for warning in report.warnings
+    )
+    assert np.array_equal(
+        BagReader(tmp_path / "bag").signal("/ankle/samples")[1][:, 0], truth["time"]
+    )
 
 
 def test_without_fast_movement_the_report_says_that_nothing_was_verified(write, tmp_path):
@@ -229,27 +315,40 @@ def test_without_fast_movement_the_report_says_that_nothing_was_verified(write, 
 
 
 def test_negative_times_are_shifted_and_reported(write, tmp_path):
-    report = import_recording(write(time=synthetic()["time"] - 2.5), tmp_path / "bag", STATED, torque_sign="rig")
+    report = import_recording(
+        write(time=synthetic()["time"] - 2.5), tmp_path / "bag", STATED, torque_sign="rig"
+    )
     assert any("3 s are added" in warning for warning in report.warnings)
     assert BagReader(tmp_path / "bag").signal("/ankle/samples")[1][0, 0] == pytest.approx(0.5)
 
 
 @pytest.fixture
 def edf(tmp_path):
-    """Two seconds of EMG at 2048 Hz as an amplifier stores them, in microvolts; names and further signals as told."""
+    """Two seconds of EMG at 2048 Hz as an amplifier stores them, in microvolts; names and further
+    signals as told.
+    """
 
     def write(*labels, unit="uV", rate=2048.0, further=(), suffix=".edf"):
         emg = np.random.default_rng(3).uniform(-900.0, 900.0, (len(labels), round(2 * rate)))
-        make, make_file = (edfio.BdfSignal, edfio.Bdf) if suffix == ".bdf" else (edfio.EdfSignal, edfio.Edf)
-        signals = [make(row, rate, label=label, physical_dimension=unit) for row, label in zip(emg, labels, strict=True)]
+        make, make_file = (
+            (edfio.BdfSignal, edfio.Bdf) if suffix == ".bdf" else (edfio.EdfSignal, edfio.Edf)
+        )
+        signals = [
+            make(row, rate, label=label, physical_dimension=unit)
+            for row, label in zip(emg, labels, strict=True)
+        ]
         make_file([*signals, *further]).write(tmp_path / f"emg{suffix}")
         return tmp_path / f"emg{suffix}", 1e-6 * emg
 
     return write
 
 
-@pytest.mark.parametrize(("suffix", "resolution"), [(".edf", 1800e-6 / 2**16), (".bdf", 1800e-6 / 2**24)])
-def test_emg_of_an_amplifier_comes_in_volts_with_the_time_of_the_file(edf, tmp_path, suffix, resolution):
+@pytest.mark.parametrize(
+    ("suffix", "resolution"), [(".edf", 1800e-6 / 2**16), (".bdf", 1800e-6 / 2**24)]
+)
+def test_emg_of_an_amplifier_comes_in_volts_with_the_time_of_the_file(
+    edf, tmp_path, suffix, resolution
+):
     source, emg = edf("soleus", "TA", suffix=suffix)
     report = import_recording(source, tmp_path / "bag", {"t[s]": "t", "SOL[uV]": "soleus"})
     assert (report.samples, report.ignored, report.warnings) == (4096, ("TA",), ())
@@ -261,7 +360,12 @@ def test_emg_of_an_amplifier_comes_in_volts_with_the_time_of_the_file(edf, tmp_p
 
 
 def test_what_an_edf_file_contradicts_is_refused(edf, tmp_path):
-    source, _ = edf("SOL", "TA", "TA", further=[edfio.EdfSignal(np.arange(200.0), 100.0, label="GL", physical_dimension="uV")])
+    source, _ = edf(
+        "SOL",
+        "TA",
+        "TA",
+        further=[edfio.EdfSignal(np.arange(200.0), 100.0, label="GL", physical_dimension="uV")],
+    )
     for columns, words in (
         ({"SOL[mV]": "SOL"}, "'SOL[mV]' is stated in mV, the file declares 'SOL' in uV"),
         ({"SOL[uV]": "soleus"}, "has no signal 'soleus'; it holds t, SOL, TA, TA, GL"),
@@ -270,7 +374,9 @@ def test_what_an_edf_file_contradicts_is_refused(edf, tmp_path):
     ):
         with pytest.raises(ImportRefused, match=re.escape(words)):
             import_recording(source, tmp_path / "bag", {"t[s]": "t", **columns})
-    with pytest.raises(ImportRefused, match="stated sampling rate is 1000 Hz, the time column steps at 2048 Hz"):
+    with pytest.raises(
+        ImportRefused, match="stated sampling rate is 1000 Hz, the time column steps at 2048 Hz"
+    ):
         import_recording(source, tmp_path / "bag", {"t[s]": "t", "SOL[uV]": "SOL"}, rate=1000.0)
 
 
@@ -279,10 +385,17 @@ def test_csv_with_and_without_header(tmp_path, delimiter):
     truth = synthetic(seconds=5)
     table = np.column_stack([truth["time"], truth["position"], truth["torque"]])
     rows = [delimiter.join(repr(float(value)) for value in row) for row in table]
-    (tmp_path / "a.csv").write_text("\n".join([delimiter.join(["time", "position", "torque"]), *rows]))
+    (tmp_path / "a.csv").write_text(
+        "\n".join([delimiter.join(["time", "position", "torque"]), *rows])
+    )
     (tmp_path / "b.csv").write_text("\n".join(rows))
     import_recording(tmp_path / "a.csv", tmp_path / "a", STATED, torque_sign="rig")
-    import_recording(tmp_path / "b.csv", tmp_path / "b", {"t[s]": "1", "position[rad]": "2", "torque[N.m]": "3"}, torque_sign="rig")
+    import_recording(
+        tmp_path / "b.csv",
+        tmp_path / "b",
+        {"t[s]": "1", "position[rad]": "2", "torque[N.m]": "3"},
+        torque_sign="rig",
+    )
     for name in ("a", "b"):
         assert np.array_equal(BagReader(tmp_path / name).signal("/ankle/samples")[1], table)
 
@@ -304,10 +417,19 @@ def test_csv_cells_that_are_empty_or_wrong(tmp_path):
 def test_mat_with_structures_and_matrices(tmp_path):
     truth = synthetic(seconds=5)
     matrix = np.column_stack([truth["position"], truth["torque"]])
-    savemat(tmp_path / "a.mat", {"trial": {"time": truth["time"], "signals": matrix}, "subject": "3"})
-    stated = {"t[s]": "trial.time", "position[rad]": "trial.signals:1", "torque[N.m]": "trial.signals:2"}
+    savemat(
+        tmp_path / "a.mat", {"trial": {"time": truth["time"], "signals": matrix}, "subject": "3"}
+    )
+    stated = {
+        "t[s]": "trial.time",
+        "position[rad]": "trial.signals:1",
+        "torque[N.m]": "trial.signals:2",
+    }
     import_recording(tmp_path / "a.mat", tmp_path / "bag", stated, torque_sign="rig")
-    assert np.array_equal(BagReader(tmp_path / "bag").signal("/ankle/samples")[1], np.column_stack([truth["time"], matrix]))
+    assert np.array_equal(
+        BagReader(tmp_path / "bag").signal("/ankle/samples")[1],
+        np.column_stack([truth["time"], matrix]),
+    )
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.mat", "a.edf", "a.bdf", "a.xlsx"])
@@ -337,7 +459,9 @@ def test_export_and_import_again_gives_the_same_numbers(write, tmp_path, file_fo
     prefix = "" if file_format == "csv" else "ankle_samples."
     again = {name: prefix + name for name in STATED}
     import_recording(path, tmp_path / "again", again, torque_sign="rig")
-    first, second = (BagReader(tmp_path / name).signal("/ankle/samples") for name in ("bag", "again"))
+    first, second = (
+        BagReader(tmp_path / name).signal("/ankle/samples") for name in ("bag", "again")
+    )
     assert first[0] == second[0]
     assert np.array_equal(first[1], second[1])
     with pytest.raises(BagError, match="nothing is overwritten unasked"):

@@ -14,7 +14,9 @@ pytestmark = pytest.mark.live
 
 
 class Queue:
-    """A reader with a queue of 64 that forgets the oldest, as DDS with keep-last 64, and works off one message at a time."""
+    """A reader with a queue of 64 that forgets the oldest, as DDS with keep-last 64, and works off
+    one message at a time.
+    """
 
     def __init__(self, flow, delay):
         self.flow, self.delay = flow, delay
@@ -91,7 +93,11 @@ def test_a_reader_that_stops_is_named(make_bag):
     flow = Flow(2)
     outlet = Outlet()
     outlet.queues["/ankle/samples"] = [Queue(flow, 0)]
-    with pytest.raises(BagError, match=rf"no progress for 0\.3 s.*/reader worked off {WINDOW} of {WINDOW}, 1 reader\(s\) never answered"):
+    with pytest.raises(
+        BagError,
+        match=rf"no progress for 0\.3 s.*/reader worked off {WINDOW} of {WINDOW}, 1 reader\(s\) "
+        rf"never answered",
+    ):
         replay(BagReader(make_bag()), outlet, flows={"/ankle/samples": flow}, patience=0.3).run()
     outlet.queues["/ankle/samples"][0].open = False
 

@@ -1,9 +1,10 @@
-"""The estimators against each other: speed, variability, bias, voluntary torque, tracking, standard errors.
+"""The estimators against each other: speed, variability, bias, voluntary torque, tracking, standard
+errors.
 
     python -m simulation_study.comparison --out comparison_study
 
-All trials are of the rig CE (2048 Hz, the paper's noise). Their seeds come from another stream than those of table II. What the
-columns mean is said in ``docs/estimators.md``.
+All trials are of the rig CE (2048 Hz, the paper's noise). Their seeds come from another stream than
+those of table II. What the columns mean is said in ``docs/estimators.md``.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from simulation_study.study import run_study
 from simulation_study.trial import Ankle, Course, Trial
 
 STREAM = 47
-"""Labels the seeds of this study, so that they are not those of table II, of the tests, or of any tuning."""
+"""Labels the seeds of this study, so that they are not those of table II, of the tests, or of any
+tuning.
+"""
 VOLUNTARY = {"none": (0.0, 0.3), "0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
 """Root mean square [N.m] and cut-off [Hz] of the subject's own torque."""
 COMPARED = ("CE", "CE all", "joint")
@@ -63,23 +66,66 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
         return int(random.integers(2**31 - 1))
 
     trials = []
-    for (label, (rms, cutoff)), (part, course) in product(VOLUNTARY.items(), (("jump", Course("jump")), ("fixed", None))):
+    for (label, (rms, cutoff)), (part, course) in product(
+        VOLUNTARY.items(), (("jump", Course("jump")), ("fixed", None))
+    ):
         ankle = Ankle(voluntary_rms=rms, voluntary_cutoff=cutoff)
         trials += [
-            Trial(f"{part}_{label}_{run}", "CE", PICTURED, fresh(), ankle, course, 160.0 if course else 180.0) for run in range(seeds[part])
+            Trial(
+                f"{part}_{label}_{run}",
+                "CE",
+                PICTURED,
+                fresh(),
+                ankle,
+                course,
+                160.0 if course else 180.0,
+            )
+            for run in range(seeds[part])
         ]
     for (omega, z, delay), run in product(REFLEXES, range(seeds["reflex"])):
         ankle = Ankle(omega=omega, z=z, delay=delay)
-        trials.append(Trial(f"reflex_{omega:g}_{z:g}_{delay:g}_{run}", "CE", COMPARED, fresh(), ankle, None, 120.0))
+        trials.append(
+            Trial(
+                f"reflex_{omega:g}_{z:g}_{delay:g}_{run}",
+                "CE",
+                COMPARED,
+                fresh(),
+                ankle,
+                None,
+                120.0,
+            )
+        )
     for over, run in product(RAMPS, range(seeds["moving"])):
-        trials.append(Trial(f"ramp_{over:g}_{run}", "CE", COMPARED, fresh(), Ankle(), Course("ramp", at=60.0, over=over), 120.0))
+        trials.append(
+            Trial(
+                f"ramp_{over:g}_{run}",
+                "CE",
+                COMPARED,
+                fresh(),
+                Ankle(),
+                Course("ramp", at=60.0, over=over),
+                120.0,
+            )
+        )
     wave = Course("sinusoid", K=(70.0, 130.0), G=(7.0, 13.0))
     for frequency, run in product(FREQUENCIES, range(seeds["moving"])):
         seconds = 30.0 + max(90.0, 1.0 / frequency)
         course = replace(wave, frequency=frequency)
-        trials.append(Trial(f"sinusoid_{frequency:g}_{run}", "CE", COMPARED, fresh(), Ankle(), course, seconds))
+        trials.append(
+            Trial(
+                f"sinusoid_{frequency:g}_{run}", "CE", COMPARED, fresh(), Ankle(), course, seconds
+            )
+        )
     trials += [
-        Trial(f"calibration_{run}", "CE", ("CE all", "joint"), fresh(), Ankle(), None, CALIBRATION_SECONDS)
+        Trial(
+            f"calibration_{run}",
+            "CE",
+            ("CE all", "joint"),
+            fresh(),
+            Ankle(),
+            None,
+            CALIBRATION_SECONDS,
+        )
         for run in range(seeds["calibration"])
     ]
     return trials
@@ -87,17 +133,25 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
 
 def main() -> None:
     """Run the study or go on with it; write the tables and the picture into its folder."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--out", type=Path, default=Path("comparison_study"))
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--quick", action="store_true", help="2 seeds instead of 10, 10 instead of 200 for the standard errors")
+    options.add_argument(
+        "--quick",
+        action="store_true",
+        help="2 seeds instead of 10, 10 instead of 200 for the standard errors",
+    )
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options.add_argument("--scheduler", help="address of a running Dask scheduler")
     given = options.parse_args()
     seeds = QUICK if given.quick else FULL
     asked = {"study": "comparison", "seed": given.seed, "seeds": seeds}
     trials = comparison_trials(seeds, given.seed)
-    results = run_study(trials, asked, given.out, carry_out, given.workers, given.scheduler, Console(stderr=True))
+    results = run_study(
+        trials, asked, given.out, carry_out, given.workers, given.scheduler, Console(stderr=True)
+    )
     print(write_comparison(results, given.out))
 
 

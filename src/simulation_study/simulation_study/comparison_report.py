@@ -13,33 +13,47 @@ from simulation_study.estimates import GAINS
 REPORT, PICTURE = "comparison.md", "comparison.png"
 NO_VOLUNTARY_TORQUE = "none"
 SHORTEST_RISE = 1.0 / 64.0
-"""[s] Between two estimates: a shorter rise time, which the logarithmic axis could not show, is drawn there."""
+"""[s] Between two estimates: a shorter rise time, which the logarithmic axis could not show, is
+drawn there.
+"""
 COVERED = 1.96
 """Standard errors either side that hold 95 % of a normal distribution."""
 INDEX = {"K": 0, "G": 3}
 BASELINES = ("CE", "CE all")
-DUELS = (("jump", "shorter rise time", "rise_time"), ("jump", "earlier arrival", "arrival"), ("fixed", "less variability", "variation"))
-"""Part of the study, in words, and the number of `speed_and_variability` in which estimators are compared run by run."""
+DUELS = (
+    ("jump", "shorter rise time", "rise_time"),
+    ("jump", "earlier arrival", "arrival"),
+    ("fixed", "less variability", "variation"),
+)
+"""Part of the study, in words, and the number of `speed_and_variability` in which estimators are
+compared run by run.
+"""
 
 
 def write_comparison(results: dict[str, dict[str, Any]], out: Path) -> str:
     """Write ``comparison.md`` and ``comparison.png`` into `out`.
 
-    Args:
-        results: of the trials of `comparison.comparison_trials`, by name.
+    Parameters
+    ----------
+    results
+        Of the trials of `comparison.comparison_trials`, by name.
 
-    Returns:
+    Returns
+    -------
+    str
         The Markdown.
     """
     speed = speed_and_variability(results)
     text = "\n\n".join(
         [
-            "Rise time of a jump [s], time until the estimate has arrived within 10 % of it [s], coefficient of variation of a fixed ankle "
+            "Rise time of a jump [s], time until the estimate has arrived within 10 % of it [s], "
+            "coefficient of variation of a fixed ankle "
             "[%]: median, largest",
             _speed_table(speed),
             "Run by run",
             _duel_table(results),
-            "Bias over reflexes with omega 15-30 rad/s, z 0.6-1.0, delay 35-55 ms [% of the true value]: median, largest of all runs",
+            "Bias over reflexes with omega 15-30 rad/s, z 0.6-1.0, delay 35-55 ms [% of the true "
+            "value]: median, largest of all runs",
             _bias_table(results),
             "Tracking error [% of half the range]: root mean square, K and G",
             _tracking_table(results),
@@ -56,8 +70,11 @@ def _part(results: dict[str, dict[str, Any]], part: str) -> dict[str, dict[str, 
     return {name: result for name, result in results.items() if name.split("_")[0] == part}
 
 
-def speed_and_variability(results: dict[str, dict[str, Any]]) -> dict[tuple[str, str], dict[str, np.ndarray]]:
-    """By voluntary torque and estimator: ``rise_time`` of K and G over seeds, shape (seeds, 2) [s]; ``arrival``, ``variation`` [%] alike.
+def speed_and_variability(
+    results: dict[str, dict[str, Any]],
+) -> dict[tuple[str, str], dict[str, np.ndarray]]:
+    """By voluntary torque and estimator: ``rise_time`` of K and G over seeds, shape (seeds, 2) [s];
+    ``arrival``, ``variation`` [%] alike.
 
     A rise time that is never reached is infinite, so that it counts in a median.
     """
@@ -65,29 +82,53 @@ def speed_and_variability(results: dict[str, dict[str, Any]]) -> dict[tuple[str,
     for name, result in {**_part(results, "jump"), **_part(results, "fixed")}.items():
         part, voluntary, _ = name.split("_")
         for estimator, numbers in result["estimates"].items():
-            entry = found.setdefault((voluntary, estimator), {"rise_time": [], "arrival": [], "variation": []})
+            entry = found.setdefault(
+                (voluntary, estimator), {"rise_time": [], "arrival": [], "variation": []}
+            )
             if part == "jump":
                 for quantity in ("rise_time", "arrival"):
-                    entry[quantity].append([np.inf if np.isnan(value) else value for value in numbers[quantity]])
+                    entry[quantity].append(
+                        [np.inf if np.isnan(value) else value for value in numbers[quantity]]
+                    )
             else:
-                entry["variation"].append([100.0 * numbers["sd"][i] / numbers["mean"][i] for i in INDEX.values()])
-    return {key: {name: np.array(values) for name, values in entry.items()} for key, entry in found.items()}
+                entry["variation"].append(
+                    [100.0 * numbers["sd"][i] / numbers["mean"][i] for i in INDEX.values()]
+                )
+    return {
+        key: {name: np.array(values) for name, values in entry.items()}
+        for key, entry in found.items()
+    }
 
 
 def _table(header: list[str], lines: list[list[str]]) -> str:
-    return "\n".join(["| " + " | ".join(header) + " |", "|" + " --- |" * len(header), *("| " + " | ".join(line) + " |" for line in lines)])
+    return "\n".join(
+        [
+            "| " + " | ".join(header) + " |",
+            "|" + " --- |" * len(header),
+            *("| " + " | ".join(line) + " |" for line in lines),
+        ]
+    )
 
 
 def _speed_table(speed: dict[tuple[str, str], dict[str, np.ndarray]]) -> str:
     lines = []
-    for (voluntary, estimator), entry in sorted(speed.items(), key=lambda item: item[0][0] != NO_VOLUNTARY_TORQUE):
+    for (voluntary, estimator), entry in sorted(
+        speed.items(), key=lambda item: item[0][0] != NO_VOLUNTARY_TORQUE
+    ):
         cells = []
         for name, digits in (("rise_time", 2), ("arrival", 1), ("variation", 2)):
             for column in range(2):
                 values = entry[name][:, column]
-                cells.append(f"{np.median(values):.{digits}f}, {values.max():.{digits}f}".replace("inf", "never"))
+                cells.append(
+                    f"{np.median(values):.{digits}f}, {values.max():.{digits}f}".replace(
+                        "inf", "never"
+                    )
+                )
         lines.append([voluntary, estimator, *cells])
-    return _table(["voluntary torque", "estimator", "τ K", "τ G", "arrival K", "arrival G", "cv K", "cv G"], lines)
+    return _table(
+        ["voluntary torque", "estimator", "τ K", "τ G", "arrival K", "arrival G", "cv K", "cv G"],
+        lines,
+    )
 
 
 def _bias_table(results: dict[str, dict[str, Any]]) -> str:
@@ -100,7 +141,10 @@ def _bias_table(results: dict[str, dict[str, Any]]) -> str:
     lines = []
     for estimator, values in bias.items():
         found = np.array(values)
-        cells = [f"{np.median(column):+.2f}, {column[np.argmax(np.abs(column))]:+.2f}" for column in found.T]
+        cells = [
+            f"{np.median(column):+.2f}, {column[np.argmax(np.abs(column))]:+.2f}"
+            for column in found.T
+        ]
         lines.append([estimator, *cells])
     return _table(["estimator", "K", "G"], lines)
 
@@ -111,7 +155,9 @@ def _tracking_table(results: dict[str, dict[str, Any]]) -> str:
         for name, result in _part(results, part).items():
             course = label.format(name.split("_")[1])
             for estimator, numbers in result["estimates"].items():
-                error.setdefault(course, {}).setdefault(estimator, []).append(numbers["tracking_error"])
+                error.setdefault(course, {}).setdefault(estimator, []).append(
+                    numbers["tracking_error"]
+                )
     estimators = list(next(iter(error.values())))
     lines = []
     for course, found in error.items():
@@ -124,20 +170,30 @@ def _tracking_table(results: dict[str, dict[str, Any]]) -> str:
 
 
 def coverage(results: dict[str, dict[str, Any]]) -> dict[str, np.ndarray]:
-    """By estimator: share of snapshots whose true value lies within ±1.96 standard errors, for K, B, I, G; shape (4,) [%]."""
+    """By estimator: share of snapshots whose true value lies within ±1.96 standard errors, for K,
+    B, I, G; shape (4,) [%].
+    """
     inside: dict[str, list[np.ndarray]] = {}
     for result in results.values():
         for estimator, numbers in result["estimates"].items():
-            value, error, truth = (np.array(numbers["snapshots"][key]) for key in ("value", "error", "truth"))
+            value, error, truth = (
+                np.array(numbers["snapshots"][key]) for key in ("value", "error", "truth")
+            )
             inside.setdefault(estimator, []).append(np.abs(value - truth) < COVERED * error)
-    return {estimator: 100.0 * np.mean(np.concatenate(values), axis=0) for estimator, values in inside.items()}
+    return {
+        estimator: 100.0 * np.mean(np.concatenate(values), axis=0)
+        for estimator, values in inside.items()
+    }
 
 
 def _calibration_table(results: dict[str, dict[str, Any]]) -> str:
     lines = []
     for part, label in (("calibration", "the paper's reflex"), ("reflex", "all reflexes")):
         found = _part(results, part)
-        lines += [[f"{label}, {len(found)} runs", name, *(f"{share:.1f}" for share in shares)] for name, shares in coverage(found).items()]
+        lines += [
+            [f"{label}, {len(found)} runs", name, *(f"{share:.1f}" for share in shares)]
+            for name, shares in coverage(found).items()
+        ]
     return _table(["ankle", "estimator", *GAINS], lines)
 
 
@@ -145,11 +201,15 @@ def _duel_table(results: dict[str, dict[str, Any]], ours: str = "joint") -> str:
     """In how many runs, each read by all estimators, ours is faster, or varies less."""
     lines = []
     for part, quantity, number in DUELS:
-        found = [speed_and_variability({name: result}) for name, result in _part(results, part).items()]
+        found = [
+            speed_and_variability({name: result}) for name, result in _part(results, part).items()
+        ]
         for against in BASELINES:
             better = []
             for one in found:
-                by_estimator = {estimator: entry[number][0] for (_, estimator), entry in one.items()}
+                by_estimator = {
+                    estimator: entry[number][0] for (_, estimator), entry in one.items()
+                }
                 better.append(by_estimator[ours] < by_estimator[against])
             K, G = np.sum(better, axis=0)
             lines.append([quantity, against, str(len(found)), str(K), str(G)])
@@ -157,9 +217,13 @@ def _duel_table(results: dict[str, dict[str, Any]], ours: str = "joint") -> str:
 
 
 def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) -> None:
-    """Rise time against variability, each dot the median over seeds of an estimator with one setting."""
+    """Rise time against variability, each dot the median over seeds of an estimator with one
+    setting.
+    """
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
-    cases = sorted({voluntary for voluntary, _ in speed}, key=lambda case: (case != NO_VOLUNTARY_TORQUE, case))
+    cases = sorted(
+        {voluntary for voluntary, _ in speed}, key=lambda case: (case != NO_VOLUNTARY_TORQUE, case)
+    )
     axes = figure.subplots(2, len(cases), sharex=True, sharey="row", squeeze=False)
     families = {
         "CE": ("tab:orange", "o"),
@@ -174,14 +238,28 @@ def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) ->
             for (other, estimator), entry in speed.items():
                 if other != voluntary:
                     continue
-                family = "joint, fixed memory" if estimator.endswith("fixed") else estimator.split(" x")[0]
-                family = "joint" if family.startswith("joint ") and family != "joint, fixed memory" else family
+                family = (
+                    "joint, fixed memory"
+                    if estimator.endswith("fixed")
+                    else estimator.split(" x")[0]
+                )
+                family = (
+                    "joint"
+                    if family.startswith("joint ") and family != "joint, fixed memory"
+                    else family
+                )
                 rise = max(float(np.median(entry["rise_time"][:, row])), SHORTEST_RISE)
                 dots[family].append((rise, float(np.median(entry["variation"][:, row]))))
             for family, (colour, marker) in families.items():
                 reached = sorted(dot for dot in dots[family] if np.isfinite(dot[0]))
                 if reached:
-                    axis.plot(*np.transpose(reached), color=colour, marker=marker, linewidth=0.8, label=family)
+                    axis.plot(
+                        *np.transpose(reached),
+                        color=colour,
+                        marker=marker,
+                        linewidth=0.8,
+                        label=family,
+                    )
             axis.set_xscale("log")
             axis.set_yscale("log")
             axis.set_title(f"{parameter}, voluntary torque: {voluntary}", fontsize="medium")

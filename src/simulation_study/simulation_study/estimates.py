@@ -8,31 +8,43 @@ import numpy as np
 
 from ankle_physics.virtual_rig import Recording
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
-from impedance_estimator.joint_settings import JointSettings
-from impedance_estimator.offline import estimate_signal
+from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import EstimatorSettings, Settings
+from impedance_estimator.simultaneous.settings import JointSettings
 from simulation_study.rigs import RIGS, record
 from simulation_study.trial import INERTIA, VISCOSITY, Trial
 
 IGNORED = 30.0
 """[s] at the start. van 't Veld et al. 2018, section III-A."""
 SNAPSHOT = 30.0
-"""[s] between the estimates that are kept with their standard errors: more than any memory, so that they are independent."""
+"""[s] between the estimates that are kept with their standard errors: more than any memory, so that
+they are independent.
+"""
 STAYED = 2.0
 """[s] within 10 % of a jump that count as having arrived: three perturbations."""
 GAINS = ("K", "B", "I", "G")
-VALUES = [ESTIMATE_COLUMNS.index(name) for name in ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")]
-ERRORS = [ESTIMATE_COLUMNS.index(name) for name in ("se_K[N.m/rad]", "se_B[N.m.s/rad]", "se_I[kg.m^2]", "se_G[N.m.s/rad]")]
+VALUES = [
+    ESTIMATE_COLUMNS.index(name)
+    for name in ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
+]
+ERRORS = [
+    ESTIMATE_COLUMNS.index(name)
+    for name in ("se_K[N.m/rad]", "se_B[N.m.s/rad]", "se_I[kg.m^2]", "se_G[N.m.s/rad]")
+]
 VALID = ESTIMATE_COLUMNS.index("valid[1]")
 
 FASTER = (2.0, 4.0)
-"""How many times the cut-offs of CE's averages are raised for the picture of speed against variability."""
+"""How many times the cut-offs of CE's averages are raised for the picture of speed against
+variability.
+"""
 MEMORIES = (5.0, 10.0, 40.0)
 """[s] Memories of the joint estimator for the same picture."""
 
 
 def _estimators() -> dict[str, tuple[str, EstimatorSettings]]:
-    found: dict[str, tuple[str, EstimatorSettings]] = {name: (name, Settings()) for name in ("O", "C", "CE")}
+    found: dict[str, tuple[str, EstimatorSettings]] = {
+        name: (name, Settings()) for name in ("O", "C", "CE")
+    }
     found["CE all"] = ("CE", Settings(highpass="all"))
     for factor in FASTER:
         for label, highpass in (("CE", "torque"), ("CE all", "all")):
@@ -46,11 +58,17 @@ def _estimators() -> dict[str, tuple[str, EstimatorSettings]]:
             )
     for ridge in (1e-6, 1e-9, 0.1):
         found[f"C, ridge {ridge:g}"] = ("C", Settings(reflex_ridge=ridge))
-    found["C, reflex average x2"] = ("C", Settings(reflex_average_cutoff=2.0 * Settings.reflex_average_cutoff))
+    found["C, reflex average x2"] = (
+        "C",
+        Settings(reflex_average_cutoff=2.0 * Settings.reflex_average_cutoff),
+    )
     found["joint"] = ("joint", JointSettings())
     for memory in MEMORIES:
         found[f"joint {memory:g} s"] = ("joint", JointSettings(memory=memory))
-        found[f"joint {memory:g} s, fixed"] = ("joint", JointSettings(memory=memory, change_detection="off"))
+        found[f"joint {memory:g} s, fixed"] = (
+            "joint",
+            JointSettings(memory=memory, change_detection="off"),
+        )
     return found
 
 
@@ -61,11 +79,18 @@ ESTIMATORS = _estimators()
 def carry_out(trial: Trial) -> dict[str, Any]:
     """Simulate a trial, estimate, and summarise; everything in it can be written as JSON.
 
-    Returns:
+    Returns
+    -------
+    dict[str, Any]
         ``trial``, and ``estimates``: for each estimator what `summarise` says.
     """
     recording = record(trial)
-    found = {name: summarise(estimate(name, recording, RIGS[trial.rig].measures_velocity), recording, trial) for name in trial.estimators}
+    found = {
+        name: summarise(
+            estimate(name, recording, RIGS[trial.rig].measures_velocity), recording, trial
+        )
+        for name in trial.estimators
+    }
     return {"trial": trial.as_content(), "estimates": found}
 
 
@@ -73,17 +98,22 @@ def estimate(name: str, recording: Recording, measured_velocity: bool) -> np.nda
     """All estimates, shape (k, 12), columns `ESTIMATE_COLUMNS`."""
     algorithm, settings = ESTIMATORS[name]
     velocity = recording.velocity if measured_velocity else None
-    return estimate_signal(recording.time, recording.position, velocity, recording.torque, algorithm, settings).rows
+    return estimate_signal(
+        recording.time, recording.position, velocity, recording.torque, algorithm, settings
+    ).rows
 
 
 def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str, Any]:
     """Numbers of one estimator in one trial.
 
-    Returns:
-        ``mean`` and ``sd`` of K, B, I, G after `IGNORED` (within the trial), ``invalid``: share of the time without valid
-        estimate; without a course ``snapshots``: estimates, their standard errors and the truth every `SNAPSHOT`;
-        with a jump ``rise_time`` and ``arrival`` of K and G [s], NaN where there is none; with any course ``tracking_error``: root
-        mean square error of K and G over half of their range [1].
+    Returns
+    -------
+    dict[str, Any]
+        ``mean`` and ``sd`` of K, B, I, G after `IGNORED` (within the trial), ``invalid``: share of
+        the time without valid estimate; without a course ``snapshots``: estimates, their standard
+        errors and the truth every `SNAPSHOT`; with a jump ``rise_time`` and ``arrival`` of K and G
+        [s], NaN where there is none; with any course ``tracking_error``: root mean square error of
+        K and G over half of their range [1].
     """
     rows = rows[rows[:, 0] > IGNORED]
     after = rows[rows[:, VALID] > 0.0]
@@ -93,10 +123,15 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
         "invalid": 1.0 - len(after) / len(rows),
     }
     times = np.minimum(np.round(after[:, 0] * recording.rate).astype(int), len(recording.time) - 1)
-    K, G = recording.truth["stiffness.K[N.m/rad]"][times], recording.truth["reflex.G[N.m.s/rad]"][times]
+    K, G = (
+        recording.truth["stiffness.K[N.m/rad]"][times],
+        recording.truth["reflex.G[N.m.s/rad]"][times],
+    )
     if trial.course is None:
         # From the second snapshot on every estimator's memory is full.
-        kept = np.searchsorted(after[:, 0], np.arange(2.0 * SNAPSHOT, trial.seconds + 1e-6, SNAPSHOT) - 1e-6)
+        kept = np.searchsorted(
+            after[:, 0], np.arange(2.0 * SNAPSHOT, trial.seconds + 1e-6, SNAPSHOT) - 1e-6
+        )
         kept = np.minimum(kept, len(after) - 1)
         out["snapshots"] = {
             "value": after[kept][:, VALUES].tolist(),
@@ -112,21 +147,34 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
         out["tracking_error"] = error
         if course.kind == "jump":
             moved = [(after[:, VALUES[i]], levels) for i, levels in ((0, course.K), (3, course.G))]
-            out["rise_time"] = [rise_time(after[:, 0], values, levels, course.at) for values, levels in moved]
-            out["arrival"] = [arrival(after[:, 0], values, levels, course.at) for values, levels in moved]
+            out["rise_time"] = [
+                rise_time(after[:, 0], values, levels, course.at) for values, levels in moved
+            ]
+            out["arrival"] = [
+                arrival(after[:, 0], values, levels, course.at) for values, levels in moved
+            ]
     return out
 
 
-def rise_time(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float) -> float:
-    """Time [s] from the first crossing of 10 % to the first crossing of 90 % of a jump; NaN where one is never reached.
+def rise_time(
+    time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float
+) -> float:
+    """Time [s] from the first crossing of 10 % to the first crossing of 90 % of a jump; NaN where
+    one is never reached.
 
-    van 't Veld et al. 2018, section III-A: levels of the modelled jump, not of the estimate's own steady state.
+    van 't Veld et al. 2018, section III-A: levels of the modelled jump, not of the estimate's own
+    steady state.
 
-    Args:
-        time: [s], ascending, shape (n,).
-        values: shape (n,).
-        levels: before and after the jump.
-        at: when [s].
+    Parameters
+    ----------
+    time
+        [s], ascending, shape (n,).
+    values
+        Shape (n,).
+    levels
+        Before and after the jump.
+    at
+        When [s].
     """
     low, high = levels
     share = (values - low) / (high - low)
@@ -138,15 +186,21 @@ def rise_time(time: np.ndarray, values: np.ndarray, levels: tuple[float, float],
 
 
 def arrival(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float) -> float:
-    """Time [s] from a jump until the values stay within 10 % of it about the new level for `STAYED`; NaN where they never do.
+    """Time [s] from a jump until the values stay within 10 % of it about the new level for
+    `STAYED`; NaN where they never do.
 
     Unlike the rise time it counts the delay before an estimate moves, and what it overshoots.
 
-    Args:
-        time: [s], ascending, shape (n,).
-        values: shape (n,).
-        levels: before and after the jump.
-        at: when [s].
+    Parameters
+    ----------
+    time
+        [s], ascending, shape (n,).
+    values
+        Shape (n,).
+    levels
+        Before and after the jump.
+    at
+        When [s].
     """
     low, high = levels
     within = (np.abs(values - high) <= 0.1 * abs(high - low)) & (time >= at)

@@ -1,4 +1,7 @@
-"""Simulation halves of figures 6 and 7 of van 't Veld et al. 2018, and the intrinsic VAF on a training and a validation set."""
+"""Simulation halves of figures 6 and 7 of van 't Veld et al.
+
+2018, and the intrinsic VAF on a training and a validation set.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,19 @@ COLOURS = {"O": "tab:orange", "CE": "tab:blue"}
 
 @dataclass(frozen=True)
 class IntrinsicAccuracy:
-    """VAF of the true intrinsic torque [%], mean and standard deviation over seeds; shape (2,) each.
+    """VAF of the true intrinsic torque [%], mean and standard deviation over seeds; shape (2,)
+    each.
 
-    Attributes:
-        algorithm: O or CE, in the rig CE.
-        whole: all samples; training and validation set.
-        window: the 40 ms after each stretch; training and validation set.
-        whole_spread, window_spread: standard deviations.
+    Attributes
+    ----------
+    algorithm
+        O or CE, in the rig CE.
+    whole
+        All samples; training and validation set.
+    window
+        The 40 ms after each stretch; training and validation set.
+    whole_spread, window_spread
+        Standard deviations.
     """
 
     algorithm: str
@@ -44,24 +53,44 @@ def _fixed_trials(results: dict[str, dict[str, Any]]) -> list[tuple[Trial, dict[
     for name, result in results.items():
         if name.startswith("fixed_") and result["trial"]["rig"] == "CE":
             content = result["trial"]
-            ankle, course = Ankle(**content["ankle"]), Course(**content["course"]) if content["course"] else None
-            found.append((Trial(**{**content, "ankle": ankle, "course": course, "seconds": SECONDS}), result["estimates"]))
+            ankle, course = (
+                Ankle(**content["ankle"]),
+                Course(**content["course"]) if content["course"] else None,
+            )
+            found.append(
+                (
+                    Trial(**{**content, "ankle": ankle, "course": course, "seconds": SECONDS}),
+                    result["estimates"],
+                )
+            )
     return found
 
 
-def intrinsic_accuracies(results: dict[str, dict[str, Any]], most: int = 10) -> list[IntrinsicAccuracy]:
-    """Each fixed run's mean K, B and I on its own recording and on one with another perturbation and noise.
+def intrinsic_accuracies(
+    results: dict[str, dict[str, Any]], most: int = 10
+) -> list[IntrinsicAccuracy]:
+    """Each fixed run's mean K, B and I on its own recording and on one with another perturbation
+    and noise.
 
-    Args:
-        results: of the trials of `protocol.table2_trials`.
-        most: seeds; ten give the mean to a third of the spread.
+    Parameters
+    ----------
+    results
+        Of the trials of `protocol.table2_trials`.
+    most
+        Seeds; ten give the mean to a third of the spread.
     """
     found: dict[str, list[list[float]]] = {"O": [], "CE": []}
     for trial, estimates in _fixed_trials(results)[:most]:
         sets = [record(trial), record(replace(trial, seed=trial.seed ^ 1))]
         for algorithm, values in found.items():
             parameters = np.array(estimates[algorithm]["mean"][:3])
-            values.append([vaf for recording in sets for vaf in _whole_and_window(recording, algorithm, parameters)])
+            values.append(
+                [
+                    vaf
+                    for recording in sets
+                    for vaf in _whole_and_window(recording, algorithm, parameters)
+                ]
+            )
     out = []
     for algorithm, values in found.items():
         mean, spread = np.mean(values, axis=0), np.std(values, axis=0)
@@ -69,29 +98,54 @@ def intrinsic_accuracies(results: dict[str, dict[str, Any]], most: int = 10) -> 
     return out
 
 
-def _whole_and_window(recording: Recording, algorithm: str, parameters: np.ndarray) -> tuple[float, float]:
+def _whole_and_window(
+    recording: Recording, algorithm: str, parameters: np.ndarray
+) -> tuple[float, float]:
     predicted, true, within = _predicted(recording, algorithm, parameters)
     settled = recording.time > 1.0
-    return accuracy(predicted[settled], true[settled]), accuracy(predicted[settled & within], true[settled & within])
+    return accuracy(predicted[settled], true[settled]), accuracy(
+        predicted[settled & within], true[settled & within]
+    )
 
 
-def _predicted(recording: Recording, algorithm: str, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _predicted(
+    recording: Recording, algorithm: str, parameters: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     filtered = algorithm != "O"
     predicted = motion(recording, measured_velocity=filtered, filtered=filtered) @ parameters
-    return predicted, true_torque(recording, filtered), after_stretch(recording.clean[:, 1], recording.rate)
+    return (
+        predicted,
+        true_torque(recording, filtered),
+        after_stretch(recording.clean[:, 1], recording.rate),
+    )
 
 
 def figure6(results: dict[str, dict[str, Any]], path: Path) -> None:
     """Identified against simulated K and G, both random, rig CE."""
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     axes = figure.subplots(1, 2)
-    trials = [result for name, result in results.items() if name.startswith("random_K_and_G_") and result["trial"]["rig"] == "CE"]
-    for axis, parameter, index, unit in ((axes[0], "K", 0, "N·m/rad"), (axes[1], "G", 3, "N·m·s/rad")):
+    trials = [
+        result
+        for name, result in results.items()
+        if name.startswith("random_K_and_G_") and result["trial"]["rig"] == "CE"
+    ]
+    for axis, parameter, index, unit in (
+        (axes[0], "K", 0, "N·m/rad"),
+        (axes[1], "G", 3, "N·m·s/rad"),
+    ):
         true = np.array([result["trial"]["ankle"][parameter] for result in trials])
         for algorithm, colour in COLOURS.items():
             mean = np.array([result["estimates"][algorithm]["mean"][index] for result in trials])
             spread = np.array([result["estimates"][algorithm]["sd"][index] for result in trials])
-            axis.errorbar(true, mean, spread, fmt=".", color=colour, elinewidth=0.8, label=f"algorithm {algorithm}")
+            axis.errorbar(
+                true,
+                mean,
+                spread,
+                fmt=".",
+                color=colour,
+                elinewidth=0.8,
+                label=f"algorithm {algorithm}",
+            )
         ends = np.array([0.0, true.max()])
         axis.plot(ends, ends, color="black", linewidth=0.8, label="truth")
         axis.set_xlabel(f"simulated {parameter} ({unit})")
@@ -102,7 +156,9 @@ def figure6(results: dict[str, dict[str, Any]], path: Path) -> None:
 
 
 def figure7(results: dict[str, dict[str, Any]], path: Path) -> None:
-    """Intrinsic torque after a dorsiflexing step: mean of all stretches, true and as O and CE account for it."""
+    """Intrinsic torque after a dorsiflexing step: mean of all stretches, true and as O and CE
+    account for it.
+    """
     trial, estimates = _fixed_trials(results)[0]
     recording = record(trial)
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
@@ -112,18 +168,37 @@ def figure7(results: dict[str, dict[str, Any]], path: Path) -> None:
     starts = np.flatnonzero(within[1:] & ~within[:-1]) + 1
     starts = starts[(starts > recording.rate) & (starts < len(recording.time) - after)]
     # Steps only: a pulse is down again after 48 ms.
-    starts = starts[recording.clean[starts + round(0.1 * recording.rate), 0] > 0.5 * recording.clean[:, 0].max()]
+    starts = starts[
+        recording.clean[starts + round(0.1 * recording.rate), 0] > 0.5 * recording.clean[:, 0].max()
+    ]
     time = np.arange(-before, after) / recording.rate * 1e3
     for axis, (algorithm, colour) in zip(axes, COLOURS.items(), strict=True):
-        predicted, true, _ = _predicted(recording, algorithm, np.array(estimates[algorithm]["mean"][:3]))
+        predicted, true, _ = _predicted(
+            recording, algorithm, np.array(estimates[algorithm]["mean"][:3])
+        )
         for values, style in (
-            (true, {"color": "black", "label": "true" if algorithm == "O" else "true, through the algorithm's low-pass"}),
+            (
+                true,
+                {
+                    "color": "black",
+                    "label": "true"
+                    if algorithm == "O"
+                    else "true, through the algorithm's low-pass",
+                },
+            ),
             (predicted, {"color": colour, "label": f"algorithm {algorithm}"}),
         ):
-            axis.plot(time, np.mean([values[start - before : start + after] for start in starts], axis=0), **style)
+            axis.plot(
+                time,
+                np.mean([values[start - before : start + after] for start in starts], axis=0),
+                **style,
+            )
         axis.axvspan(0.0, 40.0, color="0.93")
         axis.set_xlabel("time after the start of the stretch (ms)")
         axis.legend(frameon=False)
     axes[0].set_ylabel("intrinsic torque (N·m)")
-    figure.suptitle(f"Figure 7, simulation half: rig CE, mean of {len(starts)} steps; grey: the 40 ms before any reflex")
+    figure.suptitle(
+        f"Figure 7, simulation half: rig CE, mean of {len(starts)} steps; grey: the 40 ms before "
+        "any reflex"
+    )
     figure.savefig(path, dpi=120)

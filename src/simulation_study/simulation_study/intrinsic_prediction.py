@@ -1,4 +1,6 @@
-"""How much of the true intrinsic torque the identified K, B and I account for (the numbers beside the paper's figure 7)."""
+"""How much of the true intrinsic torque the identified K, B and I account for (the numbers beside
+the paper's figure 7).
+"""
 
 from __future__ import annotations
 
@@ -6,23 +8,32 @@ import numpy as np
 from scipy import signal
 
 from ankle_physics.virtual_rig import Recording
-from impedance_estimator.correlation_estimator import LOWPASS_ORDER
-from impedance_estimator.differences import backward_difference
+from impedance_estimator.correlation.correlation_estimator import LOWPASS_ORDER
+from impedance_estimator.correlation.differences import backward_difference
 from impedance_estimator.digital_filters import butterworth_lowpass
 from impedance_estimator.settings import Settings
 from simulation_study.rigs import intrinsic_torque
 
 WINDOW = 0.040
-"""[s] after the start of a movement: the intrinsic time frame, before any reflex. van 't Veld et al. 2018, section IV-B."""
+"""[s] after the start of a movement: the intrinsic time frame, before any reflex.
+
+van 't Veld et al. 2018, section IV-B.
+"""
 
 
 def motion(recording: Recording, measured_velocity: bool, filtered: bool) -> np.ndarray:
-    """Position [rad], velocity [rad/s] and acceleration [rad/s^2] as an algorithm sees them, shape (n, 3).
+    """Position [rad], velocity [rad/s] and acceleration [rad/s^2] as an algorithm sees them, shape
+    (n, 3).
 
-    Args:
-        recording: a trial.
-        measured_velocity: whether velocity is the measured one.
-        filtered: with 100 Hz low-pass and 4th-order differences (C and CE) or without and 1st-order differences (O).
+    Parameters
+    ----------
+    recording
+        A trial.
+    measured_velocity
+        Whether velocity is the measured one.
+    filtered
+        With 100 Hz low-pass and 4th-order differences (C and CE) or without and 1st-order
+        differences (O).
     """
     x, v = recording.position, recording.velocity
     weights = backward_difference(4 if filtered else 1, recording.rate)
@@ -39,15 +50,20 @@ def true_torque(recording: Recording, filtered: bool) -> np.ndarray:
     torque = intrinsic_torque(recording)
     if not filtered:
         return torque
-    return signal.sosfilt(butterworth_lowpass(LOWPASS_ORDER, Settings.lowpass_cutoff, recording.rate), torque)
+    return signal.sosfilt(
+        butterworth_lowpass(LOWPASS_ORDER, Settings.lowpass_cutoff, recording.rate), torque
+    )
 
 
 def after_stretch(velocity: np.ndarray, rate: float) -> np.ndarray:
     """Whether a sample lies within `WINDOW` after the start of a dorsiflexing movement, shape (n,).
 
-    Args:
-        velocity: true velocity [rad/s], shape (n,).
-        rate: [Hz].
+    Parameters
+    ----------
+    velocity
+        True velocity [rad/s], shape (n,).
+    rate
+        [Hz].
     """
     # A tenth of a movement's velocity: within 3 ms of its start.
     moving = velocity > 0.1 * np.max(velocity)

@@ -8,7 +8,14 @@ import numpy as np
 
 from simulation_study.trial import DURATION, Ankle, Course, Trial
 
-COMBINATIONS = {"OO": ("O", "O"), "OC": ("O", "C"), "CO": ("C", "O"), "CC": ("C", "C"), "CEO": ("CE", "O"), "CECE": ("CE", "CE")}
+COMBINATIONS = {
+    "OO": ("O", "O"),
+    "OC": ("O", "C"),
+    "CO": ("C", "O"),
+    "CC": ("C", "C"),
+    "CEO": ("CE", "O"),
+    "CECE": ("CE", "CE"),
+}
 """Rig (signal and model) and algorithm of each column of table II; table I of the paper."""
 K_RANGE, G_RANGE = (0.0, 200.0), (0.0, 20.0)
 """[N.m/rad], [N.m.s/rad]: of the random conditions."""
@@ -20,10 +27,14 @@ CONDITIONS = (*RANDOM_CONDITIONS, "fixed", "jump")
 class Size:
     """How much is simulated.
 
-    Attributes:
-        runs: of each random condition; 100 in the paper.
-        seeds: of the fixed and the jump run; one in the paper, whose spread is therefore not known.
-        seconds: of each run.
+    Attributes
+    ----------
+    runs
+        Of each random condition; 100 in the paper.
+    seeds
+        Of the fixed and the jump run; one in the paper, whose spread is therefore not known.
+    seconds
+        Of each run.
     """
 
     runs: int = 100
@@ -37,9 +48,13 @@ FULL, QUICK = Size(), Size(runs=8, seeds=5)
 def table2_trials(size: Size, seed: int) -> list[Trial]:
     """All trials: every recording is read by both algorithms of its rig.
 
-    K, G, perturbation and noise of a run are the same for all rigs, so that columns differ by rig and algorithm alone.
+    K, G, perturbation and noise of a run are the same for all rigs, so that columns differ by rig
+    and algorithm alone.
     """
-    rigs = {rig: tuple(algorithm for other, algorithm in COMBINATIONS.values() if other == rig) for rig, _ in COMBINATIONS.values()}
+    rigs = {
+        rig: tuple(algorithm for other, algorithm in COMBINATIONS.values() if other == rig)
+        for rig, _ in COMBINATIONS.values()
+    }
     trials = []
     for number, condition in enumerate(CONDITIONS):
         random = np.random.default_rng([seed, number])
@@ -52,7 +67,15 @@ def table2_trials(size: Size, seed: int) -> list[Trial]:
             )
             course = Course("jump") if condition == "jump" else None
             trials += [
-                Trial(f"{condition}_{run:03d}_{rig}", rig, estimators, own_seed, ankle, course, size.seconds)
+                Trial(
+                    f"{condition}_{run:03d}_{rig}",
+                    rig,
+                    estimators,
+                    own_seed,
+                    ankle,
+                    course,
+                    size.seconds,
+                )
                 for rig, estimators in rigs.items()
             ]
     return trials

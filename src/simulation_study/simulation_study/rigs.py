@@ -1,4 +1,5 @@
-"""Signals and models of the paper's table I: O (original), C (conceptual), CE (conceptual and experimental).
+"""Signals and models of the paper's table I: O (original), C (conceptual), CE (conceptual and
+experimental).
 
 | | O | C | CE |
 | --- | --- | --- | --- |
@@ -9,8 +10,9 @@
 | sampling | 1000 Hz | anti-alias filter, 1000 Hz | anti-alias filter, 2048 Hz |
 | SNR position / velocity / torque | 70 / - / 40 dB | 70 / - / 40 dB | 52.7 / 37.7 / 24.1 dB |
 
-Source: van 't Veld et al. 2018, sections II-A to II-D. The actuator's order and the pulse's width are not in the paper.
-"""
+Source: van 't Veld et al. 2018, sections II-A to II-D. The actuator's order and the pulse's width
+are not in the paper.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -35,13 +37,20 @@ INTRINSIC_TERMS = ("inertia", "viscosity", "stiffness")
 class Rig:
     """Signal and model of one condition.
 
-    Attributes:
-        rate: of the samples [Hz].
-        shape: of the edges.
-        signal_to_noise: of the sensors [dB].
-        measures_velocity: whether the samples have a velocity.
-        differenced: whether the joint itself sees backward differences (the original fixed-step model).
-        pulse_width: start of rise to start of fall [s]; 0: as `PulseStep` chooses.
+    Attributes
+    ----------
+    rate
+        Of the samples [Hz].
+    shape
+        Of the edges.
+    signal_to_noise
+        Of the sensors [dB].
+    measures_velocity
+        Whether the samples have a velocity.
+    differenced
+        Whether the joint itself sees backward differences (the original fixed-step model).
+    pulse_width
+        Start of rise to start of fall [s]; 0: as `PulseStep` chooses.
     """
 
     rate: float
@@ -54,13 +63,17 @@ class Rig:
 
 QUIET = SignalToNoise(70.0, np.inf, 40.0)
 RIGS = {
-    "O": Rig(1000.0, Filtered(), QUIET, measures_velocity=False, differenced=True, pulse_width=0.040),
+    "O": Rig(
+        1000.0, Filtered(), QUIET, measures_velocity=False, differenced=True, pulse_width=0.040
+    ),
     "C": Rig(1000.0, Polynomial(), QUIET, measures_velocity=False),
     "CE": Rig(2048.0, Polynomial(), SignalToNoise(), measures_velocity=True),
 }
 for _decibel in (50.0, 55.0, 57.0, 59.0, 61.0, 65.0):
     # What a louder position would do to the condition CO.
-    RIGS[f"C, position {_decibel:g} dB"] = replace(RIGS["C"], signal_to_noise=SignalToNoise(_decibel, np.inf, 40.0))
+    RIGS[f"C, position {_decibel:g} dB"] = replace(
+        RIGS["C"], signal_to_noise=SignalToNoise(_decibel, np.inf, 40.0)
+    )
 for _width in (0.032, 0.040):
     # What a longer pulse would do: its fall then overlaps with the velocity of its rise.
     RIGS[f"C, pulse {1e3 * _width:g} ms"] = replace(RIGS["C"], pulse_width=_width)
@@ -82,25 +95,47 @@ def joint(ankle: Ankle) -> Model:
 def record(trial: Trial) -> Recording:
     """Simulate a trial.
 
-    Raises:
-        KeyError: a rig that is not in `RIGS`.
-        ankle_physics.errors.ModelError: parameters out of their range.
+    Raises
+    ------
+    KeyError
+        A rig that is not in `RIGS`.
+    ankle_physics.errors.ModelError
+        Parameters out of their range.
     """
     rig = RIGS[trial.rig]
-    signal = PulseStep(Settings(rate=rig.rate, seed=trial.seed, shape=rig.shape), pulse_width=rig.pulse_width)
+    signal = PulseStep(
+        Settings(rate=rig.rate, seed=trial.seed, shape=rig.shape), pulse_width=rig.pulse_width
+    )
     reference = signal.next(round(trial.seconds * rig.rate))
-    scenario = Scenario.from_content({"changes": trial.course.changes()}) if trial.course else Scenario([])
+    scenario = (
+        Scenario.from_content({"changes": trial.course.changes()}) if trial.course else Scenario([])
+    )
     if rig.differenced:
         return _differenced(rig, reference[:, 0], joint(trial.ankle), scenario, trial)
-    return simulate(reference, rig.rate, joint(trial.ankle), signal_to_noise=rig.signal_to_noise, scenario=scenario, seed=trial.seed)
+    return simulate(
+        reference,
+        rig.rate,
+        joint(trial.ankle),
+        signal_to_noise=rig.signal_to_noise,
+        scenario=scenario,
+        seed=trial.seed,
+    )
 
 
-def _differenced(rig: Rig, position: np.ndarray, model: Model, scenario: Scenario, trial: Trial) -> Recording:
-    """The original model: a fixed step, velocity and acceleration as backward differences, no anti-alias filter."""
+def _differenced(
+    rig: Rig, position: np.ndarray, model: Model, scenario: Scenario, trial: Trial
+) -> Recording:
+    """The original model: a fixed step, velocity and acceleration as backward differences, no
+    anti-alias filter.
+    """
     if model.has("voluntary_torque"):
         raise ValueError(f"trial '{trial.name}': the original model has no voluntary torque")
     time = np.arange(len(position)) / rig.rate
-    values = {f"{entry.term.name}.{p.key}": entry.values[p.symbol] for entry in model.entries for p in entry.term.parameters}
+    values = {
+        f"{entry.term.name}.{p.key}": entry.values[p.symbol]
+        for entry in model.entries
+        for p in entry.term.parameters
+    }
     truth = {key: np.full(len(position), float(value)) for key, value in values.items()}
     for track in scenario.tracks:
         truth[track.key] = track.values(time, float(values[track.key]))

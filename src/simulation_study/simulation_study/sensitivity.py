@@ -1,4 +1,5 @@
-"""What would explain where table II is not reproduced: a louder position, longer pulses, other settings of the reflex fit.
+"""What would explain where table II is not reproduced: a louder position, longer pulses, other
+settings of the reflex fit.
 
     python -m simulation_study.sensitivity --out sensitivity_study
 
@@ -27,7 +28,12 @@ READ_BY = ("O", "C", "C, ridge 1e-06", "C, ridge 1e-09", "C, ridge 0.1", "C, ref
 def sensitivity_trials() -> list[Trial]:
     """The rig as it is with all variants of algorithm C, and every changed rig with O and C."""
     return [
-        Trial(f"{rig}_{seed}".replace(", ", "_").replace(" ", "_"), rig, READ_BY if rig == "C" else READ_BY[:2], seed)
+        Trial(
+            f"{rig}_{seed}".replace(", ", "_").replace(" ", "_"),
+            rig,
+            READ_BY if rig == "C" else READ_BY[:2],
+            seed,
+        )
         for rig in CHANGED
         for seed in SEEDS
     ]
@@ -35,21 +41,44 @@ def sensitivity_trials() -> list[Trial]:
 
 def main() -> None:
     """Run or go on, and print means and variability (2 SD / mean) as Markdown."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--out", type=Path, default=Path("sensitivity_study"))
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     given = options.parse_args()
     trials = sensitivity_trials()
-    results = run_study(trials, {"study": "sensitivity"}, given.out, carry_out, given.workers, console=Console(stderr=True))
+    results = run_study(
+        trials,
+        {"study": "sensitivity"},
+        given.out,
+        carry_out,
+        given.workers,
+        console=Console(stderr=True),
+    )
     print("| rig | algorithm | " + " | ".join(GAINS) + " | var K [%] | var G [%] |")
     print("|" + " --- |" * 8)
     for rig in CHANGED:
-        found = [result["estimates"] for result in results.values() if result["trial"]["rig"] == rig]
+        found = [
+            result["estimates"] for result in results.values() if result["trial"]["rig"] == rig
+        ]
         for algorithm in found[0]:
             mean = np.mean([estimates[algorithm]["mean"] for estimates in found], axis=0)
-            spread = np.mean([np.divide(estimates[algorithm]["sd"], estimates[algorithm]["mean"]) for estimates in found], axis=0)
-            cells = [f"{value:.{digits}f}" for value, digits in zip(mean, (1, 3, 4, 2), strict=True)]
-            print(f"| {rig} | {algorithm} | " + " | ".join(cells) + f" | {200.0 * spread[0]:.1f} | {200.0 * spread[3]:.1f} |")
+            spread = np.mean(
+                [
+                    np.divide(estimates[algorithm]["sd"], estimates[algorithm]["mean"])
+                    for estimates in found
+                ],
+                axis=0,
+            )
+            cells = [
+                f"{value:.{digits}f}" for value, digits in zip(mean, (1, 3, 4, 2), strict=True)
+            ]
+            print(
+                f"| {rig} | {algorithm} | "
+                + " | ".join(cells)
+                + f" | {200.0 * spread[0]:.1f} | {200.0 * spread[3]:.1f} |"
+            )
 
 
 if __name__ == "__main__":

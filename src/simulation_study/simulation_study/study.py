@@ -1,11 +1,14 @@
-"""Many trials, spread over cores or a cluster; every finished one is kept, so an interrupted study goes on where it stopped.
+"""Many trials, spread over cores or a cluster; every finished one is kept, so an interrupted study
+goes on where it stopped.
 
 Folder of a study::
 
     study.json            what was asked for
-    trials/NAME.json      result of each trial (`estimates.carry_out`), written once, whole or not at all
+    trials/NAME.json      result of each trial (`estimates.carry_out`), written once, whole or not
+    at all
 
-A trial is a function of its content alone: the same seed gives the same study on any number of workers.
+A trial is a function of its content alone: the same seed gives the same study on any number of
+workers.
 """
 
 from __future__ import annotations
@@ -22,13 +25,21 @@ from typing import Any
 import dask
 from dask.distributed import Client, LocalCluster, as_completed
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from simulation_study.trial import Trial
 
 STUDY_FILE, TRIALS = "study.json", "trials"
 
-# Dask has the allocator give memory back at once; with arrays of a few hundred kB the kernel then takes two thirds of the time.
+# Dask has the allocator give memory back at once; with arrays of a few hundred kB the kernel then
+# takes two thirds of the time.
 KEEP_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
 
 
@@ -47,25 +58,43 @@ def run_study(
 ) -> dict[str, dict[str, Any]]:
     """Carry out all trials that `out` does not hold yet.
 
-    Args:
-        trials: with unique names.
-        asked: what the study is; kept, and compared when a study goes on.
-        out: folder of the study.
-        task: gives the result of a trial.
-        workers: processes on this machine; without meaning where `scheduler` is given.
-        scheduler: address of a running Dask scheduler whose workers have this software.
+    Parameters
+    ----------
+    trials
+        With unique names.
+    asked
+        What the study is; kept, and compared when a study goes on.
+    out
+        Folder of the study.
+    task
+        Gives the result of a trial.
+    workers
+        Processes on this machine; without meaning where `scheduler` is given.
+    scheduler
+        Address of a running Dask scheduler whose workers have this software.
 
-    Returns:
+    Returns
+    -------
+    dict[str, dict[str, Any]]
         Result of each trial by name.
 
-    Raises:
-        StudyError: another study, or something else, is in `out`.
+    Raises
+    ------
+    StudyError
+        Another study, or something else, is in `out`.
     """
     settle(out, asked)
     folder = out / TRIALS
     folder.mkdir(exist_ok=True)
     missing = [trial for trial in trials if not (folder / f"{trial.name}.json").exists()]
-    for name, result in _spread(task, missing, len(trials) - len(missing), workers, scheduler, console or Console(stderr=True)):
+    for name, result in _spread(
+        task,
+        missing,
+        len(trials) - len(missing),
+        workers,
+        scheduler,
+        console or Console(stderr=True),
+    ):
         _write(folder / f"{name}.json", result)
     return {trial.name: json.loads((folder / f"{trial.name}.json").read_text()) for trial in trials}
 
@@ -73,18 +102,29 @@ def run_study(
 def settle(out: Path, asked: dict[str, Any]) -> None:
     """Begin a study in `out`, or go on with the one that is there.
 
-    Raises:
-        StudyError: see `run_study`.
+    Raises
+    ------
+    StudyError
+        See `run_study`.
     """
     file = out / STUDY_FILE
     if file.exists():
         there = json.loads(file.read_text())
         if there != asked:
-            different = ", ".join(f"{key} {there.get(key)} instead of {asked[key]}" for key in asked if asked[key] != there.get(key))
-            raise StudyError(f"{out} holds a study with {different}; nothing is overwritten, choose another folder")
+            different = ", ".join(
+                f"{key} {there.get(key)} instead of {asked[key]}"
+                for key in asked
+                if asked[key] != there.get(key)
+            )
+            raise StudyError(
+                f"{out} holds a study with {different}; nothing is overwritten, choose another "
+                "folder"
+            )
         return
     if out.exists() and any(out.iterdir()):
-        raise StudyError(f"{out} is there and is not a study; nothing is overwritten, choose another folder")
+        raise StudyError(
+            f"{out} is there and is not a study; nothing is overwritten, choose another folder"
+        )
     out.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(asked, indent=1))
 
@@ -101,28 +141,48 @@ def _named(task: Callable[[Trial], dict[str, Any]], trial: Trial) -> tuple[str, 
 
 @contextmanager
 def _cluster(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """Dask workers: those of a running scheduler, or processes on this machine that end with the block."""
+    """Dask workers: those of a running scheduler, or processes on this machine that end with the
+    block.
+    """
     if scheduler is not None:
         with Client(scheduler, timeout="10s") as client:
             yield client
         return
     with dask.config.set(KEEP_MEMORY):
-        cluster = LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=logging.ERROR)
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+            silence_logs=logging.ERROR,
+        )
     try:
         with Client(cluster) as client:
             yield client
     finally:
-        # Workers on a crowded machine may not end within Dask's few seconds; it then kills them and complains.
+        # Workers on a crowded machine may not end within Dask's few seconds; it then kills them and
+        # complains.
         with suppress(TimeoutError, asyncio.TimeoutError):
             cluster.close()
 
 
 def _spread(
-    task: Callable[[Trial], dict[str, Any]], trials: list[Trial], done: int, workers: int, scheduler: str | None, console: Console
+    task: Callable[[Trial], dict[str, Any]],
+    trials: list[Trial],
+    done: int,
+    workers: int,
+    scheduler: str | None,
+    console: Console,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     if not trials:
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with _cluster(workers, scheduler) as client, Progress(*columns, console=console) as progress:
         bar = progress.add_task("trials", total=done + len(trials), completed=done)
         futures = [client.submit(_named, task, trial, pure=False) for trial in trials]

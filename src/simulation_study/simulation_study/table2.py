@@ -1,9 +1,11 @@
 """Table II of van 't Veld et al. 2018, made again: the paper's numbers beside ours.
 
-What the paper's rows are taken from (the paper does not say it row by row; the order of its rows suggests it):
+What the paper's rows are taken from (the paper does not say it row by row; the order of its rows
+suggests it):
 
-* VAF of K and the mean of G from the runs with random K; VAF of G and the mean of K from those with random G; B and I from the runs
-  with both random. ``±`` is the standard deviation over all estimates after 30 s of all runs.
+* VAF of K and the mean of G from the runs with random K; VAF of G and the mean of K from those with
+  random G; B and I from the runs with both random. ``±`` is the standard deviation over all
+  estimates after 30 s of all runs.
 * VAF: equation 1 over all estimates after 30 s of all runs together.
 * var: twice the standard deviation within the fixed run, in per cent of the mean.
 * τ: `estimates.rise_time` in the jump run.
@@ -30,10 +32,14 @@ RESAMPLES = 400
 class Cell:
     """A number and the range within which it may lie.
 
-    Attributes:
-        value: NaN where it is not defined.
-        low, high: mean ± standard deviation, or the range over seeds, or the rounding of a printed number.
-        digits: after the decimal point when printed.
+    Attributes
+    ----------
+    value
+        NaN where it is not defined.
+    low, high
+        Mean ± standard deviation, or the range over seeds, or the rounding of a printed number.
+    digits
+        After the decimal point when printed.
     """
 
     value: float
@@ -49,7 +55,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of table II: the symbol, its unit, and for each combination the paper's cell and ours."""
+    """A row of table II: the symbol, its unit, and for each combination the paper's cell and ours."""  # noqa: E501
 
     symbol: str
     unit: str
@@ -68,7 +74,11 @@ class Row:
 
 def published_numbers() -> dict[str, dict[str, str]]:
     """The paper's table as printed: metric, then column."""
-    text = resources.files("simulation_study").joinpath("published_table2.csv").read_text(encoding="utf-8")
+    text = (
+        resources.files("simulation_study")
+        .joinpath("published_table2.csv")
+        .read_text(encoding="utf-8")
+    )
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     return {line["metric"]: line for line in csv.DictReader(lines)}
 
@@ -88,8 +98,10 @@ def _published(metric: str, spread: str | None, digits: int) -> dict[str, Cell]:
 def table2(results: dict[str, dict[str, Any]]) -> list[Row]:
     """All rows.
 
-    Args:
-        results: of the trials of `protocol.table2_trials`, by name.
+    Parameters
+    ----------
+    results
+        Of the trials of `protocol.table2_trials`, by name.
     """
 
     def runs(combination: str, condition: str) -> list[tuple[dict[str, Any], dict[str, Any]]]:
@@ -122,7 +134,11 @@ def table2(results: dict[str, dict[str, Any]]) -> list[Row]:
                 f"var {parameter}",
                 "% of mean",
                 _published(f"var_{parameter}", None, 1),
-                each(lambda c, p=parameter: _over_seeds([_variability(e, p) for _, e in runs(c, "fixed")])),  # type: ignore[misc]
+                each(
+                    lambda c, p=parameter: _over_seeds(  # type: ignore[misc]
+                        [_variability(e, p) for _, e in runs(c, "fixed")]
+                    )
+                ),  # type: ignore[misc]
                 "range over seeds",
             )
         )
@@ -132,7 +148,11 @@ def table2(results: dict[str, dict[str, Any]]) -> list[Row]:
                 f"τ {parameter}",
                 "s",
                 _published(f"tau_{parameter}", None, 1),
-                each(lambda c, i=index: _over_seeds([e["rise_time"][i] for _, e in runs(c, "jump")])),  # type: ignore[misc]
+                each(
+                    lambda c, i=index: _over_seeds(  # type: ignore[misc]
+                        [e["rise_time"][i] for _, e in runs(c, "jump")]
+                    )
+                ),  # type: ignore[misc]
                 "range over seeds",
             )
         )
@@ -169,7 +189,10 @@ def _accuracy(runs: list[tuple[dict[str, Any], dict[str, Any]]], parameter: str)
     within = np.array([estimates["sd"][index] for _, estimates in runs])
 
     def vaf(chosen: np.ndarray) -> float:
-        return float(100.0 * (1.0 - (np.mean(within[chosen] ** 2) + np.var(error[chosen])) / np.var(true[chosen])))
+        return float(
+            100.0
+            * (1.0 - (np.mean(within[chosen] ** 2) + np.var(error[chosen])) / np.var(true[chosen]))
+        )
 
     random = np.random.default_rng(0)
     spread = [vaf(random.integers(len(true), size=len(true))) for _ in range(RESAMPLES)]

@@ -18,25 +18,43 @@ PUBLISHED_VAF = {"CE": (99.6, 99.6), "O": (-32.1, -33.3)}
 """[%] Intrinsic torque, training and validation set. van 't Veld et al. 2018, section IV-B."""
 
 
-def reproduce_table2(out: Path, seed: int, quick: bool, workers: int, scheduler: str | None, console: Console) -> str:
-    """Run the study or go on with it, and write ``table2.md``, ``table2.csv``, ``figure6.png`` and ``figure7.png`` into its folder.
+def reproduce_table2(
+    out: Path, seed: int, quick: bool, workers: int, scheduler: str | None, console: Console
+) -> str:
+    """Run the study or go on with it, and write ``table2.md``, ``table2.csv``, ``figure6.png`` and
+    ``figure7.png`` into its folder.
 
-    Returns:
+    Returns
+    -------
+    str
         The Markdown.
 
-    Raises:
-        study.StudyError: something else is in `out`.
+    Raises
+    ------
+    study.StudyError
+        Something else is in `out`.
     """
     size = QUICK if quick else FULL
-    asked = {"study": "table2", "seed": seed, "runs": size.runs, "seeds": size.seeds, "seconds": size.seconds}
-    results = run_study(table2_trials(size, seed), asked, out, carry_out, workers, scheduler, console)
+    asked = {
+        "study": "table2",
+        "seed": seed,
+        "runs": size.runs,
+        "seeds": size.seeds,
+        "seconds": size.seconds,
+    }
+    results = run_study(
+        table2_trials(size, seed), asked, out, carry_out, workers, scheduler, console
+    )
     with console.status("torque predictions and figures"):
         rows = table2(results)
         accuracies = intrinsic_accuracies(results)
         figure6(results, out / "figure6.png")
         figure7(results, out / "figure7.png")
     text = markdown(
-        rows, accuracies, f"{size.runs} runs of each random condition, {size.seeds} seeds of the fixed and of the jump run; seed {seed}"
+        rows,
+        accuracies,
+        f"{size.runs} runs of each random condition, {size.seeds} seeds of the fixed and of the "
+        f"jump run; seed {seed}",
     )
     (out / REPORT).write_text(text)
     write_csv(rows, out / TABLE)
@@ -57,12 +75,16 @@ def markdown(rows: list[Row], accuracies: list[IntrinsicAccuracy], what: str) ->
         cells = []
         for combination in COMBINATIONS:
             paper, ours = row.published[combination], row.reproduced[combination]
-            text = f"{paper} / {ours} ({_range(ours.low, ours.digits)} to {_range(ours.high, ours.digits)})"
+            text = (
+                f"{paper} / {ours} ({_range(ours.low, ours.digits)} to "
+                f"{_range(ours.high, ours.digits)})"
+            )
             cells.append(f"**{text}**" if row.differs(combination) else text)
         lines.append(f"| {row.symbol} [{row.unit}] | " + " | ".join(cells) + f" | {row.spread} |")
     lines += [
         "",
-        "Intrinsic torque accounted for in the rig CE [%]: paper; ours over all samples; ours within 40 ms after each stretch.",
+        "Intrinsic torque accounted for in the rig CE [%]: paper; ours over all samples; ours "
+        "within 40 ms after each stretch.",
         "",
         "| algorithm | set | paper | all samples | first 40 ms |",
         "| --- | --- | --- | --- | --- |",
@@ -70,8 +92,10 @@ def markdown(rows: list[Row], accuracies: list[IntrinsicAccuracy], what: str) ->
     for found in accuracies:
         for number, label in enumerate(("training", "validation")):
             lines.append(
-                f"| {found.algorithm} | {label} | {PUBLISHED_VAF[found.algorithm][number]} | {found.whole[number]:.1f} ± "
-                f"{found.whole_spread[number]:.1f} | {found.window[number]:.1f} ± {found.window_spread[number]:.1f} |"
+                f"| {found.algorithm} | {label} | {PUBLISHED_VAF[found.algorithm][number]} | "
+                f"{found.whole[number]:.1f} ± "
+                f"{found.whole_spread[number]:.1f} | {found.window[number]:.1f} ± "
+                f"{found.window_spread[number]:.1f} |"
             )
     return "\n".join(lines) + "\n"
 
@@ -81,12 +105,32 @@ def _range(value: float, digits: int) -> str:
 
 
 def write_csv(rows: list[Row], path: Path) -> None:
-    """One line for each row and combination: paper, its range, ours, its range, whether they differ."""
+    """One line for each row and combination: paper, its range, ours, its range, whether they
+    differ.
+    """
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
-        writer.writerow(["quantity", "unit", "combination", "paper", "paper_low", "paper_high", "ours", "ours_low", "ours_high", "differs"])
+        writer.writerow(
+            [
+                "quantity",
+                "unit",
+                "combination",
+                "paper",
+                "paper_low",
+                "paper_high",
+                "ours",
+                "ours_low",
+                "ours_high",
+                "differs",
+            ]
+        )
         for row in rows:
             for combination in COMBINATIONS:
                 paper, ours = row.published[combination], row.reproduced[combination]
-                numbers = [f"{x:.6g}" for x in (paper.value, paper.low, paper.high, ours.value, ours.low, ours.high)]
-                writer.writerow([row.symbol, row.unit, combination, *numbers, int(row.differs(combination))])
+                numbers = [
+                    f"{x:.6g}"
+                    for x in (paper.value, paper.low, paper.high, ours.value, ours.low, ours.high)
+                ]
+                writer.writerow(
+                    [row.symbol, row.unit, combination, *numbers, int(row.differs(combination))]
+                )

@@ -35,13 +35,20 @@ class Ankle:
 class Course:
     """How K and G move, both at once and in the same proportion about their range.
 
-    Attributes:
-        kind: 'jump', 'ramp' or 'sinusoid'.
-        K: first and last value, or the extremes of a sinusoid [N.m/rad].
-        G: likewise [N.m.s/rad].
-        at: begin [s].
-        over: length of a ramp [s].
-        frequency: of a sinusoid [Hz].
+    Attributes
+    ----------
+    kind
+        'jump', 'ramp' or 'sinusoid'.
+    K
+        First and last value, or the extremes of a sinusoid [N.m/rad].
+    G
+        Likewise [N.m.s/rad].
+    at
+        Begin [s].
+    over
+        Length of a ramp [s].
+    frequency
+        Of a sinusoid [Hz].
     """
 
     kind: str
@@ -56,7 +63,11 @@ class Course:
         keys = {"stiffness.K[N.m/rad]": self.K, "reflex.G[N.m.s/rad]": self.G}
         if self.kind == "sinusoid":
             waves = {
-                key: {"mean": (low + high) / 2.0, "amplitude": (high - low) / 2.0, "frequency[Hz]": self.frequency}
+                key: {
+                    "mean": (low + high) / 2.0,
+                    "amplitude": (high - low) / 2.0,
+                    "frequency[Hz]": self.frequency,
+                }
                 for key, (low, high) in keys.items()
             }
             return [{"at[s]": 0.0, **waves}]
@@ -70,12 +81,18 @@ class Course:
 class Trial:
     """What is simulated, and which estimators read it.
 
-    Attributes:
-        name: unique within a study; names the file of its result.
-        rig: signal and model, a name in `rigs.RIGS`.
-        estimators: names in `estimates.ESTIMATORS`.
-        seed: of perturbation and noise.
-        seconds: length.
+    Attributes
+    ----------
+    name
+        Unique within a study; names the file of its result.
+    rig
+        Signal and model, a name in `rigs.RIGS`.
+    estimators
+        Names in `estimates.ESTIMATORS`.
+    seed
+        Of perturbation and noise.
+    seconds
+        Length.
     """
 
     name: str

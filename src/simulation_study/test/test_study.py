@@ -1,4 +1,6 @@
-"""A study on worker processes: the same numbers as alone, never twice, and it goes on after an interruption."""
+"""A study on worker processes: the same numbers as alone, never twice, and it goes on after an
+interruption.
+"""
 
 import json
 
@@ -12,7 +14,9 @@ ASKED = {"study": "test", "seed": 1}
 
 
 def trials(rigs):
-    return [Trial(f"t{number}", rig, ("CE",), number, seconds=32.0) for number, rig in enumerate(rigs)]
+    return [
+        Trial(f"t{number}", rig, ("CE",), number, seconds=32.0) for number, rig in enumerate(rigs)
+    ]
 
 
 def test_an_interrupted_study_goes_on(tmp_path):
@@ -37,7 +41,9 @@ def test_a_finished_study_starts_no_worker(tmp_path):
     def never(trial):
         raise AssertionError(trial)
 
-    assert run_study(trials(["CE"]), ASKED, out, never, workers=1, scheduler="tcp://127.0.0.1:9") == {"t0": {"a": 1}}
+    assert run_study(
+        trials(["CE"]), ASKED, out, never, workers=1, scheduler="tcp://127.0.0.1:9"
+    ) == {"t0": {"a": 1}}
 
 
 def test_another_study_is_not_overwritten(tmp_path):

@@ -14,12 +14,18 @@ SIZE = Size(runs=6, seeds=4, seconds=60.0)
 
 
 def made_up(trial):
-    """Estimates with known errors: K 2 low and 1 of spread, G 10 % high, O without inertia; rise times by seed."""
+    """Estimates with known errors: K 2 low and 1 of spread, G 10 % high, O without inertia; rise
+    times by seed.
+    """
     ankle = trial.ankle
     found = {}
     for number, algorithm in enumerate(trial.estimators):
         mean = [ankle.K - 2.0, 0.66, 0.0001 if algorithm == "O" else 0.0135, 1.1 * ankle.G]
-        found[algorithm] = {"mean": mean, "sd": [1.0, 0.02, 2e-4, 0.3], "rise_time": [16.0 + number, float("nan")]}
+        found[algorithm] = {
+            "mean": mean,
+            "sd": [1.0, 0.02, 2e-4, 0.3],
+            "rise_time": [16.0 + number, float("nan")],
+        }
     return {"trial": trial.as_content(), "estimates": found}
 
 
@@ -37,11 +43,18 @@ def test_protocol_is_the_papers():
     assert len(by_name) == len(trials)
     # The same ankle, perturbation and noise for all rigs; K random and G not, and so on.
     for name in ("random_K_003", "random_G_003", "random_K_and_G_003", "fixed_003", "jump_003"):
-        same = {(by_name[f"{name}_{rig}"].ankle, by_name[f"{name}_{rig}"].seed) for rig in ("O", "C", "CE")}
+        same = {
+            (by_name[f"{name}_{rig}"].ankle, by_name[f"{name}_{rig}"].seed)
+            for rig in ("O", "C", "CE")
+        }
         assert len(same) == 1
     assert by_name["random_K_003_CE"].ankle.G == 10.0
     assert by_name["random_G_003_CE"].ankle.K == 100.0
-    K = [trial.ankle.K for trial in table2_trials(Size(), seed=1) if trial.name.startswith("random_K_") and trial.rig == "CE"]
+    K = [
+        trial.ankle.K
+        for trial in table2_trials(Size(), seed=1)
+        if trial.name.startswith("random_K_") and trial.rig == "CE"
+    ]
     assert len(K) == 200
     assert 0.0 <= min(K) < 10.0
     assert 190.0 < max(K) <= 200.0
@@ -56,11 +69,21 @@ def test_published_table_is_complete():
 
 
 def test_accuracy_counts_spread_and_not_a_constant_bias(rows):
-    K = [trial.ankle.K for trial in table2_trials(SIZE, seed=4) if trial.name.startswith("random_K_0") and trial.rig == "CE"]
+    K = [
+        trial.ankle.K
+        for trial in table2_trials(SIZE, seed=4)
+        if trial.name.startswith("random_K_0") and trial.rig == "CE"
+    ]
     assert rows["VAF K"].reproduced["CECE"].value == pytest.approx(100.0 * (1.0 - 1.0 / np.var(K)))
     # G is 10 % high: its error grows with G.
-    G = [trial.ankle.G for trial in table2_trials(SIZE, seed=4) if trial.name.startswith("random_G_0") and trial.rig == "CE"]
-    assert rows["VAF G"].reproduced["CECE"].value == pytest.approx(100.0 * (1.0 - 0.01 - 0.09 / np.var(G)))
+    G = [
+        trial.ankle.G
+        for trial in table2_trials(SIZE, seed=4)
+        if trial.name.startswith("random_G_0") and trial.rig == "CE"
+    ]
+    assert rows["VAF G"].reproduced["CECE"].value == pytest.approx(
+        100.0 * (1.0 - 0.01 - 0.09 / np.var(G))
+    )
 
 
 def test_means_variability_and_rise_times(rows):
@@ -82,7 +105,11 @@ def test_a_difference_is_marked_only_beyond_both_ranges(rows):
 
 
 def test_report_and_csv(rows, tmp_path):
-    accuracies = [IntrinsicAccuracy("O", np.array([80.0, 81.0]), np.array([-60.0, -61.0]), np.ones(2), np.ones(2))]
+    accuracies = [
+        IntrinsicAccuracy(
+            "O", np.array([80.0, 81.0]), np.array([-60.0, -61.0]), np.ones(2), np.ones(2)
+        )
+    ]
     text = markdown(list(rows.values()), accuracies, "made up")
     line = next(line for line in text.splitlines() if line.startswith("| I "))
     cells = [cell.strip() for cell in line.split("|")[2:-1]]
@@ -93,4 +120,6 @@ def test_report_and_csv(rows, tmp_path):
     with (tmp_path / "t.csv").open() as stream:
         lines = list(csv.DictReader(stream))
     assert len(lines) == 10 * len(COMBINATIONS)
-    assert {line["differs"] for line in lines if line["quantity"] == "I" and line["combination"] == "OO"} == {"1"}
+    assert {
+        line["differs"] for line in lines if line["quantity"] == "I" and line["combination"] == "OO"
+    } == {"1"}

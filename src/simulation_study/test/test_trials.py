@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from simulation_study.estimates import arrival, carry_out, rise_time
-from simulation_study.intrinsic_prediction import WINDOW, accuracy, after_stretch, motion, true_torque
+from simulation_study.intrinsic_prediction import (
+    WINDOW,
+    accuracy,
+    after_stretch,
+    motion,
+    true_torque,
+)
 from simulation_study.rigs import RIGS, intrinsic_torque, record
 from simulation_study.trial import INERTIA, VISCOSITY, Ankle, Course, Trial
 
@@ -28,7 +34,9 @@ def test_noise_is_as_loud_as_the_paper_says(rig):
     noise = recording.measured - recording.clean
     stated = RIGS[rig].signal_to_noise
     for column, decibel in ((0, stated.position), (2, stated.torque)):
-        assert 20.0 * np.log10(recording.clean[:, column].std() / noise[:, column].std()) == pytest.approx(decibel, abs=0.2)
+        assert 20.0 * np.log10(
+            recording.clean[:, column].std() / noise[:, column].std()
+        ) == pytest.approx(decibel, abs=0.2)
 
 
 @pytest.mark.parametrize("rig", ["O", "CE"])
@@ -43,7 +51,9 @@ def test_a_jump_is_in_truth_and_torque(rig):
 
 
 def test_a_sinusoid_keeps_its_range():
-    recording = record(trial(course=Course("sinusoid", K=(70.0, 130.0), G=(7.0, 13.0), frequency=0.2)))
+    recording = record(
+        trial(course=Course("sinusoid", K=(70.0, 130.0), G=(7.0, 13.0), frequency=0.2))
+    )
     G = recording.truth["reflex.G[N.m.s/rad]"]
     assert (G.min(), G.max()) == pytest.approx((7.0, 13.0), rel=1e-3)
 
@@ -79,7 +89,9 @@ def test_true_parameters_account_for_the_intrinsic_torque():
     settled = recording.time > 1.0
     assert accuracy(predicted[settled], true_torque(recording, filtered=True)[settled]) > 99.5
     half = motion(recording, measured_velocity=True, filtered=True) @ (0.5 * parameters)
-    assert accuracy(half[settled], true_torque(recording, filtered=True)[settled]) == pytest.approx(75.0, abs=2.0)
+    assert accuracy(half[settled], true_torque(recording, filtered=True)[settled]) == pytest.approx(
+        75.0, abs=2.0
+    )
     assert np.std(intrinsic_torque(recording)) > np.std(recording.parts["reflex"])
 
 

@@ -1,4 +1,6 @@
-"""Reflex gain that follows activation: ``torque = Gn * w^2/(s^2 + 1.6 w s + w^2) * activation * max(drive, 0)``, delayed."""
+"""Reflex gain that follows activation: ``torque = Gn * w^2/(s^2 + 1.6 w s + w^2) * activation *
+max(drive, 0)``, delayed.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,14 @@ from ankle_physics.linear_dynamics import Delay, SecondOrder
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
-# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same kind.
+# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same
+# kind.
 MUSCLE_DAMPING = 0.8
 
 
 class ActivationReflexGain(Term):
-    """Automatic gain compensation: the reflex grows with the background activity of its muscle (Matthews 1986,
-    J. Physiol. 374, 73). G is then the gain at zero torque."""
+    """Automatic gain compensation: the reflex grows with the background activity of its muscle
+    (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque."""
 
     name = "activation_reflex_gain"
     place = Place.REFLEX_DYNAMICS
@@ -32,7 +35,8 @@ class ActivationReflexGain(Term):
             -20.0,
             20.0,
             1.0,
-            "Matthews 1986; ankle: gain rises by its own size within 5 to 10 N.m (Toft et al. 1989)",
+            "Matthews 1986; ankle: gain rises by its own size within 5 to 10 N.m (Toft et al. "
+            "1989)",
             linear=True,
         ),
         Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to 50 ms"),
@@ -40,7 +44,10 @@ class ActivationReflexGain(Term):
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"delay": Delay(rate, longest=self.parameter("delay").upper), "muscle": SecondOrder(rate)}
+        return {
+            "delay": Delay(rate, longest=self.parameter("delay").upper),
+            "muscle": SecondOrder(rate),
+        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         drive = signals.activation * np.maximum(signals.drive, 0.0)

@@ -1,4 +1,6 @@
-"""Stiffness and damping that follow muscle activation: ``torque = activation * (ka * (x - xc) + ba * v)``."""
+"""Stiffness and damping that follow muscle activation: ``torque = activation * (ka * (x - xc) + ba
+* v)``.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,11 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ActivationStiffness(Term):
-    """Intrinsic stiffness and viscosity grow with the background torque that the muscles hold; K and B are what is left at zero torque.
+    """Intrinsic stiffness and viscosity grow with the background torque that the muscles hold; K
+    and B are what is left at zero torque.
 
-    Weiss, Hunter & Kearney 1988 (J. Biomech. 21, 539): stiffness rises linearly with torque, by 1 to 8 N.m/rad per N.m.
+    Weiss, Hunter & Kearney 1988 (J. Biomech. 21, 539): stiffness rises linearly with torque, by 1
+    to 8 N.m/rad per N.m.
     """
 
     name = "activation_stiffness"
@@ -24,11 +28,38 @@ class ActivationStiffness(Term):
         "The joint is stiffer while the muscles hold more torque.",
     )
     parameters = (
-        Parameter("ka", "1/rad", -30.0, 30.0, 4.0, "Weiss et al. 1988: 1 to 8 N.m/rad per N.m; negative: the flexors stiffen", linear=True),
-        Parameter("ba", "s/rad", -0.5, 0.5, 0.0, "Weiss et al. 1988: the damping ratio is kept, so B rises too", linear=True),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle about which the spring acts; range of the ankle joint", fitted=False),
+        Parameter(
+            "ka",
+            "1/rad",
+            -30.0,
+            30.0,
+            4.0,
+            "Weiss et al. 1988: 1 to 8 N.m/rad per N.m; negative: the flexors stiffen",
+            linear=True,
+        ),
+        Parameter(
+            "ba",
+            "s/rad",
+            -0.5,
+            0.5,
+            0.0,
+            "Weiss et al. 1988: the damping ratio is kept, so B rises too",
+            linear=True,
+        ),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "angle about which the spring acts; range of the ankle joint",
+            fitted=False,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         activation = signals.activation
-        return {"ka": activation * (signals.foot_position - values["xc"]), "ba": activation * signals.foot_velocity}
+        return {
+            "ka": activation * (signals.foot_position - values["xc"]),
+            "ba": activation * signals.foot_velocity,
+        }

@@ -9,7 +9,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class AsymmetricDamping(Term):
-    """B holds in plantarflexion, B + b in dorsiflexion; without delay, which tells it from a reflex.
+    """B holds in plantarflexion, B + b in dorsiflexion; without delay, which tells it from a
+    reflex.
 
     Lengthening muscle resists more than shortening muscle gives way (Katz 1939: the slopes of the
     force-velocity curve differ by a factor of up to 6).
@@ -17,14 +18,27 @@ class AsymmetricDamping(Term):
 
     name = "asymmetric_damping"
     place = Place.INTRINSIC
-    sentence = "Moving the foot up is damped differently from moving it down, at once and without a reflex."
+    sentence = (
+        "Moving the foot up is damped differently from moving it down, at once and without "
+        "a reflex."
+    )
     turn = Turn(
         "b",
         0.0,
         "Moving the foot up is damped less than moving it down, at once and without a reflex.",
         "Moving the foot up is damped more than moving it down, at once and without a reflex.",
     )
-    parameters = (Parameter("b", "N.m.s/rad", -5.0, 5.0, 0.3, "a fraction to a multiple of B (Katz 1939)", linear=True),)
+    parameters = (
+        Parameter(
+            "b",
+            "N.m.s/rad",
+            -5.0,
+            5.0,
+            0.3,
+            "a fraction to a multiple of B (Katz 1939)",
+            linear=True,
+        ),
+    )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         return {"b": np.maximum(signals.foot_velocity, 0.0)}

@@ -10,13 +10,19 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Backlash(Term):
-    """The foot follows the play operator of the plate's position; it moves only while it is in touch. Its acceleration is the plate's
-    while in touch: the impact itself is shorter than the band that is measured."""
+    """The foot follows the play operator of the plate's position; it moves only while it is in
+    touch. Its acceleration is the plate's while in touch: the impact itself is shorter than the
+    band that is measured."""
 
     name = "backlash"
     place = Place.COUPLING
-    sentence = "When the movement reverses the plate crosses a gap before it takes the foot along: a loose fixation."
-    parameters = (Parameter("gap", "rad", 0.0, 0.03, 0.003, "loose straps and worn joints: up to a degree"),)
+    sentence = (
+        "When the movement reverses the plate crosses a gap before it takes the foot "
+        "along: a loose fixation."
+    )
+    parameters = (
+        Parameter("gap", "rad", 0.0, 0.03, 0.003, "loose straps and worn joints: up to a degree"),
+    )
 
     def start(self, rate: float, seed: int = 0) -> State:
         return {"play": Play(), "last": None}

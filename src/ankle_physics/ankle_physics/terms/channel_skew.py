@@ -10,7 +10,10 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ChannelSkew(Term):
-    """Two acquisition cards, or a driver that buffers one channel. Simulation delays the channel that is late."""
+    """Two acquisition cards, or a driver that buffers one channel.
+
+    Simulation delays the channel that is late.
+    """
 
     name = "channel_skew"
     place = Place.TORQUE_SENSOR
@@ -22,7 +25,14 @@ class ChannelSkew(Term):
         "The torque channel is read later than the position channel.",
     )
     parameters = (
-        Parameter("skew", "s", -0.02, 0.02, 0.003, "one to a few sample blocks; 20 ms and more is a broken recording, not a finding"),
+        Parameter(
+            "skew",
+            "s",
+            -0.02,
+            0.02,
+            0.003,
+            "one to a few sample blocks; 20 ms and more is a broken recording, not a finding",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
@@ -32,7 +42,9 @@ class ChannelSkew(Term):
     def transform(self, signals: Signals, values: Values, state: State) -> None:
         skew = float(values["skew"])
         signals.torque = state["torque"].run(signals.torque, max(skew, 0.0))
-        signals.measured_position = state["position"].run(signals.measured_position, max(-skew, 0.0))
+        signals.measured_position = state["position"].run(
+            signals.measured_position, max(-skew, 0.0)
+        )
 
     def response(self, frequency: np.ndarray, values: Values) -> np.ndarray:
         return np.exp(-2j * np.pi * frequency * float(values["skew"]))

@@ -9,14 +9,20 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class CoulombFriction(Term):
-    """Dry friction of footplate bearings and seals; v0 rounds the jump at rest so that noise does not switch it."""
+    """Dry friction of footplate bearings and seals; v0 rounds the jump at rest so that noise does
+    not switch it.
+    """
 
     name = "coulomb_friction"
     place = Place.INTRINSIC
     sentence = "A constant torque opposes every movement, however fast: dry friction."
     parameters = (
-        Parameter("F", "N.m", 0.0, 10.0, 0.5, "bearings and seals of ankle rigs: below 2 N.m", linear=True),
-        Parameter("v0", "rad/s", 0.01, 0.3, 0.03, "a few times the velocity noise of the paper's encoder"),
+        Parameter(
+            "F", "N.m", 0.0, 10.0, 0.5, "bearings and seals of ankle rigs: below 2 N.m", linear=True
+        ),
+        Parameter(
+            "v0", "rad/s", 0.01, 0.3, 0.03, "a few times the velocity noise of the paper's encoder"
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -10,7 +10,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class DahlHysteresis(Term):
-    """Rate-independent hysteresis: a bristle that bends over `slide` and then slips with the torque F.
+    """Rate-independent hysteresis: a bristle that bends over `slide` and then slips with the torque
+    F.
 
     Dahl 1968; the rate-independent part of the LuGre model (Canudas de Wit et al. 1995, IEEE Trans.
     Autom. Control 40, 419). It keeps its torque at rest.
@@ -18,12 +19,28 @@ class DahlHysteresis(Term):
 
     name = "dahl_hysteresis"
     place = Place.INTRINSIC
-    sentence = "Going there and coming back meet different torques, however slow the movement: friction that bends before it slips."
+    sentence = (
+        "Going there and coming back meet different torques, however slow the movement: "
+        "friction that bends before it slips."
+    )
     parameters = (
         Parameter(
-            "F", "N.m", 0.0, 10.0, 0.5, "passive ankle hysteresis 0.3 to 2 N.m; bearings and seals of a rig below 2 N.m", linear=True
+            "F",
+            "N.m",
+            0.0,
+            10.0,
+            0.5,
+            "passive ankle hysteresis 0.3 to 2 N.m; bearings and seals of a rig below 2 N.m",
+            linear=True,
         ),
-        Parameter("slide", "rad", 0.0002, 0.05, 0.005, "presliding of seals and skin: fractions of a degree"),
+        Parameter(
+            "slide",
+            "rad",
+            0.0002,
+            0.05,
+            0.005,
+            "presliding of seals and skin: fractions of a degree",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -1,4 +1,5 @@
-"""Compliant fixation: the straps and the soft tissue under the foot give way, so the foot does not follow the plate exactly.
+"""Compliant fixation: the straps and the soft tissue under the foot give way, so the foot does not
+follow the plate exactly.
 
 ``k_s (plate - foot) + b_s (plate' - foot') = sum of all torques on the foot``
 """
@@ -12,15 +13,19 @@ from ankle_physics.term import Parameter, Place, Values
 
 
 class FixationCompliance(CompliantCoupling):
-    """A spring and a damper between footplate and foot; the torque sensor at the plate sees what they transmit.
+    """A spring and a damper between footplate and foot; the torque sensor at the plate sees what
+    they transmit.
 
-    With the foot's inertia of 0.0137 kg.m^2 the fixation resonates at sqrt(k_s / I) / (2 pi): 24 Hz at 300 N.m/rad, 61 Hz
-    at 2000, 192 Hz at 20000, where it is rigid for a 30 Hz actuator.
+    With the foot's inertia of 0.0137 kg.m^2 the fixation resonates at sqrt(k_s / I) / (2 pi): 24 Hz
+    at 300 N.m/rad, 61 Hz at 2000, 192 Hz at 20000, where it is rigid for a 30 Hz actuator.
     """
 
     name = "fixation_compliance"
     place = Place.COUPLING
-    sentence = "The straps and the sole give way, so that the foot moves less than the footplate and rings on it."
+    sentence = (
+        "The straps and the sole give way, so that the foot moves less than the footplate "
+        "and rings on it."
+    )
     parameters = (
         Parameter(
             "k_s",
@@ -28,7 +33,8 @@ class FixationCompliance(CompliantCoupling):
             200.0,
             50000.0,
             2000.0,
-            "van 't Veld et al. 2018, section III-B: Velcro straps, no stiffness given; range by reasoning: from as soft as the "
+            "van 't Veld et al. 2018, section III-B: Velcro straps, no stiffness given; range by "
+            "reasoning: from as soft as the "
             "stiffest ankle simulated there (200 N.m/rad) to rigid at any frequency of interest",
         ),
         Parameter(
@@ -37,12 +43,15 @@ class FixationCompliance(CompliantCoupling):
             0.1,
             100.0,
             2.0,
-            "by reasoning: damping ratio 0.2 of the foot on 2000 N.m/rad, as soft tissue rings one or two periods",
+            "by reasoning: damping ratio 0.2 of the foot on 2000 N.m/rad, as soft tissue rings "
+            "one or two periods",
         ),
     )
 
     def linearised(self, values: Values) -> tuple[float, float]:
         return float(values["k_s"]), float(values["b_s"])
 
-    def coupling_torque(self, extension: np.ndarray, rate: np.ndarray, values: Values) -> np.ndarray:
+    def coupling_torque(
+        self, extension: np.ndarray, rate: np.ndarray, values: Values
+    ) -> np.ndarray:
         return values["k_s"] * extension + values["b_s"] * rate

@@ -9,12 +9,24 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class FootplateInertia(Term):
-    """Moves with the plate, not with the foot; it can be told from I only where the two move differently."""
+    """Moves with the plate, not with the foot; it can be told from I only where the two move
+    differently.
+    """
 
     name = "footplate_inertia"
     place = Place.COUPLING
     sentence = "The torque sensor also feels the inertia of the footplate."
-    parameters = (Parameter("Ip", "kg.m^2", 0.0, 0.1, 0.005, "light footplates and boots: 0.002 to 0.02 kg.m^2", linear=True),)
+    parameters = (
+        Parameter(
+            "Ip",
+            "kg.m^2",
+            0.0,
+            0.1,
+            0.005,
+            "light footplates and boots: 0.002 to 0.02 kg.m^2",
+            linear=True,
+        ),
+    )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         return {"Ip": signals.acceleration}

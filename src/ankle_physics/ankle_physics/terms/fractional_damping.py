@@ -8,13 +8,15 @@ from ankle_physics.linear_dynamics import FirstOrder
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
-# Two relaxations per decade keep the power law within 1 % over the band that perturbations reach (0.1 to 100 Hz).
+# Two relaxations per decade keep the power law within 1 % over the band that perturbations reach
+# (0.1 to 100 Hz).
 _RATES = 2.0 * np.pi * np.logspace(-2.0, 3.0, 11)
 _SPACING = np.log(_RATES[1] / _RATES[0])
 
 
 class FractionalDamping(Term):
-    """``s^alpha = sin(pi alpha)/pi * integral over p of p^(alpha-1) s/(s+p)``, as a sum of relaxations.
+    """``s^alpha = sin(pi alpha)/pi * integral over p of p^(alpha-1) s/(s+p)``, as a sum of
+    relaxations.
 
     Biological tissue creeps and relaxes by a power law (Fabry et al. 2001, Phys. Rev. Lett. 87,
     148102: exponent 0.1 to 0.4).
@@ -24,8 +26,23 @@ class FractionalDamping(Term):
     place = Place.INTRINSIC
     sentence = "Tissues resist with a power law of time: neither a pure spring nor a pure damper."
     parameters = (
-        Parameter("c", "N.m.s^alpha/rad", 0.0, 500.0, 10.0, "makes up a part of K and B; a loss tangent of 0.05 to 0.3", linear=True),
-        Parameter("alpha", "1", 0.05, 0.95, 0.3, "Fabry et al. 2001: 0.1 to 0.4 for cells; up to 0.6 for muscle"),
+        Parameter(
+            "c",
+            "N.m.s^alpha/rad",
+            0.0,
+            500.0,
+            10.0,
+            "makes up a part of K and B; a loss tangent of 0.05 to 0.3",
+            linear=True,
+        ),
+        Parameter(
+            "alpha",
+            "1",
+            0.05,
+            0.95,
+            0.3,
+            "Fabry et al. 2001: 0.1 to 0.4 for cells; up to 0.6 for muscle",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -9,10 +9,11 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Gravity(Term):
-    """Moment of the weight about the ankle axis; `level` is the angle at which the centre of mass is straight below the axis.
+    """Moment of the weight about the ankle axis; `level` is the angle at which the centre of mass
+    is straight below the axis.
 
-    Over small movements it is a constant and a stiffness of m * cos(x - level): a recording cannot tell
-    it from K, a change of posture can.
+    Over small movements it is a constant and a stiffness of m * cos(x - level): a recording cannot
+    tell it from K, a change of posture can.
     """
 
     name = "gravity"
@@ -20,7 +21,13 @@ class Gravity(Term):
     sentence = "The weight of foot and footplate adds a torque that depends on the angle."
     parameters = (
         Parameter(
-            "m", "N.m", 0.0, 20.0, 1.0, "foot of 1 kg with its centre 0.05 to 0.1 m from the axis, plate up to 10 times that", linear=True
+            "m",
+            "N.m",
+            0.0,
+            20.0,
+            1.0,
+            "foot of 1 kg with its centre 0.05 to 0.1 m from the axis, plate up to 10 times that",
+            linear=True,
         ),
         Parameter("level", "rad", -3.2, 3.2, 0.0, "any posture", fitted=False),
     )

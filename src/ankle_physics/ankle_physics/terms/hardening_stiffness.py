@@ -9,7 +9,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class HardeningStiffness(Term):
-    """Odd curvature of the static torque-angle curve (Duffing): hardening for k3 > 0, softening for k3 < 0."""
+    """Odd curvature of the static torque-angle curve (Duffing): hardening for k3 > 0, softening for
+    k3 < 0.
+    """
 
     name = "hardening_stiffness"
     place = Place.INTRINSIC
@@ -21,8 +23,24 @@ class HardeningStiffness(Term):
         "Large movements, in either direction, meet more stiffness than small ones.",
     )
     parameters = (
-        Parameter("k3", "N.m/rad^3", -1e5, 1e6, 2e4, "K doubles at the end of a step of 0.05 rad for k3 = 1.3e4 N.m/rad^3", linear=True),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "middle of the curve; range of the ankle joint", fitted=False),
+        Parameter(
+            "k3",
+            "N.m/rad^3",
+            -1e5,
+            1e6,
+            2e4,
+            "K doubles at the end of a step of 0.05 rad for k3 = 1.3e4 N.m/rad^3",
+            linear=True,
+        ),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "middle of the curve; range of the ankle joint",
+            fitted=False,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

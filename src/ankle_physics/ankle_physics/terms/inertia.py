@@ -15,7 +15,15 @@ class Inertia(Term):
     place = Place.INTRINSIC
     sentence = "The foot resists acceleration by its inertia."
     parameters = (
-        Parameter("I", "kg.m^2", 0.0, 0.1, 0.0137, "van 't Veld et al. 2018, section III-A; foot alone 0.005 to 0.02 kg.m^2", linear=True),
+        Parameter(
+            "I",
+            "kg.m^2",
+            0.0,
+            0.1,
+            0.0137,
+            "van 't Veld et al. 2018, section III-A; foot alone 0.005 to 0.02 kg.m^2",
+            linear=True,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -29,7 +29,14 @@ class MaxwellRelaxation(Term):
             "up to the intrinsic stiffness of the active ankle; passive ankles relax by 10 to 30 %",
             linear=True,
         ),
-        Parameter("T", "s", 0.004, 2.0, 0.1, "cross-bridge and tissue relaxation, milliseconds to seconds (Kirsch & Kearney 1997)"),
+        Parameter(
+            "T",
+            "s",
+            0.004,
+            2.0,
+            0.1,
+            "cross-bridge and tissue relaxation, milliseconds to seconds (Kirsch & Kearney 1997)",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -1,4 +1,4 @@
-"""Stiffness that changes with the angle: ``torque = k1 * (x - xc)^2 / 2``, so that ``dK/dx = k1``."""
+"""Stiffness that changes with the angle: ``torque = k1 * (x - xc)^2 / 2``, so that ``dK/dx = k1``."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -34,7 +34,15 @@ class PositionDependentStiffness(Term):
             "Weiss et al. 1986: stiffness doubles over 0.2 rad; more over small steps",
             linear=True,
         ),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle at which K is stated; range of the ankle joint", fitted=False),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "angle at which K is stated; range of the ankle joint",
+            fitted=False,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -1,4 +1,6 @@
-"""Reflex gain that depends on the angle: ``torque = Gx * w^2/(s^2 + 1.6 w s + w^2) * (x - xc) * max(drive, 0)``, delayed."""
+"""Reflex gain that depends on the angle: ``torque = Gx * w^2/(s^2 + 1.6 w s + w^2) * (x - xc) *
+max(drive, 0)``, delayed.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,14 @@ from ankle_physics.linear_dynamics import Delay, SecondOrder
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
-# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same kind.
+# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same
+# kind.
 MUSCLE_DAMPING = 0.8
 
 
 class PositionReflexGain(Term):
-    """A longer calf has a stronger reflex (Mirbagheri, Barbeau & Kearney 2000, Exp. Brain Res. 135, 423: gain
-    rises severalfold towards dorsiflexion)."""
+    """A longer calf has a stronger reflex (Mirbagheri, Barbeau & Kearney 2000, Exp. Brain Res. 135,
+    423: gain rises severalfold towards dorsiflexion)."""
 
     name = "position_reflex_gain"
     place = Place.REFLEX_DYNAMICS
@@ -37,11 +40,22 @@ class PositionReflexGain(Term):
         ),
         Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to 50 ms"),
         Parameter("omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle at which G is stated; range of the ankle joint", fitted=False),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "angle at which G is stated; range of the ankle joint",
+            fitted=False,
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"delay": Delay(rate, longest=self.parameter("delay").upper), "muscle": SecondOrder(rate)}
+        return {
+            "delay": Delay(rate, longest=self.parameter("delay").upper),
+            "muscle": SecondOrder(rate),
+        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         drive = (signals.foot_position - values["xc"]) * np.maximum(signals.drive, 0.0)

@@ -13,7 +13,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Reflex(Term):
-    """The reflex pathway of van 't Veld et al. 2018, figure 1 and section III-A (w = 21 rad/s, z = 0.8, 40 ms).
+    """The reflex pathway of van 't Veld et al. 2018, figure 1 and section III-A (w = 21 rad/s, z =
+    0.8, 40 ms).
 
     The gain multiplies the response, not the input, so that G is a linear parameter; for a constant
     G the two are the same.
@@ -21,16 +22,36 @@ class Reflex(Term):
 
     name = "reflex"
     place = Place.REFLEX_DYNAMICS
-    sentence = "A stretch makes the calf muscles contract after a delay, in proportion to its speed."
+    sentence = (
+        "A stretch makes the calf muscles contract after a delay, in proportion to its speed."
+    )
     parameters = (
-        Parameter("G", "N.m.s/rad", 0.0, 100.0, 10.0, "van 't Veld et al. 2018, section III-A: 0 to 20 N.m.s/rad simulated", linear=True),
-        Parameter("delay", "s", 0.025, 0.080, 0.040, "van 't Veld et al. 2018, figure 1; short-latency reflex of the calf: 35 to 50 ms"),
+        Parameter(
+            "G",
+            "N.m.s/rad",
+            0.0,
+            100.0,
+            10.0,
+            "van 't Veld et al. 2018, section III-A: 0 to 20 N.m.s/rad simulated",
+            linear=True,
+        ),
+        Parameter(
+            "delay",
+            "s",
+            0.025,
+            0.080,
+            0.040,
+            "van 't Veld et al. 2018, figure 1; short-latency reflex of the calf: 35 to 50 ms",
+        ),
         Parameter("omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"),
         Parameter("z", "1", 0.3, 2.0, 0.8, "van 't Veld et al. 2018, section III-A"),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"delay": Delay(rate, longest=self.parameter("delay").upper), "muscle": SecondOrder(rate)}
+        return {
+            "delay": Delay(rate, longest=self.parameter("delay").upper),
+            "muscle": SecondOrder(rate),
+        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         stretch = np.maximum(signals.drive, 0.0)

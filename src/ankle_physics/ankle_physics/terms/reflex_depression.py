@@ -1,4 +1,4 @@
-"""Depression between stretches: ``drive = r * v``, ``r' = (1 - r)/recovery - max(v, 0) r / size``."""
+"""Depression between stretches: ``drive = r * v``, ``r' = (1 - r)/recovery - max(v, 0) r / size``."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -10,15 +10,24 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ReflexDepression(Term):
-    """A stretch uses up readiness r, which comes back with time (post-activation depression, Hultborn et al. 1996:
-    recovery 0.1 to 10 s)."""
+    """A stretch uses up readiness r, which comes back with time (post-activation depression,
+    Hultborn et al. 1996: recovery 0.1 to 10 s)."""
 
     name = "reflex_depression"
     place = Place.REFLEX_INPUT
     sentence = "A reflex soon after another one is smaller: it needs time to recover."
     parameters = (
-        Parameter("size", "rad", 0.002, 2.0, 0.06, "stretches of a few degrees depress the next reflex"),
-        Parameter("recovery", "s", 0.05, 10.0, 0.5, "Hultborn et al. 1996: up to 10 s; Stein & Kearney 1995: 0.2 to 0.5 s"),
+        Parameter(
+            "size", "rad", 0.002, 2.0, 0.06, "stretches of a few degrees depress the next reflex"
+        ),
+        Parameter(
+            "recovery",
+            "s",
+            0.05,
+            10.0,
+            0.5,
+            "Hultborn et al. 1996: up to 10 s; Stein & Kearney 1995: 0.2 to 0.5 s",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
@@ -26,4 +35,6 @@ class ReflexDepression(Term):
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:
         stretch = np.maximum(signals.drive, 0.0)
-        signals.drive = stretch * state["readiness"].run(stretch, float(values["size"]), float(values["recovery"]))
+        signals.drive = stretch * state["readiness"].run(
+            stretch, float(values["size"]), float(values["recovery"])
+        )

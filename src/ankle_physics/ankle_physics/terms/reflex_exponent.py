@@ -9,7 +9,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ReflexExponent(Term):
-    """Spindles signal a low power of velocity (Houk, Rymer & Crago 1981, J. Neurophysiol. 46, 143: 0.3; Prochazka: 0.5 to 0.6)."""
+    """Spindles signal a low power of velocity (Houk, Rymer & Crago 1981, J. Neurophysiol. 46, 143:
+    0.3; Prochazka: 0.5 to 0.6).
+    """
 
     name = "reflex_exponent"
     place = Place.REFLEX_INPUT
@@ -18,10 +20,18 @@ class ReflexExponent(Term):
         "p",
         1.0,
         "The reflex grows less than in proportion to the speed of the stretch.",
-        "The reflex grows more than in proportion to the speed of the stretch: slow stretches evoke little.",
+        "The reflex grows more than in proportion to the speed of the stretch: slow stretches "
+        "evoke little.",
     )
     parameters = (
-        Parameter("p", "1", 0.2, 2.5, 0.6, "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment"),
+        Parameter(
+            "p",
+            "1",
+            0.2,
+            2.5,
+            0.6,
+            "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment",
+        ),
     )
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:

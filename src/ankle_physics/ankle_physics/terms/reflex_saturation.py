@@ -14,7 +14,16 @@ class ReflexSaturation(Term):
     name = "reflex_saturation"
     place = Place.REFLEX_INPUT
     sentence = "Beyond a certain speed a faster stretch evokes no larger reflex."
-    parameters = (Parameter("vs", "rad/s", 0.1, 10.0, 1.0, "reflex torque levels off between 1 and 5 rad/s (Stein & Kearney 1995)"),)
+    parameters = (
+        Parameter(
+            "vs",
+            "rad/s",
+            0.1,
+            10.0,
+            1.0,
+            "reflex torque levels off between 1 and 5 rad/s (Stein & Kearney 1995)",
+        ),
+    )
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:
         vs = float(values["vs"])

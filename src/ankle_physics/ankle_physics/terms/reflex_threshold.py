@@ -9,14 +9,22 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ReflexThreshold(Term):
-    """Stretches slower than vt do not reach the motoneurons' threshold (Powers, Campbell & Rymer 1989)."""
+    """Stretches slower than vt do not reach the motoneurons' threshold (Powers, Campbell & Rymer
+    1989).
+    """
 
     name = "reflex_threshold"
     place = Place.REFLEX_INPUT
     sentence = "Slow stretches evoke no reflex: a velocity threshold has to be passed."
     parameters = (
         Parameter(
-            "vt", "rad/s", 0.0, 3.0, 0.3, "ankle reflexes appear above about 0.2 to 1 rad/s (Powers et al. 1989; Mirbagheri et al. 2000)"
+            "vt",
+            "rad/s",
+            0.0,
+            3.0,
+            0.3,
+            "ankle reflexes appear above about 0.2 to 1 rad/s (Powers et al. 1989; Mirbagheri et "
+            "al. 2000)",
         ),
     )
 

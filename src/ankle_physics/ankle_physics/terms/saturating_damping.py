@@ -11,7 +11,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 class SaturatingDamping(Term):
     """Damping D for slow movements that levels off at the torque D * vs.
 
-    Resistance to stretch levels off with speed in active muscle (Hill 1938; Krylow & Sandercock 1997).
+    Resistance to stretch levels off with speed in active muscle (Hill 1938; Krylow & Sandercock
+    1997).
     """
 
     name = "saturating_damping"
@@ -19,7 +20,14 @@ class SaturatingDamping(Term):
     sentence = "Slow movements are damped more strongly, for their speed, than fast ones."
     parameters = (
         Parameter("D", "N.m.s/rad", 0.0, 20.0, 0.6, "the order of B", linear=True),
-        Parameter("vs", "rad/s", 0.2, 5.0, 0.7, "muscle yields above about one muscle length a second, 1 to 3 rad/s at the ankle"),
+        Parameter(
+            "vs",
+            "rad/s",
+            0.2,
+            5.0,
+            0.7,
+            "muscle yields above about one muscle length a second, 1 to 3 rad/s at the ankle",
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -1,4 +1,6 @@
-"""Short-range stiffness with yield and recovery: ``torque = k * z``, ``z' = v - |v| z / yield - z / recovery``."""
+"""Short-range stiffness with yield and recovery: ``torque = k * z``, ``z' = v - |v| z / yield - z /
+recovery``.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ShortRangeStiffness(Term):
-    """Attached cross-bridges are stiff until they are pulled off; new ones attach while the muscle rests.
+    """Attached cross-bridges are stiff until they are pulled off; new ones attach while the muscle
+    rests.
 
     Rack & Westbury 1974 (J. Physiol. 240, 331); for the ankle Loram, Maganaris & Lakie 2007
     (J. Physiol. 584, 661): stiffness is several times higher below 0.4 degrees (7 mrad).
@@ -18,14 +21,36 @@ class ShortRangeStiffness(Term):
 
     name = "short_range_stiffness"
     place = Place.INTRINSIC
-    sentence = "Small movements meet a stiffer muscle than large ones: cross-bridges hold at first and then let go."
+    sentence = (
+        "Small movements meet a stiffer muscle than large ones: cross-bridges hold at "
+        "first and then let go."
+    )
     parameters = (
         Parameter(
-            "k", "N.m/rad", 0.0, 2000.0, 60.0, "Loram et al. 2007: up to several times the stiffness of larger movements", linear=True
+            "k",
+            "N.m/rad",
+            0.0,
+            2000.0,
+            60.0,
+            "Loram et al. 2007: up to several times the stiffness of larger movements",
+            linear=True,
         ),
-        Parameter("yield", "rad", 0.0005, 0.05, 0.007, "Loram et al. 2007: 0.4 degrees; Rack & Westbury 1974: 0.3 mm of muscle"),
         Parameter(
-            "recovery", "s", 0.02, 20.0, 0.5, "cross-bridge reattachment 0.05 s, thixotropic recovery up to 10 s (Proske & Morgan 1999)"
+            "yield",
+            "rad",
+            0.0005,
+            0.05,
+            0.007,
+            "Loram et al. 2007: 0.4 degrees; Rack & Westbury 1974: 0.3 mm of muscle",
+        ),
+        Parameter(
+            "recovery",
+            "s",
+            0.02,
+            20.0,
+            0.5,
+            "cross-bridge reattachment 0.05 s, thixotropic recovery up to 10 s (Proske & Morgan "
+            "1999)",
         ),
     )
 
@@ -33,4 +58,8 @@ class ShortRangeStiffness(Term):
         return {"spring": DahlSpring(rate)}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        return {"k": state["spring"].run(signals.foot_position, float(values["yield"]), float(values["recovery"]))}
+        return {
+            "k": state["spring"].run(
+                signals.foot_position, float(values["yield"]), float(values["recovery"])
+            )
+        }

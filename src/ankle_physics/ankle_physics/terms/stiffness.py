@@ -19,8 +19,24 @@ class Stiffness(Term):
     place = Place.INTRINSIC
     sentence = "Muscles and tissues resist in proportion to the size of the movement."
     parameters = (
-        Parameter("K", "N.m/rad", 0.0, 1000.0, 100.0, "van 't Veld et al. 2018, section III-A: 0 to 200 N.m/rad simulated", linear=True),
-        Parameter("x0", "rad", -1.0, 1.0, 0.0, "range of the ankle joint; the paper has no offset", fitted=False),
+        Parameter(
+            "K",
+            "N.m/rad",
+            0.0,
+            1000.0,
+            100.0,
+            "van 't Veld et al. 2018, section III-A: 0 to 200 N.m/rad simulated",
+            linear=True,
+        ),
+        Parameter(
+            "x0",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "range of the ankle joint; the paper has no offset",
+            fitted=False,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -1,4 +1,6 @@
-"""Stiffness and damping that drift through the recording: ``torque = (t - 30 s) * (kt * (x - xc) + bt * v)``."""
+"""Stiffness and damping that drift through the recording: ``torque = (t - 30 s) * (kt * (x - xc) +
+bt * v)``.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ _REFERENCE_TIME = 30.0
 
 
 class StiffnessDrift(Term):
-    """Fatigue, warming up or a change of posture: K and B change at the constant rates kt and bt."""
+    """Fatigue, warming up or a change of posture: K and B change at the constant rates kt and bt."""  # noqa: E501
 
     name = "stiffness_drift"
     place = Place.INTRINSIC
@@ -24,9 +26,33 @@ class StiffnessDrift(Term):
         "Stiffness rises steadily in the course of the recording.",
     )
     parameters = (
-        Parameter("kt", "N.m/rad/s", -5.0, 5.0, -0.3, "a third of K within a minute or two of contraction", linear=True),
-        Parameter("bt", "N.m/rad", -0.05, 0.05, 0.0, "a third of B within a minute or two: cross-bridges make both", linear=True),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "angle about which the spring acts; range of the ankle joint", fitted=False),
+        Parameter(
+            "kt",
+            "N.m/rad/s",
+            -5.0,
+            5.0,
+            -0.3,
+            "a third of K within a minute or two of contraction",
+            linear=True,
+        ),
+        Parameter(
+            "bt",
+            "N.m/rad",
+            -0.05,
+            0.05,
+            0.0,
+            "a third of B within a minute or two: cross-bridges make both",
+            linear=True,
+        ),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "angle about which the spring acts; range of the ankle joint",
+            fitted=False,
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
@@ -37,4 +63,7 @@ class StiffnessDrift(Term):
         time = (state["count"] + np.arange(n)) / state["rate"]
         state["count"] += n
         since = time - _REFERENCE_TIME
-        return {"kt": since * (signals.foot_position - values["xc"]), "bt": since * signals.foot_velocity}
+        return {
+            "kt": since * (signals.foot_position - values["xc"]),
+            "bt": since * signals.foot_velocity,
+        }

@@ -8,14 +8,21 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Tendon(Term):
-    """The muscle's stretch lags behind the joint's while the tendon gives way; T is its compliance times the muscle's viscosity
-    (Loram, Maganaris & Lakie 2007)."""
+    """The muscle's stretch lags behind the joint's while the tendon gives way; T is its compliance
+    times the muscle's viscosity (Loram, Maganaris & Lakie 2007)."""
 
     name = "tendon"
     place = Place.REFLEX_INPUT
     sentence = "The tendon gives way first, so the spindles feel a slower, later stretch."
     parameters = (
-        Parameter("T", "s", 0.002, 0.2, 0.02, "muscle viscosity over tendon stiffness, some milliseconds to a tenth of a second"),
+        Parameter(
+            "T",
+            "s",
+            0.002,
+            0.2,
+            0.02,
+            "muscle viscosity over tendon stiffness, some milliseconds to a tenth of a second",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -1,4 +1,6 @@
-"""Stiffness that movement breaks and rest rebuilds: ``torque = k * s * (x - xc)``, s the intact share of bonds."""
+"""Stiffness that movement breaks and rest rebuilds: ``torque = k * s * (x - xc)``, s the intact
+share of bonds.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +12,40 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Thixotropy(Term):
-    """``s' = (1 - s)/recovery - |v| s / breaking`` (Lakie & Campbell 2019, J. Physiol. 597, 3445)."""
+    """``s' = (1 - s)/recovery - |v| s / breaking`` (Lakie & Campbell 2019, J. Physiol.
+
+    597, 3445).
+    """
 
     name = "thixotropy"
     place = Place.INTRINSIC
     sentence = "The joint is stiff after a rest and loosens while it is moved."
     parameters = (
         Parameter(
-            "k", "N.m/rad", 0.0, 1000.0, 40.0, "resting bonds: up to half of the passive stiffness (Lakie & Campbell 2019)", linear=True
+            "k",
+            "N.m/rad",
+            0.0,
+            1000.0,
+            40.0,
+            "resting bonds: up to half of the passive stiffness (Lakie & Campbell 2019)",
+            linear=True,
         ),
-        Parameter("breaking", "rad", 0.002, 1.0, 0.05, "movements of some degrees break most bonds"),
-        Parameter("recovery", "s", 0.1, 30.0, 2.0, "Lakie & Campbell 2019: seconds to tens of seconds"),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "resting angle; range of the ankle joint", fitted=False),
+        Parameter(
+            "breaking", "rad", 0.002, 1.0, 0.05, "movements of some degrees break most bonds"
+        ),
+        Parameter(
+            "recovery", "s", 0.1, 30.0, 2.0, "Lakie & Campbell 2019: seconds to tens of seconds"
+        ),
+        Parameter(
+            "xc", "rad", -1.0, 1.0, 0.0, "resting angle; range of the ankle joint", fitted=False
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
         return {"structure": Structure(rate)}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        intact = state["structure"].run(signals.foot_velocity, float(values["breaking"]), float(values["recovery"]))
+        intact = state["structure"].run(
+            signals.foot_velocity, float(values["breaking"]), float(values["recovery"])
+        )
         return {"k": intact * (signals.foot_position - values["xc"])}

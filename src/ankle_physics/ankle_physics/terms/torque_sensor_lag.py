@@ -15,7 +15,16 @@ class TorqueSensorLag(Term):
     name = "torque_sensor_lag"
     place = Place.TORQUE_SENSOR
     sentence = "The torque channel smooths and lags behind: a filter in front of the recording."
-    parameters = (Parameter("T", "s", 0.0003, 0.05, 0.003, "bridge amplifiers with 10 to 500 Hz bandwidth: 0.3 to 16 ms"),)
+    parameters = (
+        Parameter(
+            "T",
+            "s",
+            0.0003,
+            0.05,
+            0.003,
+            "bridge amplifiers with 10 to 500 Hz bandwidth: 0.3 to 16 ms",
+        ),
+    )
 
     def start(self, rate: float, seed: int = 0) -> State:
         return {"lag": FirstOrder(rate)}

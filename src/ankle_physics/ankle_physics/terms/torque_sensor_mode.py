@@ -10,11 +10,15 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class TorqueSensorMode(Term):
-    """The plate on the elastic torque sensor is a resonator between the joint's torque and the reading."""
+    """The plate on the elastic torque sensor is a resonator between the joint's torque and the
+    reading.
+    """
 
     name = "torque_sensor_mode"
     place = Place.TORQUE_SENSOR
-    sentence = "After each movement the torque reading rings: the rig or its torque sensor vibrates."
+    sentence = (
+        "After each movement the torque reading rings: the rig or its torque sensor vibrates."
+    )
     parameters = (
         Parameter(
             "frequency",
@@ -22,9 +26,17 @@ class TorqueSensorMode(Term):
             8.0,
             150.0,
             30.0,
-            "sensors and footplates of ankle rigs: 20 to 200 Hz; what lies above the recorded band cannot be seen",
+            "sensors and footplates of ankle rigs: 20 to 200 Hz; what lies above the recorded "
+            "band cannot be seen",
         ),
-        Parameter("damping", "1", 0.01, 0.9, 0.1, "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3"),
+        Parameter(
+            "damping",
+            "1",
+            0.01,
+            0.9,
+            0.1,
+            "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -14,7 +14,11 @@ class Viscosity(Term):
     name = "viscosity"
     place = Place.INTRINSIC
     sentence = "Muscles and tissues resist in proportion to the speed of the movement."
-    parameters = (Parameter("B", "N.m.s/rad", 0.0, 10.0, 0.63, "van 't Veld et al. 2018, section III-A", linear=True),)
+    parameters = (
+        Parameter(
+            "B", "N.m.s/rad", 0.0, 10.0, 0.63, "van 't Veld et al. 2018, section III-A", linear=True
+        ),
+    )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         return {"B": signals.foot_velocity}

@@ -18,16 +18,18 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
 ORDER = 4
-# Knots per period of the cut-off frequency. Between knots a fifth-order polynomial meets the process, its velocity
-# and its acceleration; with 16 the spectrum follows the filter's down to -90 dB.
+# Knots per period of the cut-off frequency. Between knots a fifth-order polynomial meets the
+# process, its velocity and its acceleration; with 16 the spectrum follows the filter's down to -90
+# dB.
 KNOTS_PER_PERIOD = 16
 
 
 class VoluntaryTorque(Term):
     """Adds the torque and counts it as muscle activation.
 
-    The drift is drawn at knots that follow the cut-off and not the sampling rate: the same seed gives the same
-    drift at every rate and in blocks of every size. The first sample is drawn from the stationary distribution.
+    The drift is drawn at knots that follow the cut-off and not the sampling rate: the same seed
+    gives the same drift at every rate and in blocks of every size. The first sample is drawn from
+    the stationary distribution.
     """
 
     name = "voluntary_torque"
@@ -44,9 +46,23 @@ class VoluntaryTorque(Term):
             linear=True,
         ),
         Parameter(
-            "rms", "N.m", 0.0, 10.0, 0.5, "assumed: a tenth of the 5 N.m target of van 't Veld et al. 2018, section III-B", linear=True
+            "rms",
+            "N.m",
+            0.0,
+            10.0,
+            0.5,
+            "assumed: a tenth of the 5 N.m target of van 't Veld et al. 2018, section III-B",
+            linear=True,
         ),
-        Parameter("cutoff", "Hz", 0.01, 5.0, 0.3, "assumed: corrections at the pace of visual feedback; voluntary tracking ends near 2 Hz"),
+        Parameter(
+            "cutoff",
+            "Hz",
+            0.01,
+            5.0,
+            0.3,
+            "assumed: corrections at the pace of visual feedback; voluntary tracking ends near 2 "
+            "Hz",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
@@ -97,7 +113,8 @@ class _Drift:
 
 @cache
 def _knot_process() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Transition from knot to knot, factor of the noise between knots, factor of the stationary covariance; each (4, 4).
+    """Transition from knot to knot, factor of the noise between knots, factor of the stationary
+    covariance; each (4, 4).
 
     The state is the process and its first three derivatives, by the interval between knots.
     """

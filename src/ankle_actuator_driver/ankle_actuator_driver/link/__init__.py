@@ -1,0 +1,1 @@
+"""How the driver reaches a rig: packets, clocks and transports."""

@@ -1,0 +1,180 @@
+"""Limits that no reference passes: checked by the driver as the last place before the rig, and by
+the rig once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ankle_actuator_driver.safety.stop_motion import stopping_distance
+from ankle_node.parameters import Parameter, ParameterError, Value
+
+ROUNDING = 1e-9
+"""A value at its limit is allowed whatever the rounding."""
+BETWEEN_SAMPLES = 0.02
+"""Differences of positions may pass the limits by this part: the largest velocity can lie between
+two samples.
+"""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest absolute values, with the reason of each default.
+
+    Attributes
+    ----------
+    angle
+        From the rest position [rad]. 0.175 rad (10 degrees): fast stretches of healthy ankles are 8
+        degrees in Sinkjaer et al., J Neurophysiol 76:1112, 1996; the overshoot of a 30 Hz servo (5
+        %) and a soft stop come on top. Half of the about 20 degrees of passive dorsiflexion of a
+        healthy ankle.
+    velocity
+        [rad/s]. 5 rad/s (286 degrees/s): the fastest dorsiflexions of Cronin et al., J Physiol
+        587:3375, 2009, were about 280 degrees/s; those of Sinkjaer et al. 250 degrees/s.
+    acceleration
+        [rad/s^2]. 2000: 27 N.m on the paper's 0.0137 kg.m^2 of foot and footplate; the paper's
+        perturbation needs 400.
+    torque
+        [N.m], beyond which the plate yields. 30: the paper's perturbation of 0.04 rad gives 5 N.m
+        of inertia, 2 of viscosity, 6 of a stiffness of 150 N.m/rad, 4 of reflexes and 5 of the
+        target, and 30 is a quarter of the about 1.6 N.m/kg with which an adult's ankle pushes off
+        in every step of walking (Winter, Biomechanics and Motor Control of Human Movement).
+    step
+        Between neighbouring samples, and from the held position to the first sample [rad]. 0.005:
+        twice what 5 rad/s is at 2048 Hz.
+    """
+
+    angle: float = 0.175
+    velocity: float = 5.0
+    acceleration: float = 2000.0
+    torque: float = 30.0
+    step: float = 0.005
+
+    def passed_by(
+        self, motion: np.ndarray, interval: float, before: float | None = None
+    ) -> str | None:
+        """What a stretch of reference passes, as a sentence with value, unit and limit; None where
+        it keeps within all.
+
+        The stated velocity and acceleration are checked, and those of the positions' differences
+        too: a reference whose columns contradict each other is no less fast. A reference that moves
+            outwards must leave room to stop.
+
+        Parameters
+        ----------
+        motion
+            Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), finite.
+        interval
+            Between samples [s].
+        before
+            Position one interval before the first sample [rad]; None where there is none.
+        """
+        stated = np.abs(motion).max(axis=0)
+        if stated[0] > self.angle * (1 + ROUNDING):
+            return f"position of {stated[0]:.4g} rad passes the limit of {self.angle:g} rad"
+        if stated[1] > self.velocity * (1 + ROUNDING):
+            return f"velocity of {stated[1]:.4g} rad/s passes the limit of {self.velocity:g} rad/s"
+        if stated[2] > self.acceleration * (1 + ROUNDING):
+            return (
+                f"acceleration of {stated[2]:.4g} rad/s^2 passes the limit of "
+                f"{self.acceleration:g} rad/s^2"
+            )
+        end = np.abs(
+            motion[:, 0]
+            + np.sign(motion[:, 1]) * stopping_distance(motion[:, 1], self.acceleration)
+        ).max()
+        if end > self.angle * (1 + ROUNDING):
+            return f"a stop would end at {end:.4g} rad, beyond the limit of {self.angle:g} rad"
+        position = motion[:, 0] if before is None else np.concatenate([[before], motion[:, 0]])
+        steps = np.diff(position)
+        if not len(steps):
+            return None
+        largest = float(np.abs(steps).max())
+        if largest > self.step * (1 + ROUNDING):
+            return (
+                f"step of {largest:.4g} rad between samples passes the limit of {self.step:g} rad"
+            )
+        if largest > self.velocity * interval * (1 + BETWEEN_SAMPLES):
+            return (
+                f"positions that move at {largest / interval:.4g} rad/s pass the limit of "
+                f"{self.velocity:g} rad/s"
+            )
+        if len(steps) > 1:
+            sharpest = float(np.abs(np.diff(steps)).max()) / interval**2
+            if sharpest > self.acceleration * (1 + BETWEEN_SAMPLES):
+                return (
+                    f"positions that accelerate at {sharpest:.4g} rad/s^2 pass the limit of "
+                    f"{self.acceleration:g} rad/s^2"
+                )
+        return None
+
+    def require_within(self, hard: Limits) -> None:
+        """Whether every limit is at most the hard one.
+
+        Raises
+        ------
+        ParameterError
+            Names those that are not, with value, unit and hard limit.
+        """
+        passed = [
+            f"'{parameter.name}' = {getattr(self, field.name):g} {parameter.unit} passes the hard "
+            "limit of "
+            f"{getattr(hard, field.name):g} {parameter.unit}"
+            for field, parameter in zip(fields(self), LIMIT_PARAMETERS, strict=True)
+            if getattr(self, field.name) > getattr(hard, field.name)
+        ]
+        if passed:
+            raise ParameterError("; ".join(passed))
+
+
+# Name, unit, largest hard limit that a laboratory can configure, what it is.
+_KINDS = (
+    (
+        "angle",
+        "rad",
+        0.35,
+        "Largest distance of the reference from rest; 0.35 rad is the end of the passive range.",
+    ),
+    ("velocity", "rad/s", 10.0, "Largest velocity of the reference."),
+    ("acceleration", "rad/s^2", 5000.0, "Largest acceleration of the reference."),
+    ("torque", "N.m", 80.0, "Torque beyond which the plate yields."),
+    ("step", "rad", 0.02, "Largest step between neighbouring samples of the reference."),
+)
+LEAST = 1e-3
+"""In the unit of each limit: zero would have no meaning, as a stop needs some acceleration."""
+HARD_LIMIT_PARAMETERS = tuple(
+    Parameter(
+        f"hard_{name}_limit",
+        getattr(Limits, name),
+        unit,
+        f"{text} No other setting passes it.",
+        LEAST,
+        most,
+        fixed=True,
+    )
+    for name, unit, most, text in _KINDS
+)
+LIMIT_PARAMETERS = tuple(
+    Parameter(
+        f"{name}_limit",
+        getattr(Limits, name),
+        unit,
+        f"{text} At most 'hard_{name}_limit'.",
+        LEAST,
+        most,
+    )
+    for name, unit, most, text in _KINDS
+)
+
+
+def limits_from(values: Mapping[str, Value]) -> Limits:
+    """The limits that the values of `LIMIT_PARAMETERS` describe."""
+    return Limits(*(float(values[parameter.name]) for parameter in LIMIT_PARAMETERS))
+
+
+def hard_limits_from(values: Mapping[str, Value]) -> Limits:
+    """The limits that the values of `HARD_LIMIT_PARAMETERS` describe."""
+    return Limits(*(float(values[parameter.name]) for parameter in HARD_LIMIT_PARAMETERS))

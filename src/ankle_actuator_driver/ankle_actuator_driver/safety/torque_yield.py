@@ -1,0 +1,115 @@
+"""A torque limit that yields: beyond the limit the plate follows the foot (admittance) instead of
+pushing on.
+
+    e = torque - limit (above the limit), torque + limit (below -limit), 0 between       [N.m]
+    u = -e / b, at most `FASTEST`;  where e = 0: u = -y / `RETURN_TIME`                   velocity
+    towards which y goes y'' = (u - y') / lag
+             y is added to the reference
+
+Torque is what is needed to move the ankle: torque above the limit falls when the plate goes back,
+y' < 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+FASTEST = 1.0
+"""[rad/s] Fastest yielding: a fifth of the velocity limit, so that reference and yielding together
+keep it.
+"""
+RETURN_TIME = 2.0
+"""[s] Time constant of the way back to the reference: slow enough that nobody takes it for a
+perturbation.
+"""
+
+
+@dataclass(frozen=True)
+class Admittance:
+    """How a plate yields.
+
+    Attributes
+    ----------
+    damping
+        B, torque above the limit for each rad/s of yielding [N.m.s/rad].
+    lag
+        Time constant of the yielding velocity [s].
+    """
+
+    damping: float
+    lag: float
+
+
+OF_RIG = Admittance(20.0, 0.005)
+"""The rig's own: with a loop delay of 20 ms (servo 7 ms, one servo cycle, the lag) b = 20 stays
+stable, K * delay / b < 0.5, up to 500 N.m/rad, more than any contracted ankle. 10 N.m above the
+limit then yields with 0.5 rad/s."""
+OF_DRIVER = Admittance(200.0, 0.05)
+"""The driver's: the reference leaves 0.1 s before its time and the torque comes a block later, a
+delay of 0.2 s: stable up to the same 500 N.m/rad with b = 200. It acts where the rig's own does not
+hold the limit."""
+
+
+class TorqueYield:
+    """The offset by which the plate gives way.
+
+    Parameters
+    ----------
+    admittance
+        Of the plate.
+    limit
+        [N.m].
+
+    Attributes
+    ----------
+    excess
+        Torque beyond the limit [N.m], 0 within it.
+    offset
+        Y [rad].
+    velocity
+        Y' [rad/s].
+    """
+
+    def __init__(self, admittance: Admittance, limit: float) -> None:
+        self.limit = limit
+        self.excess = 0.0
+        self.offset = 0.0
+        self.velocity = 0.0
+        self._admittance = admittance
+
+    def measure(self, torque: float) -> None:
+        """Take in the present torque [N.m]."""
+        self.excess = (
+            torque - math.copysign(self.limit, torque) if abs(torque) > self.limit else 0.0
+        )
+
+    def step(self, interval: float) -> tuple[float, float, float]:
+        """The offset one interval [s] later: position [rad], velocity [rad/s], acceleration
+        [rad/s^2].
+        """
+        if self.excess == 0.0 and self.offset == 0.0 and self.velocity == 0.0:
+            return 0.0, 0.0, 0.0
+        goal = (
+            -self.excess / self._admittance.damping if self.excess else -self.offset / RETURN_TIME
+        )
+        goal = min(max(goal, -FASTEST), FASTEST)
+        share = 1.0 - math.exp(-interval / self._admittance.lag)
+        before = self.velocity
+        self.velocity += share * (goal - before)
+        self.offset += 0.5 * (before + self.velocity) * interval
+        if not self.excess and abs(self.offset) < 1e-9 and abs(self.velocity) < 1e-9:
+            self.offset = self.velocity = 0.0
+        return self.offset, self.velocity, (self.velocity - before) / interval
+
+    def stretch(self, count: int, interval: float) -> np.ndarray:
+        """The offset over so many samples: position, velocity, acceleration, shape (count, 3)."""
+        return np.array([self.step(interval) for _ in range(count)]).reshape(count, 3)
+
+    def forget(self) -> None:
+        """Begin again at the present place: the plate stands still or a new reference starts from
+        here.
+        """
+        self.excess = self.offset = self.velocity = 0.0

@@ -1,0 +1,150 @@
+"""Whether the samples of a stream follow each other: gaps, steps back in time, damaged values.
+
+No block may be lost silently: a reader that finds a gap reports it and stays right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Clocks of rigs drift by parts per million; a tenth of a per cent tells 1000 Hz from 1024 Hz.
+RATE_TOLERANCE = 1e-3
+# Half a sample: less is rounding of t, more means that a sample is missing or doubled.
+STEP_TOLERANCE = 0.5
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is wrong between or inside blocks.
+
+    Attributes
+    ----------
+    kind
+        ``gap``, ``backwards``, ``rate`` or ``not_finite``.
+    message
+        One sentence with numbers.
+    missing
+        Samples that a gap leaves out, else 0.
+    """
+
+    kind: str
+    message: str
+    missing: int = 0
+
+
+def sampling_rate(time: np.ndarray) -> float:
+    """Sampling rate [Hz] of times [s] of shape (n,), n >= 2, by the median step; a whole number
+    where it is one within 1e-4.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two samples or a median step that is not positive.
+    """
+    if len(time) < 2:
+        raise ValueError(
+            f"{len(time)} sample(s) do not tell a sampling rate; at least 2 are needed"
+        )
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    regular = steps[np.abs(steps - step) < STEP_TOLERANCE * abs(step)]
+    step = float(np.mean(regular)) if len(regular) else step
+    if not step > 0:
+        raise ValueError(f"time does not increase: median step {step:g} s")
+    rate = 1.0 / step
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-4 * rate else rate
+
+
+class Continuity:
+    """Follows one stream, block by block.
+
+    Attributes
+    ----------
+    rate
+        Sampling rate [Hz] from the first block with two samples, None before.
+    missing
+        Samples missing in all gaps so far.
+    blocks
+        Blocks seen.
+    """
+
+    def __init__(self, rate: float | None = None) -> None:
+        self.rate = rate
+        self.missing = 0
+        self.blocks = 0
+        self._last: float | None = None
+
+    def check(self, data: np.ndarray) -> list[Finding]:
+        """Findings for a block of shape (n, m) whose first column is time [s]; empty where all is
+        well.
+
+        Time running backwards is reported once: the stream is followed from its new time on.
+        """
+        self.blocks += 1
+        findings: list[Finding] = []
+        time = data[:, 0]
+        if not len(time):
+            return findings
+        if not np.isfinite(data).all():
+            bad = int(np.count_nonzero(~np.isfinite(data).all(axis=1)))
+            findings.append(
+                Finding(
+                    "not_finite",
+                    f"{bad} of {len(time)} samples from t = {time[0]:.6f} s are NaN or infinite",
+                )
+            )
+        if self.rate is None:
+            if len(time) < 2:
+                self._last = float(time[-1])
+                return findings
+            try:
+                self.rate = sampling_rate(time)
+            except ValueError as error:
+                findings.append(Finding("backwards", str(error)))
+                return findings
+        before = time[:1] - 1.0 / self.rate if self._last is None else np.array([self._last])
+        steps = np.diff(np.concatenate([before, time])) * self.rate
+        for index in np.flatnonzero(~(np.abs(steps - 1.0) <= STEP_TOLERANCE)):
+            step, at = float(steps[index]), float(time[index])
+            if not np.isfinite(step):
+                continue
+            if step <= 0:
+                findings.append(
+                    Finding(
+                        "backwards",
+                        f"time runs back by {(1 - step) / self.rate:.6f} s at t = {at:.6f} s",
+                    )
+                )
+            elif step < 1:
+                findings.append(
+                    Finding(
+                        "rate",
+                        f"samples {step / self.rate:.6f} s apart at t = {at:.6f} s, expected "
+                        f"{1 / self.rate:.6f} s",
+                    )
+                )
+            else:
+                lost = round(step) - 1
+                self.missing += lost
+                findings.append(
+                    Finding(
+                        "gap",
+                        f"{lost} samples ({lost / self.rate:.3f} s) missing before t = {at:.6f} s",
+                        lost,
+                    )
+                )
+        if len(time) > 1:
+            mean = float(np.median(np.diff(time)))
+            if mean > 0 and abs(mean * self.rate - 1.0) > RATE_TOLERANCE:
+                findings.append(
+                    Finding(
+                        "rate",
+                        f"sampling rate {1 / mean:.2f} Hz at t = {time[0]:.6f} s, expected "
+                        f"{self.rate:.2f} Hz",
+                    )
+                )
+        if np.isfinite(time[-1]):
+            self._last = float(time[-1])
+        return findings

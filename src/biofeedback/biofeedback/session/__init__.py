@@ -1,0 +1,1 @@
+"""The session with a subject: program, protocol, and the rig's services."""

@@ -1,0 +1,111 @@
+"""The screen's axes, from the subject's own baseline.
+
+People differ by a factor of two in K and more in G, so the scale of the feedback is the subject's
+own: zero to a multiple of what the relaxed ankle has. The torque axis counts from the torque at
+rest, which holds the foot's weight and the sensor's offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from biofeedback.errors import CommandError
+
+OF_BASELINE = 2.2
+"""Upper end of the feedback axis, in baselines: protocols ask for 0.4 to 1.7 baselines, and the
+cursor must have room beyond.
+"""
+SPREADS = 8.0
+"""The axis has at least so many standard deviations above the baseline: noise of the estimate must
+not fill the screen.
+"""
+BEYOND_TARGETS = 3.0
+"""Half widths of the torque band that the torque axis shows beyond the outermost targets."""
+LEAST_ROWS = 20
+"""Readings that a baseline needs: for fewer a median absolute deviation says nothing."""
+SMALLEST = {"K": 5.0, "G": 0.5}
+"""[N.m/rad], [N.m.s/rad] Scale for a subject who has less (a reflex of nearly zero is common):
+levels of it would be noise.
+"""
+DEFAULT_AXES = {"K": (0.0, 200.0), "G": (0.0, 20.0)}
+"""[N.m/rad], [N.m.s/rad] Before there is a baseline: the range of the paper's simulations (K 50 to
+150, G 5 to 15, section III-A).
+"""
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The relaxed ankle.
+
+    Attributes
+    ----------
+    K, G
+        Medians [N.m/rad], [N.m.s/rad].
+    K_spread, G_spread
+        Standard deviations of the estimates, from the median absolute deviation.
+    torque
+        The subject's mean torque at rest [N.m].
+    """
+
+    K: float
+    G: float
+    K_spread: float
+    G_spread: float
+    torque: float
+
+    def of(self, symbol: str) -> float:
+        """What levels of ``K`` or ``G`` are parts of: the median, at least `SMALLEST`."""
+        return max(self.K if symbol == "K" else self.G, SMALLEST[symbol])
+
+    def axis(self, symbol: str) -> tuple[float, float]:
+        """Ends of the feedback axis for ``K`` or ``G``."""
+        unit, spread = self.of(symbol), self.K_spread if symbol == "K" else self.G_spread
+        return 0.0, max(OF_BASELINE * unit, unit + SPREADS * spread)
+
+
+class BaselineCollector:
+    """Gathers estimates and torque while the subject is relaxed."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[float, float, float]] = []
+
+    def add(self, K: float, G: float, torque: float) -> None:
+        """One valid estimate and the subject's torque beside it."""
+        if np.isfinite([K, G, torque]).all():
+            self._rows.append((K, G, torque))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def baseline(self) -> Baseline:
+        """What was gathered.
+
+        Raises
+        ------
+        CommandError
+            Too few readings.
+        """
+        if len(self._rows) < LEAST_ROWS:
+            raise CommandError(
+                f"a baseline needs {LEAST_ROWS} readings with valid estimates; there were "
+                f"{len(self._rows)}"
+            )
+        rows = np.array(self._rows)
+        middle = np.median(rows, axis=0)
+        # 1.4826: median absolute deviation to standard deviation of a normal distribution.
+        spread = 1.4826 * np.median(np.abs(rows - middle), axis=0)
+        return Baseline(
+            *(float(v) for v in (middle[0], middle[1], spread[0], spread[1], rows[:, 2].mean()))
+        )
+
+
+def torque_axis(targets: Sequence[float], half_width: float) -> tuple[float, float]:
+    """Ends of the torque axis [N.m]: every target of the session with room, the same in all blocks
+    so that the screen does not jump.
+    """
+    return min(targets) - (1.0 + BEYOND_TARGETS) * half_width, max(targets) + (
+        1.0 + BEYOND_TARGETS
+    ) * half_width

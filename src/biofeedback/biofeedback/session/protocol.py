@@ -1,0 +1,221 @@
+"""A session protocol: blocks, breaks, holds and their targets, from a YAML file.
+
+A block is a list of holds. Each hold is preceded by the way to it (reach); before the first block
+the subject relaxes for a baseline, from which axes and levels come. `config/van_t_veld_2018.yaml`
+is the paper's; `docs/biofeedback.md` explains every key.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from biofeedback.errors import ProtocolError
+
+BASELINE, REACH, HOLD, BREAK = "baseline", "reach", "hold", "break"
+UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
+PAPER = "van_t_veld_2018"
+_LIMITS = {
+    "baseline[s]": (1.0, 600.0),
+    "reach[s]": (0.0, 600.0),
+    "hold[s]": (1.0, 600.0),
+    "break[s]": (0.0, 3600.0),
+    "torque_half_width[N.m]": (0.05, 20.0),
+    "level_half_width[1]": (0.01, 2.0),
+    "torque_target[N.m]": (-30.0, 30.0),
+    "level[1]": (0.05, 10.0),
+}
+"""Ranges [unit of the key]: beyond, a slip of the keyboard is more likely than a plan."""
+_HOLD_KEYS = ("torque_target[N.m]", "level[1]")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One stretch of the session.
+
+    Attributes
+    ----------
+    kind
+        `BASELINE`, `REACH`, `HOLD` or `BREAK`.
+    duration
+        [s].
+    block
+        Counted from 1; of a break, the one before it.
+    hold
+        Number of the hold, counted through the session from 1; 0 for baseline and break.
+    feedback
+        ``K`` or ``G``.
+    torque_target
+        [N.m], the subject's torque, plantarflexion negative.
+    level
+        Target of the feedback in baselines; None where there is none.
+    """
+
+    kind: str
+    duration: float
+    block: int
+    hold: int
+    feedback: str
+    torque_target: float
+    level: float | None
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A session.
+
+    Attributes
+    ----------
+    title
+        Free text.
+    steps
+        In order.
+    torque_half_width
+        Of the torque band [N.m].
+    level_half_width
+        Of the feedback's region, in baselines.
+    digest
+        Tells one protocol from another.
+    """
+
+    title: str
+    steps: tuple[Step, ...]
+    torque_half_width: float
+    level_half_width: float
+    digest: str
+
+    @property
+    def targets(self) -> list[float]:
+        """Every torque target [N.m]."""
+        return sorted({step.torque_target for step in self.steps})
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return max(step.block for step in self.steps)
+
+    @property
+    def holds(self) -> int:
+        """Number of holds."""
+        return max(step.hold for step in self.steps)
+
+    @property
+    def duration(self) -> float:
+        """Of all steps together [s]."""
+        return sum(step.duration for step in self.steps)
+
+
+def load_protocol(name: str) -> Protocol:
+    """A protocol by the name of one that comes with the package, or by the path of a YAML file.
+
+    Raises
+    ------
+    ProtocolError
+        No such file, not YAML, a key that is missing, unknown or out of range.
+    """
+    path = Path(name)
+    source = (
+        path
+        if path.suffix in (".yaml", ".yml")
+        else resources.files("biofeedback") / "config" / f"{name}.yaml"
+    )
+    if not source.is_file():
+        known = sorted(
+            p.name.removesuffix(".yaml")
+            for p in (resources.files("biofeedback") / "config").iterdir()
+        )
+        raise ProtocolError(
+            f"no protocol '{name}': known are {', '.join(known)}, or give the path of a .yaml file"
+        )
+    text = source.read_text()
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ProtocolError(f"{name}: not YAML: {error}") from None
+    return _protocol(content, name, hashlib.sha256(text.encode()).hexdigest()[:16])
+
+
+def _protocol(content: Any, name: str, digest: str) -> Protocol:
+    top = (
+        "baseline[s]",
+        "reach[s]",
+        "hold[s]",
+        "break[s]",
+        "torque_half_width[N.m]",
+        "level_half_width[1]",
+    )
+    _check_keys(content, {"title", "blocks", *top}, {"title"}, name)
+    durations = {key: _number(content, key, name) for key in top}
+    if not isinstance(content["blocks"], list) or not content["blocks"]:
+        raise ProtocolError(f"{name}: 'blocks' is a list of at least one block")
+    steps: list[Step] = []
+    hold_number = 0
+    for number, block in enumerate(content["blocks"], start=1):
+        where = f"{name}: block {number}"
+        _check_keys(
+            block, {"feedback", "holds", "reach[s]", "hold[s]"}, {"reach[s]", "hold[s]"}, where
+        )
+        feedback = block["feedback"]
+        if feedback not in UNITS:
+            raise ProtocolError(f"{where}: feedback = {feedback!r} is refused; allowed: K or G")
+        if not isinstance(block["holds"], list) or not block["holds"]:
+            raise ProtocolError(f"{where}: 'holds' is a list of at least one hold")
+        lengths = {
+            key: _number(block, key, where) if key in block else durations[key]
+            for key in ("reach[s]", "hold[s]")
+        }
+        if number == 1:
+            steps.append(Step(BASELINE, durations["baseline[s]"], 1, 0, feedback, 0.0, None))
+        else:
+            steps.append(Step(BREAK, durations["break[s]"], number - 1, 0, feedback, 0.0, None))
+        for hold in block["holds"]:
+            hold_number += 1
+            which = f"{where}, hold {hold_number}"
+            _check_keys(hold, set(_HOLD_KEYS), set(), which)
+            target, level = (_number(hold, key, which) for key in _HOLD_KEYS)
+            steps.append(
+                Step(REACH, lengths["reach[s]"], number, hold_number, feedback, target, level)
+            )
+            steps.append(
+                Step(HOLD, lengths["hold[s]"], number, hold_number, feedback, target, level)
+            )
+    return Protocol(
+        str(content.get("title") or name),
+        tuple(steps),
+        durations["torque_half_width[N.m]"],
+        durations["level_half_width[1]"],
+        digest,
+    )
+
+
+def _check_keys(content: Any, allowed: set[str], optional: set[str], where: str) -> None:
+    if not isinstance(content, dict):
+        raise ProtocolError(
+            f"{where}: expected keys {', '.join(sorted(allowed))}; found {content!r}"
+        )
+    unknown, missing = set(content) - allowed, allowed - optional - set(content)
+    if unknown:
+        raise ProtocolError(
+            f"{where}: unknown key '{min(map(str, unknown))}'; allowed: "
+            f"{', '.join(sorted(allowed))}"
+        )
+    if missing:
+        raise ProtocolError(f"{where}: '{min(missing)}' is missing")
+
+
+def _number(content: dict[str, Any], key: str, where: str) -> float:
+    value, (lower, upper) = content[key], _LIMITS[key]
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or not lower <= value <= upper
+    ):
+        raise ProtocolError(
+            f"{where}: {key} = {value!r} is refused; allowed: {lower:g} to {upper:g}"
+        )
+    return float(value)

@@ -1,0 +1,455 @@
+"""The session: what the program asks of the subject now, and what it writes into `/session/event`.
+
+States: ``idle``, ``armed`` (the operator has allowed motion), ``running``, ``paused``,
+``finished``. Arming is always a call of its own. The protocol's steps advance only while running; a
+break is a pause that the protocol asks for. Whatever interrupts a hold breaks it off, and the way
+to it begins again. Time is told to it, in ROS time; it has no clock of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
+from biofeedback.errors import CommandError
+from biofeedback.session.axis_calibration import LEAST_ROWS, Baseline, BaselineCollector
+from biofeedback.session.protocol import BASELINE, BREAK, HOLD, REACH, UNITS, Protocol, Step
+
+IDLE, ARMED, RUNNING, PAUSED, FINISHED = "idle", "armed", "running", "paused", "finished"
+LONGEST_TICK = 1.0
+"""[s] A longer step of the clock (this computer slept, a replay jumped) is no time in which the
+subject did something.
+"""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the screen shows at a moment.
+
+    Attributes
+    ----------
+    K, G
+        Newest estimates [N.m/rad], [N.m.s/rad].
+    torque
+        The subject's torque [N.m] beside the baseline's.
+    valid
+        Whether the estimates are valid and no older than the screen allows.
+    """
+
+    K: float
+    G: float
+    torque: float
+    valid: bool
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the cursor is wanted.
+
+    Attributes
+    ----------
+    feedback
+        ``K`` or ``G``, on the x-axis.
+    torque
+        [N.m], y-axis.
+    torque_half_width
+        Of the band about it [N.m].
+    lower, upper
+        Region of the feedback in its unit; None where there is none.
+    """
+
+    feedback: str
+    torque: float
+    torque_half_width: float
+    lower: float | None
+    upper: float | None
+
+    def reached(self, reading: Reading) -> bool:
+        """Whether a reading lies in band and region."""
+        value = reading.K if self.feedback == "K" else reading.G
+        within = self.lower is None or self.upper is None or self.lower <= value <= self.upper
+        return (
+            reading.valid and within and abs(reading.torque - self.torque) <= self.torque_half_width
+        )
+
+
+class Session:
+    """Follows a protocol.
+
+    Parameters
+    ----------
+    protocol
+        The session.
+
+    Attributes
+    ----------
+    state
+        See the module.
+    index
+        Of the present step.
+    elapsed
+        Time in the present step [s]; of a baseline, time with valid estimates.
+    clock
+        Time since the start while running [s].
+    baseline
+        The relaxed subject, once it is known.
+    hold_share
+        Of the present or last hold, share of the time with valid estimates, and share within the
+        target.
+    """
+
+    def __init__(self, protocol: Protocol) -> None:
+        self.protocol = protocol
+        self.state = IDLE
+        self.index = 0
+        self.elapsed = 0.0
+        self.clock = 0.0
+        self.baseline: Baseline | None = None
+        self.hold_share = (math.nan, math.nan)
+        self._own: dict[str, Any] = {}
+        self._collector = BaselineCollector()
+        self._hold_time = [0.0, 0.0, 0.0]
+        self._last: float | None = None
+
+    @property
+    def step(self) -> Step:
+        """The present step."""
+        return self.protocol.steps[self.index]
+
+    @property
+    def holding(self) -> bool:
+        """Whether a hold is going on."""
+        return self.state == RUNNING and self.step.kind == HOLD
+
+    @property
+    def remaining(self) -> float:
+        """Of the present step [s]."""
+        return max(self.step.duration - self.elapsed, 0.0)
+
+    @property
+    def target(self) -> Target:
+        """The present target: the protocol's, with what the operator has set instead."""
+        step = self.step
+        lower = upper = None
+        if step.level is not None and self.baseline is not None:
+            unit = self.baseline.of(step.feedback)
+            lower, upper = (
+                max((step.level + sign * self.protocol.level_half_width) * unit, 0.0)
+                for sign in (-1, 1)
+            )
+        target = Target(
+            step.feedback, step.torque_target, self.protocol.torque_half_width, lower, upper
+        )
+        if self._own.get("feedback", step.feedback) != step.feedback:
+            target = replace(target, lower=None, upper=None)
+        return replace(target, **self._own)
+
+    def tick(self, now: float, reading: Reading) -> list[SessionEvent]:
+        """Let time pass.
+
+        Parameters
+        ----------
+        now
+            ROS time [s].
+        reading
+            Of this moment.
+        """
+        passed = 0.0 if self._last is None else now - self._last
+        self._last = now
+        if not 0.0 < passed <= LONGEST_TICK:
+            return []
+        if self.step.kind == BREAK:
+            self.elapsed += passed
+            return []
+        if self.state != RUNNING:
+            return []
+        self.clock += passed
+        if self.step.kind == BASELINE:
+            if reading.valid:
+                self.elapsed += passed
+                self._collector.add(reading.K, reading.G, reading.torque)
+        else:
+            self.elapsed += passed
+        if self.step.kind == HOLD:
+            self._hold_time[0] += passed
+            self._hold_time[1] += passed * reading.valid
+            self._hold_time[2] += passed * self.target.reached(reading)
+            self.hold_share = (
+                self._hold_time[1] / self._hold_time[0],
+                self._hold_time[2] / self._hold_time[0],
+            )
+        too_early = self.step.kind == BASELINE and len(self._collector) < LEAST_ROWS
+        return self._go_on(now) if self.elapsed >= self.step.duration and not too_early else []
+
+    def arm(self, now: float) -> list[SessionEvent]:
+        """Allow the start.
+
+        Raises
+        ------
+        CommandError
+            Not from this state.
+        """
+        self._require(IDLE, PAUSED)
+        self.state = ARMED
+        return [SessionEvent("session armed", now)]
+
+    def start(self, now: float) -> list[SessionEvent]:
+        """Begin, or go on after a pause, a stop or a break.
+
+        Raises
+        ------
+        CommandError
+            Not armed.
+        """
+        if self.state != ARMED:
+            raise CommandError(
+                f"the session is {self.state}; arm it first"
+                if self.state != RUNNING
+                else "the session is running already"
+            )
+        self.state = RUNNING
+        started = SessionEvent(
+            "session started", now, {"block": self.step.block, "protocol": self.protocol.title}
+        )
+        if self.step.kind == BREAK:
+            return [started, *self._enter(self.index + 1, now)]
+        return [started, *self._enter(self.index, now)]
+
+    def pause(self, now: float) -> list[SessionEvent]:
+        """Interrupt; the present hold is broken off.
+
+        Raises
+        ------
+        CommandError
+            Not running.
+        """
+        self._require(RUNNING)
+        return [*self._break_off(now, "paused", PAUSED), SessionEvent("session paused", now)]
+
+    def stop(self, now: float, reason: str = "operator") -> list[SessionEvent]:
+        """From any state: no step goes on, nothing is armed."""
+        if self.state == FINISHED:
+            return []
+        return [
+            *self._break_off(now, "stopped", IDLE),
+            SessionEvent("session stopped", now, {"reason": reason}),
+        ]
+
+    def restart(self, now: float) -> list[SessionEvent]:
+        """Forget progress and baseline, for the next subject.
+
+        Raises
+        ------
+        CommandError
+            Armed or running.
+        """
+        self._require(IDLE, PAUSED, FINISHED)
+        last = self._last
+        self.__init__(self.protocol)  # type: ignore[misc]
+        self._last = last
+        return [SessionEvent("session reset", now)]
+
+    def next(self, now: float) -> list[SessionEvent]:
+        """Leave the present step for the next one.
+
+        Raises
+        ------
+        CommandError
+            Not running, or the baseline has too few valid estimates yet.
+        """
+        self._require(RUNNING)
+        return self._go_on(now, completed=self.step.kind != HOLD)
+
+    def start_hold(self, now: float) -> list[SessionEvent]:
+        """Begin the hold that the subject is on the way to.
+
+        Raises
+        ------
+        CommandError
+            The subject is on no such way.
+        """
+        self._require(RUNNING)
+        if self.step.kind != REACH:
+            raise CommandError(f"a hold begins from the way to it; this is the {self.step.kind}")
+        return self._enter(self.index + 1, now)
+
+    def end_hold(self, now: float) -> list[SessionEvent]:
+        """Break the present hold off; the way to it begins again.
+
+        Raises
+        ------
+        CommandError
+            There is no hold.
+        """
+        if not self.holding:
+            raise CommandError("there is no hold to end")
+        events = self._break_off(now, "operator", RUNNING)
+        return [*events, *self._enter(self.index, now)]
+
+    def set_target(self, now: float, values: Mapping[str, Any]) -> list[SessionEvent]:
+        """Replace parts of the present target until the next hold's.
+
+        Parameters
+        ----------
+        values
+            Fields of `Target`.
+
+        Raises
+        ------
+        CommandError
+            A region whose lower end is not below the upper one.
+        """
+        wanted = replace(self.target, **values)
+        if wanted.feedback != self.target.feedback and not {"lower", "upper"} & set(values):
+            wanted = replace(wanted, lower=None, upper=None)
+        if (wanted.lower is None) != (wanted.upper is None):
+            raise CommandError("a region needs both ends")
+        if (
+            wanted.lower is not None
+            and wanted.upper is not None
+            and not wanted.lower < wanted.upper
+        ):
+            raise CommandError(
+                f"the region's lower end {wanted.lower:g} is not below its upper end "
+                f"{wanted.upper:g}"
+            )
+        self._own = asdict(wanted)
+        return [self._target_event(now)]
+
+    def saved(self) -> dict[str, Any]:
+        """What a restarted node needs to go on, ready for JSON."""
+        return {
+            "protocol": self.protocol.digest,
+            "state": self.state,
+            "index": self.index,
+            "elapsed": self.elapsed,
+            "clock": self.clock,
+            "baseline": None if self.baseline is None else asdict(self.baseline),
+            "own": self._own,
+        }
+
+    def resume(self, saved: Mapping[str, Any], now: float) -> list[SessionEvent]:
+        """Go on from what `saved` gave. A hold that was going on is broken off: nobody knows what
+        the subject saw meanwhile.
+
+        Raises
+        ------
+        CommandError
+            It is of another protocol, or damaged.
+        """
+        if saved.get("protocol") != self.protocol.digest:
+            raise CommandError("the saved session followed another protocol")
+        try:
+            state, index = str(saved["state"]), int(saved["index"])
+            elapsed, clock = float(saved["elapsed"]), float(saved["clock"])
+            baseline = (
+                None
+                if saved["baseline"] is None
+                else Baseline(**{key: float(value) for key, value in saved["baseline"].items()})
+            )
+            own = dict(saved["own"])
+            replace(Target("K", 0.0, 0.0, None, None), **own)
+            if state not in (IDLE, ARMED, RUNNING, PAUSED, FINISHED) or not 0 <= index < len(
+                self.protocol.steps
+            ):
+                raise ValueError(f"state {state}, step {index}")
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise CommandError(f"the saved session is damaged: {error}") from None
+        # An armed rig does not stay armed for a program that was away: arming is an explicit call.
+        self.state, self.index, self.elapsed, self.clock = (
+            (PAUSED if state == ARMED else state),
+            index,
+            elapsed,
+            clock,
+        )
+        self.baseline, self._own, self._last = baseline, own, now
+        events = [SessionEvent("screen restarted", now, {"state": self.state})]
+        if self.state == RUNNING and self.step.kind in (HOLD, BASELINE):
+            events += self._break_off(now, "screen restarted", RUNNING)
+            events += self._enter(self.index, now)
+        return events
+
+    def _require(self, *states: str) -> None:
+        if self.state not in states:
+            raise CommandError(
+                f"not possible while the session is {self.state}; it must be {' or '.join(states)}"
+            )
+
+    def _go_on(self, now: float, completed: bool = True) -> list[SessionEvent]:
+        events: list[SessionEvent] = []
+        if self.step.kind == BASELINE:
+            self.baseline = self._collector.baseline()
+            details = {
+                f"{symbol}[{UNITS[symbol]}]": round(self.baseline.of(symbol), 4) for symbol in UNITS
+            }
+            events.append(
+                SessionEvent(
+                    "baseline measured",
+                    now,
+                    {**details, "torque[N.m]": round(self.baseline.torque, 4)},
+                )
+            )
+        elif self.step.kind == HOLD:
+            events.append(self._hold_ended(now, completed))
+        if self.index + 1 == len(self.protocol.steps):
+            self.state = FINISHED
+            return [*events, SessionEvent("session finished", now)]
+        return [*events, *self._enter(self.index + 1, now)]
+
+    def _enter(self, index: int, now: float) -> list[SessionEvent]:
+        if self.protocol.steps[index].hold != self.step.hold:
+            self._own = {}
+        self.index, self.elapsed = index, 0.0
+        step = self.step
+        if step.kind == BASELINE:
+            self._collector = BaselineCollector()
+            return [SessionEvent("baseline started", now)]
+        if step.kind == BREAK:
+            self.state = PAUSED
+            return [SessionEvent("break started", now, {"after_block": step.block})]
+        if step.kind == REACH:
+            return [self._target_event(now)]
+        self._hold_time = [0.0, 0.0, 0.0]
+        return [SessionEvent(HOLD_STARTED, now, {"hold": step.hold, **self._target_details()})]
+
+    def _break_off(self, now: float, reason: str, state: str) -> list[SessionEvent]:
+        """Leave `RUNNING` or what the step had gathered; a hold goes back to the way to it."""
+        events = []
+        if self.holding:
+            events.append(self._hold_ended(now, False, reason))
+            self.index -= 1
+        self.state = state
+        if self.step.kind != BREAK:
+            self.elapsed = 0.0
+        return events
+
+    def _hold_ended(self, now: float, completed: bool, reason: str = "skipped") -> SessionEvent:
+        shares = {
+            f"{name}[%]": round(100.0 * share, 1)
+            for name, share in zip(("valid", "in_target"), self.hold_share, strict=True)
+        }
+        shares = {name: share for name, share in shares.items() if math.isfinite(share)}
+        broken = {} if completed else {"broken_off": reason}
+        return SessionEvent(
+            HOLD_ENDED,
+            now,
+            {"hold": self.step.hold, TORQUE_TARGET: self.target.torque, **shares, **broken},
+        )
+
+    def _target_details(self) -> dict[str, Any]:
+        target = self.target
+        unit = UNITS[target.feedback]
+        details = {TORQUE_TARGET: target.torque, "feedback": target.feedback}
+        if target.lower is not None and target.upper is not None:
+            details.update(
+                {f"lower[{unit}]": round(target.lower, 4), f"upper[{unit}]": round(target.upper, 4)}
+            )
+        return details
+
+    def _target_event(self, now: float) -> SessionEvent:
+        return SessionEvent(
+            "target changed", now, {"hold": self.step.hold, **self._target_details()}
+        )

@@ -1,0 +1,1 @@
+"""The pages in the browser: what they show, and the server that sends it."""

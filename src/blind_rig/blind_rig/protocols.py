@@ -1,0 +1,110 @@
+"""Perturbations of the laboratory: equal pulses and steps, equal steps both ways, random levels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+PROTOCOLS = ("pulse_step", "equal_steps", "random_levels")
+
+
+class Protocol(NamedTuple):
+    """A perturbation as it is commanded.
+
+    Attributes
+    ----------
+    kind
+        One of `PROTOCOLS`.
+    amplitude
+        Size of a step [rad]; of the largest one among random levels.
+    rise
+        Duration of an edge [s].
+    duration
+        [s].
+    """
+
+    kind: str
+    amplitude: float
+    rise: float
+    duration: float
+
+
+def draw_protocol(generator: np.random.Generator, kinds: Sequence[str] = PROTOCOLS) -> Protocol:
+    """Kind (one of `kinds`), size, edge and duration.
+
+    As in the paper and in recorded human trials (steps of up to 30 mrad, edges of 11 to 24 ms).
+    """
+    kind = str(generator.choice(list(kinds)))
+    amplitude = {
+        "pulse_step": generator.uniform(0.03, 0.05),
+        "equal_steps": generator.uniform(0.02, 0.04),
+        "random_levels": generator.uniform(0.028, 0.045),
+    }[kind]
+    rise = generator.uniform(0.011, 0.024) if kind == "random_levels" else 0.024
+    return Protocol(
+        kind, float(amplitude), float(rise), float(round(generator.uniform(60.0, 120.0)))
+    )
+
+
+def edge(phase: np.ndarray) -> np.ndarray:
+    """5th-order polynomial from 0 to 1 over phase 0 to 1, without velocity and acceleration at its
+    ends.
+    """
+    p = np.clip(phase, 0.0, 1.0)
+    return p**3 * (10.0 - 15.0 * p + 6.0 * p**2)
+
+
+def levels(protocol: Protocol, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] at which edges start and the levels [rad] that they lead to, over the protocol's
+    duration.
+    """
+    times: list[float] = []
+    targets: list[float] = []
+    now, level = 0.5, 0.0
+    while now < protocol.duration:
+        if protocol.kind == "pulse_step":
+            # Paper, section II-B: a pulse (short up, long down) or a step (long up, short down),
+            # the long part stretched at random.
+            brief, long = protocol.rise, 0.5 - protocol.rise + generator.uniform(0.0, 0.2)
+            up, down = (brief, long) if generator.random() < 0.5 else (long, brief)
+            times += [now, now + up]
+            targets += [protocol.amplitude, 0.0]
+            now += up + down
+            continue
+        times.append(now)
+        if protocol.kind == "equal_steps":
+            choices = [
+                s
+                for s in (-protocol.amplitude, 0.0, protocol.amplitude)
+                if abs(s - level) > 0 and abs(s - level) < 1.5 * protocol.amplitude
+            ]
+            level = float(generator.choice(choices))
+            now += generator.uniform(0.25, 0.6)
+        else:
+            level = float(generator.uniform(-protocol.amplitude / 2, protocol.amplitude / 2))
+            now += generator.uniform(0.2, 0.476)
+        targets.append(level)
+    return np.array(times), np.array(targets)
+
+
+def command(
+    protocol: Protocol, generator: np.random.Generator, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The commanded angle around the operating point [rad], shape (n,), and the times of the edges'
+    starts [s].
+    """
+    times, targets = levels(protocol, generator)
+    t = np.arange(round(protocol.duration * rate)) / rate
+    angle = np.zeros(len(t))
+    before = 0.0
+    for start, target in zip(times, targets, strict=True):
+        first = int(np.ceil(start * rate))
+        last = min(int(np.ceil((start + protocol.rise) * rate)) + 1, len(t))
+        angle[first:last] = before + (target - before) * edge(
+            (t[first:last] - start) / protocol.rise
+        )
+        angle[last:] = target
+        before = target
+    return angle, times[times < protocol.duration]

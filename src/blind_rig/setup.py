@@ -1,0 +1,19 @@
+from setuptools import find_packages, setup
+
+package_name = "blind_rig"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="Ankle perturbation laboratory",
+    maintainer_email="ankle.lab@example.com",
+    description="A virtual rig and subject that share no physics code with the product.",
+    license="Apache-2.0",
+)

@@ -1,0 +1,1 @@
+"""The default estimator: intrinsic and reflex parameters in one regression."""

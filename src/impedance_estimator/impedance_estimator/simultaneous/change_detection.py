@@ -1,0 +1,183 @@
+"""When did the ankle change? Generalised likelihood ratio between the recent and the older part of
+the memory.
+
+For every candidate window at the end of the memory, are K, B, I and G the same within it as before
+it?
+
+    D = min_θ [Q_old(θ) + Q_recent(θ)] - min_θ Q_old(θ) - min_θ Q_recent(θ),   Q: squared residual /
+    noise variance
+
+Without a change D is chi-square distributed with four degrees of freedom. Where the largest D of
+all windows passes a threshold, everything before that window is forgotten (Willsky & Jones, IEEE
+Trans. Autom. Control 21 (1976) 108-112). Between changes the memory grows to its full length, so
+precision and speed are not traded against each other.
+
+A change is found from few data, and may so be placed a little early. While the memory grows again,
+the test is therefore also made for its first few blocks alone, with the noise of all that came
+after them; no more than those are given up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.regression import (
+    GAINS,
+    solve_with_prior,
+    squared_residual,
+    unpack_sums,
+)
+
+SHORTEST = 6
+"""Blocks of the shortest window: 0.4 s, the length of a reflex response."""
+LEAST_OLDER = 16
+"""Blocks that must be left before the window: 1 s, one or two perturbations."""
+LEFT_OVER = (12, 8, 5, 3, 2, 1)
+"""Blocks that may be left over from before a change that was placed a little too early, the most
+first: 0.75 s in all. They are looked for until the memory is full: so short a part would otherwise
+pull the estimate for as long as the memory lasts."""
+GROWTH = 1.4
+"""Ratio of successive windows."""
+
+
+def candidate_windows(longest: int) -> np.ndarray:
+    """Lengths of the windows in blocks, geometric from `SHORTEST` to less than `longest`, shape
+    (k,).
+    """
+    windows = [SHORTEST]
+    while windows[-1] * GROWTH < longest - LEAST_OLDER:
+        windows.append(round(windows[-1] * GROWTH))
+    return np.array(windows)
+
+
+@part
+def split_statistic(
+    recent: np.ndarray,
+    older: np.ndarray,
+    together: np.ndarray,
+    precision: np.ndarray,
+    variance: float,
+    work: np.ndarray,
+    solution: np.ndarray,
+) -> float:
+    """D for one split.
+
+    Parameters
+    ----------
+    recent, older
+        Normal matrices of both parts, shape (n, n).
+    together
+        K, B, I, G of both parts together, shape (>= 4,).
+    precision
+        Of the prior around `together` that keeps short windows solvable, over the noise variance,
+        shape (4,).
+    variance
+        Of the noise [N²m²].
+    work
+        Shape (3, n, n), overwritten.
+    solution
+        Shape (>= 4,), overwritten.
+    """
+    before = squared_residual(recent, GAINS, together) + squared_residual(older, GAINS, together)
+    after = 0.0
+    for stretch in (recent, older):
+        if np.isnan(
+            solve_with_prior(stretch, GAINS, precision, together, solution, work[0], work[1:])
+        ):
+            return 0.0
+        after += squared_residual(stretch, GAINS, solution)
+        for i in range(GAINS):
+            after += precision[i] * (solution[i] - together[i]) ** 2
+    return (before - after) / variance
+
+
+@part
+def find_change(
+    ring: np.ndarray,
+    newest: int,
+    length: int,
+    left_over: int,
+    windows: np.ndarray,
+    total: np.ndarray,
+    tangent: np.ndarray,
+    precision: np.ndarray,
+    samples: int,
+    matrices: np.ndarray,
+    sums: np.ndarray,
+    projection: np.ndarray,
+    vectors: np.ndarray,
+) -> tuple[int, float, float]:
+    """The window with the largest D, that D, and the noise variance beside it; zeros where the
+    memory is too short.
+
+    Parameters
+    ----------
+    ring
+        Packed sums of every block, shape (capacity, packed).
+    newest
+        Index of the newest block in the ring.
+    length
+        Blocks in the memory.
+    left_over
+        Blocks at the beginning of the memory, at most, that may be from before the last change.
+    windows
+        Candidate lengths, rising.
+    total
+        Normal matrix of the whole memory, shape (n, n).
+    tangent
+        Of the linear problem, see `unpack_sums`.
+    precision
+        Shape (4,), 1 / (widest jump)² of K, B, I, G.
+    samples
+        In one block.
+    matrices
+        Shape (6, n, n), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3,
+        >= 4); overwritten.
+    """
+    best, largest, noise = 0, 0.0, 0.0
+    recent, older = matrices[0], matrices[1]
+    together, solution, prior = vectors[0], vectors[1], vectors[2]
+    prior[:] = 1e-12
+    if np.isnan(solve_with_prior(total, GAINS, prior, prior, together, matrices[3], matrices[4:])):
+        return best, largest, noise
+    sums[:] = 0.0
+    taken = 0
+    grown = 0
+    while grown < windows.shape[0] and length - windows[grown] >= LEAST_OLDER:
+        grown += 1
+    for candidate in range(grown + len(LEFT_OVER)):
+        if candidate < grown:
+            window = windows[candidate]
+        elif LEFT_OVER[candidate - grown] <= left_over:
+            window = length - LEFT_OVER[candidate - grown]
+        else:
+            continue
+        if window < SHORTEST:
+            continue
+        while taken < window:
+            block = ring[(newest - taken) % ring.shape[0]]
+            for k in range(sums.shape[0]):
+                sums[k] += block[k]
+            taken += 1
+        unpack_sums(sums, tangent, recent, projection)
+        for i in range(total.shape[0]):
+            for j in range(total.shape[0]):
+                older[i, j] = total[i, j] - recent[i, j]
+        # One part alone gives the noise, the longer one of an early or late change: a change never
+        # enlarges it.
+        prior[:] = 1e-12
+        reference, blocks = (older, length - window) if candidate < grown else (recent, window)
+        if np.isnan(
+            solve_with_prior(reference, GAINS, prior, prior, solution, matrices[3], matrices[4:])
+        ):
+            continue
+        variance = squared_residual(reference, GAINS, solution) / (blocks * samples)
+        if not variance > 0.0:
+            continue
+        for i in range(GAINS):
+            prior[i] = variance * precision[i]
+        d = split_statistic(recent, older, together, prior, variance, matrices[3:], solution)
+        if d > largest:
+            best, largest, noise = window, d, variance
+    return best, largest, noise

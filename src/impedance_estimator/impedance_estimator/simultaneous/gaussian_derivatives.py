@@ -1,0 +1,57 @@
+"""Smoothing and differentiation by one kernel, so that torque, position, velocity and acceleration
+stay in step.
+
+With a kernel h, its derivative h' and * for convolution:
+
+    h * τ = K (h * x) + B (h * v) + I (h * a)      and      h * a = h' * v,   h * v = h' * x,   h *
+    a = h'' * x
+
+A linear equation between signals holds unchanged between the smoothed ones, and the derivatives are
+exact for the smoothed signals (Shinbrot, Trans. ASME 79 (1957) 741-746: modulating functions). The
+kernel is a Gaussian.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+CUT = 4.5
+"""Half-length of the kernel in standard deviations; the Gaussian has fallen to 4e-5 there."""
+
+
+def gaussian_derivatives(sigma: float, rate: float) -> np.ndarray:
+    """Symmetric kernels for a value, its first and its second derivative, shape (3, 2 n + 1), units
+    1, 1/s, 1/s².
+
+    Corrected for sampling and cutting so that they are exact for polynomials of second order.
+
+    Parameters
+    ----------
+    sigma
+        Standard deviation of the Gaussian [s]; -3 dB at 0.133 / sigma [Hz].
+    rate
+        Sampling rate [Hz].
+
+    Raises
+    ------
+    ValueError
+        A standard deviation under 0.7 samples, where the sampled second derivative is no longer
+        one.
+    """
+    if sigma * rate < 0.7:
+        raise ValueError(
+            f"smoothing {sigma:g} s is refused at {rate:g} Hz; allowed: at least {0.7 / rate:g} s"
+        )
+    n = math.ceil(CUT * sigma * rate)
+    t = np.arange(-n, n + 1) / rate
+    value = np.exp(-0.5 * (t / sigma) ** 2)
+    value /= value.sum()
+    first = t * value
+    # The newest sample comes last: a rising signal has a positive slope.
+    first /= np.sum(first * t)
+    second = (t**2 / sigma**4 - 1.0 / sigma**2) * value
+    second -= value * second.sum()
+    second /= 0.5 * np.sum(second * t**2)
+    return np.stack([value, first, second])

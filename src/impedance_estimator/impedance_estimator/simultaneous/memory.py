@@ -1,0 +1,92 @@
+"""The memory: sums of products of the whitened signals, block by block, in a ring; one ring for
+each noise model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.regression import unpack_sums
+from impedance_estimator.simultaneous.state import Plan, State
+
+
+@part
+def accumulate(sums: np.ndarray, u: np.ndarray) -> None:
+    k = 0
+    for i in range(u.shape[0]):
+        a = u[i]
+        for j in range(i, u.shape[0]):
+            sums[k] += a * u[j]
+            k += 1
+
+
+@part
+def sum_memory(s: State, model: int) -> None:
+    """The total of one model anew from its blocks."""
+    c = s.counters[0]
+    total, ring = s.totals[model], s.ring[model]
+    total[:] = 0.0
+    for back in range(c.length):
+        block = ring[(c.newest - back) % ring.shape[0]]
+        for k in range(total.shape[0]):
+            total[k] += block[k]
+
+
+@part
+def blocks_of(p: Plan, s: State, memory: int) -> int:
+    """Blocks in one of the memories that `memory_length` chooses from."""
+    c = s.counters[0]
+    return min(p.lengths[memory], c.since) if memory < p.lengths.shape[0] else c.kept
+
+
+@part
+def use_chosen_memory(p: Plan, s: State) -> None:
+    """Make the totals those of the chosen memory."""
+    c = s.counters[0]
+    c.length = blocks_of(p, s, c.memory)
+    for model in range(s.ring.shape[0]):
+        sum_memory(s, model)
+
+
+@part
+def store_block(p: Plan, s: State) -> None:
+    c = s.counters[0]
+    capacity = s.ring.shape[1]
+    c.newest = (c.newest + 1) % capacity
+    c.since = min(c.since + 1, p.memory_blocks)
+    c.kept = min(c.kept + 1, p.memory_blocks)
+    full = c.length == blocks_of(p, s, c.memory)
+    for model in range(s.ring.shape[0]):
+        if full:
+            oldest = s.ring[model, (c.newest - c.length) % capacity]
+            for k in range(oldest.shape[0]):
+                s.totals[model, k] -= oldest[k]
+        for k in range(s.sums.shape[1]):
+            s.totals[model, k] += s.sums[model, k]
+            s.ring[model, c.newest, k] = s.sums[model, k]
+    if not full:
+        c.length += 1
+    s.sums[:] = 0.0
+    c.filled = 0
+    c.blocks += 1
+    # Adding and subtracting gathers rounding errors; one model after the other is summed anew.
+    again = c.blocks % (8 * s.ring.shape[0])
+    if again < s.ring.shape[0]:
+        sum_memory(s, again)
+
+
+@part
+def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int) -> None:
+    """Sums of products of the newest blocks, but for the last `after`, under a noise model."""
+    c = s.counters[0]
+    ring = s.ring[model]
+    if after == 0 and blocks == c.length:
+        s.packed[:] = s.totals[model]
+    else:
+        s.packed[:] = 0.0
+        for back in range(after, after + blocks):
+            block = ring[(c.newest - back) % ring.shape[0]]
+            for k in range(block.shape[0]):
+                s.packed[k] += block[k]
+    unpack_sums(s.packed, s.tangent, normal, s.projection)

@@ -1,0 +1,109 @@
+"""How long a memory? The longest whose parameters predict as well as any other's.
+
+A slow change never stands out between two parts of the memory (`change_detection`); it shows in
+that older data predict worse. And an ankle that changes back and forth faster than it can be
+followed is predicted best by its mean. So several memories each solve for the parameters, these
+predict the torque of the half second that follows, and the running likelihoods of their predictions
+are compared (prequential choice of a model: Dawid, J. R. Stat. Soc. A 147 (1984) 278-292). The
+memories, in the order of preference:
+
+    the full memory, but not from before a change; a half, a quarter, ... of it; the full memory
+    whatever was taken for a change
+
+They are asked one block after the other, each for its state at the begin of the half second, so
+that no block has all the work.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.block_update import (
+    LIKELIHOOD_MEMORY,
+    MUCH_LIKELIER,
+    response,
+    solve_memory,
+)
+from impedance_estimator.simultaneous.change_detection import SHORTEST
+from impedance_estimator.simultaneous.memory import blocks_of, sum_recent, use_chosen_memory
+from impedance_estimator.simultaneous.regression import INTRINSIC
+from impedance_estimator.simultaneous.state import Plan, State
+
+SHORTEST_MEMORY = 1.25
+"""[s] About two perturbations: fewer do not tell stiffness from reflex."""
+HORIZON = 0.5
+"""[s] of torque that is predicted: most of a response to a perturbation.
+
+With 1 s, an ankle that swings at 0.2 Hz is no longer followed.
+"""
+LARGEST_DISPERSION = 4.0
+"""Of the scores, as far as it slows the choice down: real ankles have 2 to 4; more is the drift, to
+which the memory is too long.
+"""
+
+
+def memory_lengths(seconds: float, block: float, changes: bool) -> np.ndarray:
+    """Lengths in blocks, falling from the full memory by factors of two; only the full one without
+    `changes`; shape (k,).
+    """
+    lengths = [seconds]
+    while changes and lengths[-1] / 2.0 >= SHORTEST_MEMORY:
+        lengths.append(lengths[-1] / 2.0)
+    return np.array([max(round(length / block), 1) for length in lengths])
+
+
+@part
+def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
+    """Ask one memory, as it was `after` blocks ago, for its parameters; one shorter than a response
+    has those that are estimated now.
+    """
+    blocks = blocks_of(p, s, candidate) - after
+    c = s.counters[0]
+    if candidate == p.lengths.shape[0] and c.since == c.kept and not c.changed:
+        # Nothing was taken for a change: this is the full memory, which was asked first.
+        s.predictors[candidate] = s.predictors[0]
+        return
+    solution = s.vectors[3]
+    solution[:] = s.solution
+    if blocks >= SHORTEST:
+        sum_recent(s, c.model, blocks, s.matrices[0], after)
+        if np.isnan(solve_memory(p, s, blocks, solution, s.matrices[5])):
+            solution[:] = s.solution
+    predictor = s.predictors[candidate]
+    predictor[:INTRINSIC] = solution[:INTRINSIC]
+    response(s, solution, predictor[INTRINSIC:-1])
+    predictor[-1] = -1.0
+
+
+@part
+def choose_memory(p: Plan, s: State) -> None:
+    """Score the predictions of the last half second, and use the memory that they speak for."""
+    c = s.counters[0]
+    if c.kept < 2 * p.horizon:
+        # They were asked before there was anything to tell.
+        return
+    sum_recent(s, c.model, p.horizon, s.matrices[0], 0)
+    count = p.horizon * p.block_samples
+    for candidate in range(s.predictors.shape[0]):
+        # Some were asked before a change, some after it: that is no difference between them.
+        w = s.predictors[0 if c.changed and candidate < p.lengths.shape[0] else candidate]
+        squares = 0.0
+        k = 0
+        for i in range(w.shape[0]):
+            squares += s.packed[k] * w[i] * w[i]
+            k += 1
+            for j in range(i + 1, w.shape[0]):
+                squares += 2.0 * s.packed[k] * w[i] * w[j]
+                k += 1
+        s.predicted[candidate] *= 1.0 - p.horizon / p.second / LIKELIHOOD_MEMORY
+        if squares > 0.0:
+            s.predicted[candidate] -= 0.5 * count * np.log(squares / count)
+    c.changed = 0
+    chosen = 0
+    margin = MUCH_LIKELIER * min(c.dispersion, LARGEST_DISPERSION)
+    while s.predicted[chosen] < np.max(s.predicted) - margin:
+        chosen += 1
+    if chosen != c.memory:
+        c.memory = chosen
+        use_chosen_memory(p, s)

@@ -1,0 +1,212 @@
+"""The joint estimator, one sample after the other.
+
+1. smooth and differentiate; rectify                    `gaussian_derivatives`, `joint_signals`
+2. decimate to about 256 Hz; reflex basis * v₊          `reflex_shapes`, `joint_signals`
+3. whiten under every noise model                       `voluntary_torque_noise`
+4. sums of products, block by block, in a ring          `joint_memory`
+5. has the ankle changed? forget what was before        `change_detection`
+6. K, B, I, G and the reflex's shape                    `joint_regression`, `joint_fit`
+7. every second: noise model, scatter of the scores     `joint_fit`
+8. twice a second: how long a memory?                   `memory_length`
+
+`advance` does 1 to 4 for a stretch of samples, `finish_block` the rest. The state is a tuple of
+arrays that it changes in place.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from impedance_estimator import validity
+from impedance_estimator.compilation import part, source_fingerprint
+from impedance_estimator.digital_filters import filter_step
+from impedance_estimator.simultaneous.block_update import (
+    choose_deviation,
+    choose_noise_model,
+    detect_change,
+    explained,
+    forget,
+    forget_shape,
+    linearise,
+    outputs,
+    response,
+    solve_memory,
+    watch_scatter,
+)
+from impedance_estimator.simultaneous.memory import accumulate, store_block
+from impedance_estimator.simultaneous.memory_length import ask_memory, choose_memory
+from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, unpack_sums
+from impedance_estimator.simultaneous.signals import (
+    decimated_signals,
+    rectified_velocity,
+    remember,
+    restart_path,
+)
+from impedance_estimator.simultaneous.state import Plan, State
+
+ESTIMATES = 12
+SCATTERING = 5.0
+"""[s] of memory before the scores' scatter is watched: with less, the fit follows each second of
+its data.
+"""
+
+SYSTEMATIC = np.array([0.0002, 0.001, 0.0003, 0.001])
+"""Relative error of K, B, I and G without any noise, from the rectifier's threshold, sampling and
+the reflex basis; part of the standard errors. Measured on the paper's perturbation; it matters
+where random errors are as small."""
+
+
+@part
+def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t: float) -> None:
+    """Steps 3 and 4."""
+    c = s.counters[0]
+    u, w = s.signals, s.whitened
+    for model in range(s.filters.shape[0]):
+        w[:] = u
+        filter_step(p.whitening[model], s.filters[model], w, w.shape[0])
+        if model == 0:
+            intrinsic, reflex = 0.0, 0.0
+            for j in range(INTRINSIC):
+                intrinsic += s.solution[j] * w[j]
+            for j in range(s.response.shape[0]):
+                reflex += s.response[j] * w[INTRINSIC + j]
+            torques[0] = t
+            torques[1], torques[2], torques[3] = (
+                p.passband * w[-1],
+                p.passband * intrinsic,
+                p.passband * reflex,
+            )
+        if learning:
+            accumulate(s.sums[model], w)
+    if learning:
+        c.filled += 1
+        c.finished = c.filled == p.block_samples
+
+
+@part
+def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
+    k, c, e = s.clock[0], s.counters[0], s.estimate
+    valid = validity.reason_code(s.clock, p.settling_samples) == validity.VALID
+    if valid:
+        for i in range(GAINS):
+            e[1 + i] = s.output[0, i]
+            random = c.variance * max(s.scatter[i], 1.0) * s.output[1, i]
+            e[8 + i] = np.sqrt(random + (SYSTEMATIC[i] * s.output[0, i]) ** 2)
+        e[5], e[6] = c.vaf_intrinsic, c.vaf_total
+        s.valid_response[:] = s.response
+    e[0] = k.row_time
+    e[7] = 1.0 if valid else 0.0
+    row[:] = e
+
+
+def _compile(source: int) -> tuple[Any, Any]:
+    # `source` in the closures: see `compilation.source_fingerprint`.
+    @njit(cache=True, error_model="numpy")
+    def advance(
+        p: Plan,
+        s: State,
+        samples: np.ndarray,
+        first: int,
+        n: int,
+        rows: np.ndarray,
+        torques: np.ndarray,
+    ) -> tuple[int, int, int]:
+        _ = source
+        k, c = s.clock[0], s.counters[0]
+        last = 3 if p.measured_velocity else 2
+        lag = 2 * (p.kernels.shape[1] // 2) / p.rate
+        count = decimated = 0
+        for i in range(first, n):
+            if c.finished:
+                # This sample completed a block, which has been dealt with; only its row is left to
+                # write.
+                c.finished = 0
+            else:
+                t, x, torque = samples[i, 0], samples[i, 1], samples[i, last]
+                v = samples[i, 2] if p.measured_velocity else 0.0
+                validity.watch_rate(s.clock, p.rate, t)
+                k.row_time = t if np.isfinite(t) else k.row_time + 1.0 / p.rate
+                what = validity.judge_sample(s.clock, p.rate, p.memory, t, x, v, torque)
+                if what == validity.RESTART_ALL:
+                    if k.pending == validity.VALID:
+                        k.pending = validity.SETTLING
+                    forget(s)
+                    k.quiet = k.still = 0
+                if what == validity.RESTART_ALL or what == validity.RESTART_PATH:
+                    restart_path(p, s, x, v, torque)
+                if what != validity.DROP:
+                    c.index += 1
+                    remember(s.raw[0], c.index, x)
+                    remember(s.raw[1], c.index, v)
+                    remember(s.raw[2], c.index, torque)
+                    smooth, rectified = rectified_velocity(p, s, c.index)
+                    remember(s.rectified, c.index, rectified)
+                    if k.pause > 0:
+                        k.pause -= 1
+                    elif validity.judge_motion(s.clock, p.rate, p.memory, smooth):
+                        forget(s)
+                    learning = k.pause == 0 and k.still == 0
+                    if learning:
+                        k.settled += 1
+                    if c.index % p.decimation == 0:
+                        decimated_signals(p, s, c.index)
+                        _decimated_sample(p, s, learning, torques[decimated], t - lag)
+                        decimated += 1
+                        if c.finished:
+                            return i, count, decimated
+            k.row_count += 1
+            if k.row_count == p.estimate_every:
+                k.row_count = 0
+                _write_row(p, s, rows[count])
+                count += 1
+            if k.rate_lost:
+                return i + 1, count, decimated
+        return n, count, decimated
+
+    @njit(cache=True, error_model="numpy")
+    def finish_block(p: Plan, s: State) -> None:
+        _ = source
+        c, k = s.counters[0], s.clock[0]
+        store_block(p, s)
+        if c.blocks % (p.second // 2) == 1:
+            linearise(p, s)
+        if p.windows.shape[0] > 0 and np.isfinite(c.variance):
+            detect_change(p, s)
+        if c.blocks % p.second == 0:
+            forget_shape(s)
+        unpack_sums(s.totals[c.model], s.tangent, s.matrices[0], s.projection)
+        variance = solve_memory(p, s, c.length, s.vectors[3], s.covariance)
+        if not np.isfinite(variance):
+            k.intrinsic_fit = validity.COLLINEAR
+            return
+        k.intrinsic_fit = validity.VALID
+        s.solution[:] = s.vectors[3]
+        c.variance = variance
+        response(s, s.solution, s.response)
+        if c.blocks % p.second == 0:
+            choose_noise_model(p, s)
+            if c.length >= SCATTERING * p.second:
+                choose_deviation(p, s)
+                watch_scatter(p, s)
+        if p.lengths.shape[0] > 1:
+            after = c.blocks % p.horizon
+            if after == 0:
+                choose_memory(p, s)
+            if after < s.predictors.shape[0]:
+                ask_memory(p, s, after, after)
+        outputs(p, s)
+        explained(p, s)
+        k.reflex_fit = validity.VALID if np.isfinite(c.vaf_total) else validity.NO_TORQUE
+
+    return advance, finish_block
+
+
+advance, finish_block = _compile(source_fingerprint())
+"""advance(plan, state, samples, first, n, rows, torques) -> index of the next sample, rows written,
+torque rows written. It stops where a block is complete (`counters.finished`); `finish_block(plan,
+state)` then deals with the block, and `advance` goes on from that index.
+
+Two functions, because each of them compiles everything that it calls anew."""

@@ -1,0 +1,62 @@
+"""Settings of the joint estimator: every number with its unit, allowed range and reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from impedance_estimator.settings import EstimatorSettings, choice, number
+from impedance_estimator.simultaneous import reflex_shapes
+
+CHANGE_DETECTION_CHOICES = ("on", "off")
+
+
+@dataclass(frozen=True)
+class JointSettings(EstimatorSettings):
+    """Numbers of the joint estimator.
+
+    Raises
+    ------
+    ValueError
+        A value out of its range, with name, value, unit and range.
+    """
+
+    memory: float = number(
+        20.0,
+        "s",
+        1.0,
+        60.0,
+        "A third of the paper's hold period of 60 s. Shorter after changes and in drift.",
+    )
+    change_detection: str = choice(
+        "on",
+        CHANGE_DETECTION_CHOICES,
+        "'on' forgets what was before a change, and remembers less in a drift; 'off' always uses "
+        "the full memory, rise time 0.8 memory.",
+    )
+    change_threshold: float = number(
+        200.0,
+        "1",
+        15.0,
+        1000.0,
+        "Of the likelihood ratio. Without a change it stays below 30 in simulation, and below 200 "
+        "on two real ankles, which are no perfect "
+        "spring, damper and mass; at 100 one of them restarted its memory every second.",
+    )
+    rest_velocity: float = number(
+        0.005,
+        "rad/s",
+        0.001,
+        0.5,
+        "Below, rectified velocity counts as zero: three times the noise of the smoothed "
+        "velocity; 0.5 % of a perturbation's velocity.",
+    )
+    basis_functions: float = number(
+        float(reflex_shapes.BASIS),
+        "1",
+        6.0,
+        20.0,
+        "How many functions make up the reflex response; reflex_shapes.BASIS says why.",
+    )
+    settling_time: float = number(
+        10.0, "s", 1.0, 300.0, "Time with data before estimates are valid: about 15 perturbations."
+    )

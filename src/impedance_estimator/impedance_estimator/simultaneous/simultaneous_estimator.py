@@ -1,0 +1,210 @@
+"""The joint estimator: intrinsic and reflex parameters in one regression, voluntary torque as
+coloured noise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from impedance_estimator import validity
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
+from impedance_estimator.settings import EstimatorSettings
+from impedance_estimator.simultaneous import reflex_shapes, voluntary_torque_noise
+from impedance_estimator.simultaneous.block_update import BATCH
+from impedance_estimator.simultaneous.change_detection import candidate_windows
+from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
+from impedance_estimator.simultaneous.memory_length import HORIZON, memory_lengths
+from impedance_estimator.simultaneous.regression import GAINS, PARAMETERS
+from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance, finish_block
+from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.state import COUNTERS, Plan, State
+
+SMOOTHING = 0.0015
+"""[s] Standard deviation of the kernel: -3 dB at 88 Hz, well above the perturbation's 30-40 Hz.
+Wide enough that noise of acceleration stays below 0.1 % of it in power, narrow enough that the
+residual is nearly white at 256 Hz."""
+SMOOTHING_WITHOUT_VELOCITY = 0.0025
+"""[s] Where acceleration is the second derivative of position, whose noise grows with the fourth
+power of frequency.
+"""
+DECIMATED_RATE = 256.0
+"""[Hz] Three times the bandwidth of the kernel."""
+BLOCK = 1.0 / 16.0
+"""[s] Resolution of the memory and time between estimates: a twentieth of the rise time that is
+asked for.
+"""
+CHUNK = 8192
+"""Samples per compiled call: bounds the buffers, whatever the caller's block."""
+
+
+class Joint(Estimator):
+    """Generalised least squares over an adaptive memory; see ``docs/estimators.md``."""
+
+    name = "joint"
+    title = (
+        "joint regression, voluntary torque as coloured noise, memory that restarts with changes"
+    )
+    settings_type = JointSettings
+
+    def __init__(
+        self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
+    ) -> None:
+        super().__init__(rate, measured_velocity, settings)
+        if not isinstance(self.settings, JointSettings):
+            raise ValueError(
+                f"settings of type {type(self.settings).__name__} do not fit algorithm 'joint'; "
+                "expected JointSettings"
+            )
+        self._plan = self._make_plan(self.settings)
+        self._samples = np.empty((CHUNK, self.sample_columns))
+        self._rows = np.empty((CHUNK // self._plan.estimate_every + 1, ESTIMATES))
+        self._torques = np.empty((CHUNK // self._plan.decimation + 1, 4))
+        self._torque_parts: list[np.ndarray] = []
+        self._consumed = 0
+        self.reset()
+
+    def _make_plan(self, s: JointSettings) -> Plan:
+        rate = self.rate
+        # 0.8 samples: the least for which the sampled derivatives are exact.
+        kernels = gaussian_derivatives(
+            max(SMOOTHING if self.measured_velocity else SMOOTHING_WITHOUT_VELOCITY, 0.8 / rate),
+            rate,
+        )
+        every = max(round(rate / DECIMATED_RATE), 1)
+        slow = rate / every
+        count = round(s.basis_functions)
+        functions = reflex_shapes.basis(1.0 / slow, count)
+        whitening = voluntary_torque_noise.whitening_filters(slow)
+        block_samples = round(BLOCK * slow)
+        lengths = memory_lengths(s.memory, block_samples / slow, s.change_detection == "on")
+        # After half the length of the basis 98 % of every reflex has come.
+        settled = reflex_shapes.LENGTH / 2.0 + kernels.shape[1] / rate
+        return Plan(
+            rate=rate,
+            measured_velocity=self.measured_velocity,
+            kernels=kernels,
+            rest_velocity=s.rest_velocity,
+            decimation=every,
+            functions=np.ascontiguousarray(functions.T) / slow,
+            basis=functions,
+            lags=np.arange(functions.shape[1]) / slow,
+            area=functions.sum(axis=1) / slow,
+            typical=reflex_shapes.typical_coordinates(1.0 / slow, count),
+            whitening=whitening,
+            passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
+            block_samples=block_samples,
+            memory_blocks=int(lengths[0]),
+            lengths=lengths,
+            horizon=round(HORIZON * slow / block_samples),
+            windows=candidate_windows(int(lengths[0]))
+            if s.change_detection == "on"
+            else np.zeros(0, dtype=np.int64),
+            threshold=s.change_threshold,
+            second=round(slow / block_samples),
+            settling_samples=round(s.settling_time * rate),
+            pause_samples=math.ceil(settled * rate),
+            memory=s.memory,
+            estimate_every=max(round(rate / s.estimate_rate), 1),
+        )
+
+    def reset(self) -> None:
+        p = self._plan
+        count, lags = p.basis.shape
+        size = count + 4
+        unknowns = PARAMETERS + count
+        memories = len(p.lengths) + 1
+        packed = size * (size + 1) // 2
+        models = len(p.whitening)
+        n = p.kernels.shape[1] // 2
+        estimate = np.full(ESTIMATES, np.nan)
+        estimate[ESTIMATE_COLUMNS.index("valid[1]")] = 0.0
+        self._state = State(
+            clock=np.zeros(1, dtype=validity.CLOCK),
+            counters=np.zeros(1, dtype=COUNTERS),
+            raw=np.zeros((3, 2 * (3 * n + 1))),
+            rectified=np.zeros(2 * (2 * n + 1)),
+            slow_rectified=np.zeros(2 * lags),
+            signals=np.zeros(size),
+            whitened=np.zeros(size),
+            filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, size)),
+            sums=np.zeros((models, packed)),
+            ring=np.zeros((models, max(p.memory_blocks + memories, BATCH * p.second) + 1, packed)),
+            totals=np.zeros((models, packed)),
+            eta=np.zeros((3, reflex_shapes.SHAPES)),
+            deviation=np.zeros((3, count)),
+            tangent=np.zeros((count, 1 + reflex_shapes.SHAPES)),
+            prior=np.zeros((2, 4)),
+            solution=np.zeros(unknowns),
+            covariance=np.zeros((unknowns, unknowns)),
+            output=np.zeros((2, GAINS)),
+            held=np.zeros(GAINS),
+            response=np.zeros(count),
+            likelihood=np.zeros(models),
+            predictors=np.zeros((memories, size)),
+            predicted=np.zeros(memories),
+            scatter=np.ones(GAINS),
+            estimate=estimate,
+            valid_response=np.full(count, np.nan),
+            matrices=np.zeros((7, unknowns + 1, unknowns + 1)),
+            vectors=np.zeros((4, unknowns)),
+            projection=np.zeros((size, size + 4)),
+            packed=np.zeros(packed),
+            shape_work=np.zeros((2, lags)),
+        )
+        self._torque_parts = []
+        self._consumed = 0
+
+    def process(self, samples: np.ndarray) -> np.ndarray:
+        if samples.ndim != 2 or samples.shape[1] != self.sample_columns:
+            raise ValueError(
+                f"samples of shape {samples.shape} do not fit; expected (n, {self.sample_columns})"
+            )
+        self._torque_parts = []
+        self._consumed = 0
+        parts = []
+        while self._consumed < len(samples) and not self.rate_lost:
+            piece = samples[self._consumed : self._consumed + CHUNK]
+            self._samples[: len(piece)] = piece
+            used = 0
+            while used < len(piece) and not self.rate_lost:
+                used, rows, torques = advance(
+                    self._plan,
+                    self._state,
+                    self._samples,
+                    used,
+                    len(piece),
+                    self._rows,
+                    self._torques,
+                )
+                parts.append(self._rows[:rows].copy())
+                self._torque_parts.append(self._torques[:torques].copy())
+                if self._state.counters[0]["finished"]:
+                    finish_block(self._plan, self._state)
+            self._consumed += used
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate(parts) if parts else np.empty((0, ESTIMATES))
+
+    @property
+    def reason(self) -> str:
+        return validity.REASONS[
+            int(validity.reason_code(self._state.clock, self._plan.settling_samples))
+        ]
+
+    @property
+    def reflex_response(self) -> np.ndarray:
+        return np.column_stack([self._plan.lags, self._state.valid_response @ self._plan.basis])
+
+    @property
+    def torques(self) -> np.ndarray:
+        return np.concatenate(self._torque_parts) if self._torque_parts else np.empty((0, 4))
+
+    @property
+    def rate_lost(self) -> bool:
+        return bool(self._state.clock[0]["rate_lost"])
+
+    @property
+    def consumed(self) -> int:
+        return self._consumed

@@ -1,0 +1,216 @@
+"""What is still predictable: a bank of generic nonlinear regressors, trained on one part, scored on
+the other.
+
+The regressors know no physics: products of position, velocity and their rectified versions, each
+through a set of overlapping lag windows. What they predict of a residual on data that they were
+not trained on is structure that the model lacks, whatever its name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fitter
+
+# Lag windows: from just before the movement (a torque channel that runs ahead) to beyond the
+# reflex.
+LAGS_S = (-0.01, 0.0, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.19, 0.26, 0.36, 0.5)
+_RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the bank predicts of a residual.
+
+    Attributes
+    ----------
+    share
+        Of the whitened residual's power on unseen rows, 0...1; mean of both directions.
+    worst
+        The smaller of the two directions.
+    by_input
+        Share that each input's regressors predict alone.
+    plain_share
+        Share of the plain residual's power, on unseen rows.
+    """
+
+    share: float
+    worst: float
+    by_input: dict[str, float]
+    plain_share: float
+
+
+class GenericBank:
+    """The bank for one recording.
+
+    Parameters
+    ----------
+    columns
+        Of the recording.
+    like
+        A bank of another recording whose weights are to be used here; None scales by this
+        recording.
+
+    Attributes
+    ----------
+    scale
+        Mean angle [rad] and size of position, velocity, acceleration [rad, rad/s, rad/s^2] that
+        count as one.
+    """
+
+    def __init__(self, columns: Columns, like: GenericBank | None = None) -> None:
+        m = columns.motion
+        own = (
+            columns.mean_angle,
+            float(m.position.std()),
+            float(m.velocity.std()),
+            float(m.acceleration.std()),
+        )
+        self.scale: tuple[float, ...] = like.scale if like is not None else own
+        # Scaled to unit size so that one ridge fits all.
+        middle, *sizes = self.scale
+        x, v, a = (
+            signal / size
+            for signal, size in zip(
+                (m.position - middle, m.velocity, m.acceleration), sizes, strict=True
+            )
+        )
+        inputs = {
+            "position": [x],
+            "velocity": [v],
+            "acceleration": [a],
+            "rectified velocity": [np.maximum(v, 0.0)],
+            "speed": [np.abs(v) * v, np.tanh(3.0 * v)],
+            "position squared": [x * x],
+            "position cubed": [x**3],
+            "position and velocity": [x * np.maximum(v, 0.0), x * np.minimum(v, 0.0)],
+            "speed squared": [np.maximum(v, 0.0) ** 2],
+        }
+        self._rows = columns.rows
+        self._spectra: list[np.ndarray] = []
+        self._owners: list[str] = []
+        windows = lag_windows(self._rows.frequency)
+        for name, signals in inputs.items():
+            for signal in signals:
+                spectrum = self._rows.spectrum(signal)
+                for window in windows:
+                    self._spectra.append(spectrum * window)
+                    self._owners.append(name)
+
+    def remainder(
+        self,
+        fitter: Fitter,
+        residual: np.ndarray,
+        plain: np.ndarray,
+        parts: tuple[np.ndarray, np.ndarray],
+    ) -> Remainder:
+        """What the bank predicts of this residual.
+
+        Parameters
+        ----------
+        fitter
+            Whose whitening applies.
+        residual
+            Whitened, shape (rows.count,).
+        plain
+            Plain, shape (rows.count,).
+        parts
+            Two masks of rows; each in turn is for training, the other for scoring.
+        """
+        matrix = np.column_stack([self._rows.whitened(s) for s in self._spectra])
+        shares = [
+            cross_score(matrix, residual, train, test) for train, test in (parts, parts[::-1])
+        ]
+        by_input = {}
+        for name in dict.fromkeys(self._owners):
+            own = matrix[:, [owner == name for owner in self._owners]]
+            by_input[name] = float(
+                np.mean(
+                    [
+                        cross_score(own, residual, train, test)
+                        for train, test in (parts, parts[::-1])
+                    ]
+                )
+            )
+        unfiltered = np.column_stack([self._rows.plain(s) for s in self._spectra])
+        plain_share = float(
+            np.mean(
+                [
+                    cross_score(unfiltered, plain, train, test)
+                    for train, test in (parts, parts[::-1])
+                ]
+            )
+        )
+        return Remainder(float(np.mean(shares)), float(min(shares)), by_input, plain_share)
+
+    def learn(self, plain: np.ndarray) -> np.ndarray:
+        """Weights with which the bank predicts this plain residual [N.m], shape (rows.count,); the
+        ridge as in `cross_score`.
+        """
+        matrix = np.column_stack([self._rows.plain(s) for s in self._spectra])
+        index = np.flatnonzero(self._rows.used)
+        scale = _size(matrix[index])
+        return _weights(matrix[index] / scale, plain[index], _tuned(matrix, plain, index)) / scale
+
+    def prediction(self, weights: np.ndarray) -> np.ndarray:
+        """Spectrum of the torque that these weights predict here, as `Rows.spectrum`."""
+        return np.tensordot(weights, np.stack(self._spectra), axes=1)
+
+
+def cross_score(
+    matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray
+) -> float:
+    """Share of the target's power on `test` rows predicted by ridge regression on `train` rows; may
+    be negative.
+
+    The ridge is chosen on the last third of the training rows, never on the test rows.
+    """
+    index = np.flatnonzero(train)
+    return _score(matrix, target, index, np.flatnonzero(test), _tuned(matrix, target, index))
+
+
+def _tuned(matrix: np.ndarray, target: np.ndarray, index: np.ndarray) -> float:
+    """The ridge that does best on the last third of these rows when fitted to the first two."""
+    cut = 2 * len(index) // 3
+    scores = [_score(matrix, target, index[:cut], index[cut:], ridge) for ridge in _RIDGES]
+    return _RIDGES[int(np.argmax(scores))]
+
+
+def _score(
+    matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray, ridge: float
+) -> float:
+    scale = _size(matrix[train])
+    weights = _weights(matrix[train] / scale, target[train], ridge)
+    error = target[test] - (matrix[test] / scale) @ weights
+    power = float(np.sum(target[test] ** 2))
+    return 1.0 - float(np.sum(error**2)) / power if power > 0 else 0.0
+
+
+def _size(matrix: np.ndarray) -> np.ndarray:
+    """Root mean square of each column; 1 for empty ones."""
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    scale[scale == 0] = 1.0
+    return scale
+
+
+def _weights(known: np.ndarray, target: np.ndarray, ridge: float) -> np.ndarray:
+    """Ridge regression on columns of unit size."""
+    gram = known.T @ known / len(known)
+    return np.linalg.solve(gram + ridge * np.eye(len(gram)), known.T @ target / len(known))
+
+
+def lag_windows(frequency: np.ndarray) -> list[np.ndarray]:
+    """Frequency responses of triangular windows between neighbouring lags."""
+    windows = []
+    lags = np.array(LAGS_S)
+    for k in range(len(lags)):
+        left = lags[k] - lags[k - 1] if k else 0.01
+        right = lags[k + 1] - lags[k] if k + 1 < len(lags) else 0.2
+        t = np.linspace(lags[k] - left, lags[k] + right, 41)
+        height = np.where(t < lags[k], (t - lags[k] + left) / left, (lags[k] + right - t) / right)
+        height = height / height.sum()
+        windows.append(np.exp(-2j * np.pi * np.outer(frequency, t)) @ height)
+    return windows

@@ -1,0 +1,265 @@
+"""Where a residual sits: by time after the movement, direction, size, frequency, and what it
+depends on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import coherence, welch
+from scipy.stats import spearmanr
+
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import Fit
+
+# Before the movement (control), intrinsic, short-latency reflex, its tail and later reflexes, late.
+WINDOWS_S = ((-0.04, 0.0), (0.0, 0.04), (0.04, 0.12), (0.12, 0.2), (0.2, 0.4))
+BANDS_HZ = ((0.5, 3.0), (3.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 60.0))
+SIZES = ("small", "medium", "large")
+_RESAMPLINGS = 200
+# Movement begins where speed passes this share of its 99th percentile after at least 0.1 s below
+# it.
+_ONSET_SHARE = 0.15
+_QUIET_S = 0.1
+
+
+@dataclass(frozen=True)
+class Onsets:
+    """Movements: time [s], direction (+1 dorsiflexion), and size [rad], each of shape (k,)."""
+
+    time: np.ndarray
+    direction: np.ndarray
+    size: np.ndarray
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Mean residual in one window after movements of one direction and size.
+
+    Attributes
+    ----------
+    mean, low, high
+        [N.m] with a 95 % bootstrap band over movements.
+    rms
+        Of the residual in the window over all movements [N.m].
+    """
+
+    direction: str
+    size: str
+    window: tuple[float, float]
+    mean: float
+    low: float
+    high: float
+    rms: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the band excludes zero."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+@dataclass
+class ResidualMap:
+    """The residual by time, direction, size, band and dependence.
+
+    Attributes
+    ----------
+    cells
+        By direction, size and window.
+    share
+        Of the torque's variance in each band that is residual, by band.
+    coherent
+        Coherence of the residual with position, velocity, rectified velocity, by name and band.
+    dependence
+        Spearman correlation and p value of the response's misfit with each condition.
+    odd_share
+        Share of the mean residual response that changes sign with the direction, 0...1.
+    responses
+        Time [s] and mean residual after dorsiflexion and plantarflexion [N.m].
+    """
+
+    onsets: Onsets
+    cells: list[Cell]
+    share: dict[tuple[float, float], float]
+    coherent: dict[str, dict[tuple[float, float], float]]
+    dependence: dict[str, tuple[float, float]]
+    odd_share: float
+    responses: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
+
+    def summary(self, place: str) -> dict[str, object]:
+        """The verdict's ``localisation``."""
+        after = [c for c in self.cells if c.window[0] >= 0.0]
+        strong = [c for c in after if c.significant]
+        peak = max((abs(c.mean) for c in strong), default=0.0)
+        main = [c for c in strong if abs(c.mean) > 0.5 * peak]
+        window = (
+            [min(c.window[0] for c in main), max(c.window[1] for c in main)] if main else [0.0, 0.4]
+        )
+        by_direction = {
+            d: sum(c.mean**2 for c in after if c.direction == d) for d in ("up", "down")
+        }
+        total = sum(by_direction.values()) or 1.0
+        direction = next((d for d, power in by_direction.items() if power > 0.8 * total), "both")
+        largest = max(self.share.values())
+        bands = [b for b, share in self.share.items() if share > 0.5 * largest]
+        causes = [name for name, (r, p) in self.dependence.items() if p < 0.001 and abs(r) > 0.25]
+        return {
+            "path": place,
+            "window_s": window,
+            "band_hz": [min(b[0] for b in bands), max(b[1] for b in bands)],
+            "direction": {"up": "dorsiflexion", "down": "plantarflexion", "both": "both"}[
+                direction
+            ],
+            "symmetry": "odd"
+            if self.odd_share > 0.7
+            else "even"
+            if self.odd_share < 0.3
+            else "mixed",
+            "depends_on": ", ".join(causes) if causes else "nothing else that was tested",
+        }
+
+
+def find_onsets(columns: Columns) -> Onsets:
+    """Movements of a recording."""
+    m = columns.motion
+    speed = np.abs(m.velocity)
+    fast = speed > _ONSET_SHARE * np.percentile(speed, 99.0)
+    starts = np.flatnonzero(fast[1:] & ~fast[:-1]) + 1
+    quiet = int(_QUIET_S * m.rate)
+    kept = [
+        s for s in starts if s > quiet and not fast[s - quiet : s].any() and s + quiet < len(speed)
+    ]
+    index = np.array(kept, dtype=int)
+    # A pulse returns within 40 ms: size and direction are those of the first 30 ms.
+    reach = np.array(
+        [m.position[min(s + int(0.03 * m.rate), len(speed) - 1)] - m.position[s] for s in index]
+    )
+    return Onsets(index / m.rate, np.sign(reach), np.abs(reach))
+
+
+def residual_map(columns: Columns, fit: Fit, seed: int = 0) -> ResidualMap:
+    """Where the residual of this fit sits."""
+    rows = columns.rows
+    onsets = find_onsets(columns)
+    inside = (onsets.time > rows.time[rows.used][0] + 0.1) & (
+        onsets.time < rows.time[rows.used][-1] - 0.5
+    )
+    onsets = Onsets(onsets.time[inside], onsets.direction[inside], onsets.size[inside])
+    index = np.round(onsets.time * rows.rate).astype(int)
+    reach = np.arange(-int(0.1 * rows.rate), int(0.45 * rows.rate))
+    segments = (
+        fit.plain[index[:, None] + reach[None, :]] if len(index) else np.zeros((0, len(reach)))
+    )
+    lag = reach / rows.rate
+    up, down = segments[onsets.direction > 0], segments[onsets.direction < 0]
+    mean_up = up.mean(axis=0) if len(up) else np.zeros(len(lag))
+    mean_down = down.mean(axis=0) if len(down) else np.zeros(len(lag))
+    odd, even = 0.5 * (mean_up - mean_down), 0.5 * (mean_up + mean_down)
+    power = float(odd @ odd + even @ even)
+    return ResidualMap(
+        onsets,
+        _cells(segments, lag, onsets, np.random.default_rng(seed)),
+        _band_shares(columns, fit),
+        _coherences(columns, fit),
+        _dependences(columns, segments, lag, onsets, index),
+        float(odd @ odd) / power if power > 0 else 0.5,
+        (lag, mean_up, mean_down),
+    )
+
+
+def _cells(
+    segments: np.ndarray, lag: np.ndarray, onsets: Onsets, random: np.random.Generator
+) -> list[Cell]:
+    cells: list[Cell] = []
+    if not len(segments):
+        return cells
+    edges = np.quantile(onsets.size, [0.0, 1 / 3, 2 / 3, 1.0])
+    # Equal steps have one size only.
+    classes = (
+        [("all", 0.0, np.inf)]
+        if edges[-2] - edges[1] < 0.1 * edges[-1]
+        else list(zip(SIZES, edges[:-1], [*edges[1:-1], np.inf], strict=True))
+    )
+    for direction, sign in (("up", 1.0), ("down", -1.0)):
+        for size, low, high in classes:
+            chosen = segments[
+                (onsets.direction == sign) & (onsets.size >= low) & (onsets.size < high)
+            ]
+            if len(chosen) < 8:
+                continue
+            for window in WINDOWS_S:
+                part = chosen[:, (lag >= window[0]) & (lag < window[1])]
+                means = part.mean(axis=1)
+                drawn = means[random.integers(0, len(means), (_RESAMPLINGS, len(means)))].mean(
+                    axis=1
+                )
+                low_band, high_band = np.percentile(drawn, [2.5, 97.5])
+                rms = float(np.sqrt(np.mean(part**2)))
+                cells.append(
+                    Cell(
+                        direction,
+                        size,
+                        window,
+                        float(means.mean()),
+                        float(low_band),
+                        float(high_band),
+                        rms,
+                    )
+                )
+    return cells
+
+
+def _band_shares(columns: Columns, fit: Fit) -> dict[tuple[float, float], float]:
+    rows = columns.rows
+    used = rows.used
+    segment = int(2.0 * rows.rate)
+    f, residual = welch(fit.plain[used], rows.rate, nperseg=segment)
+    _, torque = welch(rows.plain(columns.target)[used], rows.rate, nperseg=segment)
+    return {
+        b: float(residual[(f >= b[0]) & (f < b[1])].sum() / torque[(f >= b[0]) & (f < b[1])].sum())
+        for b in BANDS_HZ
+    }
+
+
+def _coherences(columns: Columns, fit: Fit) -> dict[str, dict[tuple[float, float], float]]:
+    rows, m = columns.rows, columns.motion
+    found = {}
+    for name, signal in (
+        ("position", m.position),
+        ("velocity", m.velocity),
+        ("rectified velocity", np.maximum(m.velocity, 0.0)),
+    ):
+        moved = rows.plain(rows.spectrum(signal))
+        f, value = coherence(
+            moved[rows.used], fit.plain[rows.used], rows.rate, nperseg=int(rows.rate)
+        )
+        found[name] = {b: float(np.mean(value[(f >= b[0]) & (f < b[1])])) for b in BANDS_HZ}
+    return found
+
+
+def _dependences(
+    columns: Columns, segments: np.ndarray, lag: np.ndarray, onsets: Onsets, index: np.ndarray
+) -> dict[str, tuple[float, float]]:
+    """Does the misfit of a response, per its size and in its direction, follow a condition?"""
+    if len(segments) < 20:
+        return {}
+    m, rows = columns.motion, columns.rows
+    late = (lag >= 0.0) & (lag < 0.25)
+    misfit = segments[:, late].mean(axis=1) * onsets.direction / onsets.size
+    at = np.minimum((index * m.rate / rows.rate).astype(int), len(m.position) - 1)
+    before = np.maximum(at - int(0.02 * m.rate), 0)
+    conditions = {
+        "torque level": m.activation[at],
+        "position": m.position[before],
+        "time into the recording": onsets.time,
+        "interval since the last movement": np.diff(onsets.time, prepend=np.nan),
+        "size of the movement": onsets.size,
+    }
+    found = {}
+    for name, values in conditions.items():
+        known = np.isfinite(values)
+        if np.std(values[known]) > 0:
+            result = spearmanr(values[known], misfit[known])
+            found[name] = (float(result.statistic), float(result.pvalue))
+    return found

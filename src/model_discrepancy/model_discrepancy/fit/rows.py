@@ -1,0 +1,123 @@
+"""From columns at the model's rate to the rows that are fitted: band-passed, optionally whitened,
+at 200 Hz.
+
+All of it is one linear operator on the spectrum, applied alike to torque and to every model column,
+so that filtering changes neither the parameters of a linear joint nor which model is right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.linalg import solve_toeplitz
+
+from model_discrepancy.recording.motion import low_pass
+
+# Slower torque is voluntary; a perturbation says nothing there.
+HIGH_PASS_HZ = 0.1
+# Above this, position noise of the recorded human trials hides what a second derivative could tell.
+LOW_PASS_HZ = 80.0
+# Magnitude of a 4th-order Butterworth filter run forwards and backwards.
+LOW_PASS_ORDER = 8
+# Half of it holds the band up to 80 Hz and the skirt of the low-pass.
+ROW_RATE_HZ = 200.0
+# The model starts from rest and the joint did not; the longest reflex response lasts 0.6 s.
+SKIP_START_S = 1.5
+SKIP_END_S = 0.5
+# 0.2 s of past: resolves a tremor peak of 5 Hz width, and voluntary torque as a slope.
+WHITENING_ORDER = 40
+
+
+class Rows:
+    """The operator for recordings of n samples.
+
+    Parameters
+    ----------
+    samples
+        N, of the columns.
+    rate
+        Of the columns [Hz].
+
+    Attributes
+    ----------
+    count
+        Rows of a recording.
+    rate
+        Of the rows [Hz].
+    time
+        Of the rows since the first sample [s], shape (count,).
+    used
+        Rows that are fitted (without the ends), bool, shape (count,).
+    """
+
+    def __init__(self, samples: int, rate: float) -> None:
+        self._samples = samples
+        self._length = next_fast_len(samples + int(SKIP_START_S * rate), real=True)
+        # The rows' grid has the same period as the columns'.
+        self._short = 2 * next_fast_len(round(0.5 * self._length * ROW_RATE_HZ / rate), real=True)
+        self.rate = self._short * rate / self._length
+        self.count = int(samples * self.rate / rate)
+        self.time = np.arange(self.count) / self.rate
+        self.used = (self.time >= SKIP_START_S) & (self.time < samples / rate - SKIP_END_S)
+        self.frequency = rfftfreq(self._length, 1.0 / rate)[: self._short // 2 + 1]
+        high = (self.frequency / HIGH_PASS_HZ) ** 4
+        self.band = high / (1.0 + high) * low_pass(self.frequency, LOW_PASS_HZ, LOW_PASS_ORDER)
+        self._whitening = self.band.astype(complex)
+        self._scale = self._short / self._length
+
+    def spectrum(self, column: np.ndarray) -> np.ndarray:
+        """Spectrum of a column (n,) up to half the row rate."""
+        return rfft(column - column.mean(), self._length)[: len(self.frequency)]
+
+    def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
+        """What lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
+        whole = np.zeros(self._length // 2 + 1, dtype=complex)
+        whole[: len(spectrum)] = spectrum * low_pass(self.frequency, cutoff, 4)
+        return irfft(whole, self._length)[: self._samples]
+
+    def plain(self, spectrum: np.ndarray) -> np.ndarray:
+        """Band-passed rows, shape (count,)."""
+        return self.filtered(spectrum, self.band)
+
+    def filtered(self, spectrum: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        """Rows behind a filter of this gain at each of `frequency`, shape (count,)."""
+        return irfft(spectrum * gain, self._short)[: self.count] * self._scale
+
+    def whitened(self, spectrum: np.ndarray) -> np.ndarray:
+        """Band-passed and whitened rows, shape (count,)."""
+        return self.filtered(spectrum, self._whitening)
+
+    def whiten_by(self, residual: np.ndarray) -> None:
+        """Take the whitening filter from plain residual rows, shape (count,): the inverse of their
+        autoregressive model.
+        """
+        self.whiten_with(autoregression(residual[self.used], WHITENING_ORDER))
+
+    def whiten_with(self, coefficients: np.ndarray) -> None:
+        """Take the whitening filter from prediction-error coefficients, as `autoregression` returns
+        them.
+        """
+        angle = 2.0 * np.pi * self.frequency / self.rate
+        self._whitening = self.band * (
+            np.exp(-1j * np.outer(angle, np.arange(len(coefficients)))) @ coefficients
+        )
+
+    def gain(self) -> np.ndarray:
+        """Magnitude of the whitening at each of `frequency`."""
+        return np.abs(self._whitening)
+
+
+def autoregression(series: np.ndarray, order: int) -> np.ndarray:
+    """Prediction-error filter ``[1, -a1, ...
+
+    -ap]`` by Yule-Walker, scaled to unit variance of its output, shape (order + 1,).
+    """
+    series = series - series.mean()
+    n = len(series)
+    size = next_fast_len(2 * n, real=True)
+    power = irfft(np.abs(rfft(series, size)) ** 2, size)[: order + 1] / n
+    # A floor of -60 dB keeps the equations solvable where the low-pass leaves nothing.
+    power[0] *= 1.0 + 1e-6
+    a = solve_toeplitz(power[:-1], power[1:])
+    spread = np.sqrt(max(power[0] - a @ power[1:], 1e-12 * power[0]))
+    return np.concatenate([[1.0], -a]) / spread

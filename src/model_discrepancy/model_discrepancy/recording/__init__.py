@@ -1,0 +1,1 @@
+"""A recording, its channels, and whether it can be used."""

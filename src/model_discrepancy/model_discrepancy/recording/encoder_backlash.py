@@ -1,0 +1,73 @@
+"""Play between shaft and encoder, seen where position follows the integrated velocity only beyond a
+gap.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import minimize_scalar
+from scipy.signal import butter, sosfiltfilt
+
+from ankle_physics.memory_elements import Play
+from model_discrepancy.recording.recording import Recording
+
+# Below this frequency position is trusted, above it the integrated velocity, whose drift ends
+# there.
+CROSSOVER_HZ = 0.5
+# Worn couplings and joints: up to a degree.
+LARGEST_GAP = 0.03
+# Gaps below drown in the noise of an encoder (0.1 mrad in the recorded trials).
+SMALLEST_GAP = 3e-4
+# Play must leave less than this share of the disagreement, also of what a wrong gain would leave.
+LEAST_CUT = 0.5
+
+
+def motion_without_play(recording: Recording) -> np.ndarray:
+    """Position [rad], shape (n,): slowly the measured one, otherwise the integrated velocity."""
+    assert recording.velocity is not None
+    travelled = cumulative_trapezoid(recording.velocity, dx=1.0 / recording.rate, initial=0.0)
+    return (
+        recording.position
+        - _fast(recording.position, recording.rate)
+        + _fast(travelled, recording.rate)
+    )
+
+
+def encoder_gap(recording: Recording) -> tuple[float, float] | None:
+    """Width of the gap with its standard error [rad], or None where position and velocity agree
+    without one.
+    """
+    if recording.velocity is None:
+        return None
+    moved, read = motion_without_play(recording), _fast(recording.position, recording.rate)
+    plain = _fast(moved, recording.rate)
+    apart = float(np.var(read - plain))
+    scaled = float(np.var(read - plain * (read @ plain) / (plain @ plain)))
+    gap, left = _best_gap(moved, read, recording.rate)
+    if gap < SMALLEST_GAP or left > LEAST_CUT * min(apart, scaled):
+        return None
+    middle = len(read) // 2
+    parts = [
+        _best_gap(moved[part], read[part], recording.rate)[0]
+        for part in (slice(0, middle), slice(middle, None))
+    ]
+    return gap, abs(parts[0] - parts[1]) / 2.0
+
+
+def _best_gap(moved: np.ndarray, read: np.ndarray, rate: float) -> tuple[float, float]:
+    """The gap that brings position nearest to the reading, and the variance that it leaves."""
+
+    def apart(gap: float) -> float:
+        return float(np.var(read - _fast(Play().run(moved, gap), rate)))
+
+    found = minimize_scalar(
+        apart, bounds=(0.0, LARGEST_GAP), method="bounded", options={"xatol": 1e-5}
+    )
+    return float(found.x), float(found.fun)
+
+
+def _fast(signal: np.ndarray, rate: float) -> np.ndarray:
+    return sosfiltfilt(
+        butter(2, CROSSOVER_HZ, "highpass", fs=rate, output="sos"), signal - signal.mean()
+    )

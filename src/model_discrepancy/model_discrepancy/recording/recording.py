@@ -1,0 +1,207 @@
+"""A recording of one trial: position and torque of the joint on a common clock, and what else was
+recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ankle_interfaces.block import Block, require_columns
+from ankle_interfaces.continuity import sampling_rate
+from ankle_interfaces.errors import BlockError, UnitError
+from model_discrepancy.errors import DiagnosisError
+from session_recorder.bag_reader import BagReader
+from session_recorder.errors import BagError
+
+SAMPLES_TOPIC = "/ankle/samples"
+REFERENCE_TOPIC = "/perturbation/reference"
+EMG_TOPIC = "/emg/samples"
+# Rates below this do not hold the reflex's onset (milliseconds) nor the band up to 80 Hz that is
+# fitted.
+LOWEST_RATE = 250.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One trial, equally sampled, in SI, positive in dorsiflexion; torque is what is needed to move
+    the ankle.
+
+    Attributes
+    ----------
+    rate
+        Sampling rate [Hz].
+    position
+        [rad], shape (n,).
+    torque
+        [N.m], shape (n,).
+    velocity
+        [rad/s], shape (n,), where it was measured.
+    reference
+        Commanded position [rad], shape (n,), where it was recorded.
+    emg
+        EMG by muscle [V], each of shape (n,).
+    name
+        What reports call it.
+    start
+        Time of the first sample [s].
+    notes
+        What was converted, filled or found odd on the way here, one sentence each.
+    faults
+        What makes the recording unusable, one sentence each.
+    """
+
+    rate: float
+    position: np.ndarray
+    torque: np.ndarray
+    velocity: np.ndarray | None = None
+    reference: np.ndarray | None = None
+    emg: Mapping[str, np.ndarray] = field(default_factory=dict)
+    name: str = "recording"
+    start: float = 0.0
+    notes: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        for label, values in (
+            ("torque", self.torque),
+            ("velocity", self.velocity),
+            ("reference", self.reference),
+            *self.emg.items(),
+        ):
+            if values is not None and len(values) != n:
+                raise DiagnosisError(f"{label} has {len(values)} samples, position has {n}")
+        if not self.rate >= LOWEST_RATE:
+            raise DiagnosisError(
+                f"sampling rate {self.rate:g} Hz is outside {LOWEST_RATE:g} Hz and above"
+            )
+
+    @classmethod
+    def unreadable(cls, path: str | Path, reason: str) -> Recording:
+        """What stands for a bag whose samples cannot be used at all."""
+        return cls(LOWEST_RATE, np.zeros(0), np.zeros(0), name=Path(path).name, faults=(reason,))
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self.position) / self.rate
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time since the first sample [s], shape (n,)."""
+        return np.arange(len(self.position)) / self.rate
+
+    @classmethod
+    def from_bag(cls, path: str | Path) -> Recording:
+        """The trial in a bag: ``/ankle/samples``, and reference and EMG where they were recorded.
+
+        Raises
+        ------
+        BagError
+            No bag.
+        DiagnosisError
+            Topic or channel is missing or in a unit that cannot be converted, or too few samples.
+        """
+        bag = BagReader(path)
+        try:
+            names, data = bag.signal(SAMPLES_TOPIC)
+        except BagError as error:
+            raise DiagnosisError(str(error)) from None
+        given = Block(names, data)
+        try:
+            converted, notes = given.in_si()
+            samples = require_columns(converted, ("position[rad]", "torque[N.m]"), SAMPLES_TOPIC)
+        except (BlockError, UnitError) as error:
+            raise DiagnosisError(f"{path}: {error}") from None
+        notes = [*bag.problems, *notes]
+        faults: list[str] = []
+        clock = samples.time
+        if len(clock) < 2:
+            raise DiagnosisError(f"{path}: {SAMPLES_TOPIC} holds {len(clock)} sample(s)")
+        if not np.isfinite(clock).all():
+            raise DiagnosisError(
+                f"{path}: {int(np.sum(~np.isfinite(clock)))} time(s) of {SAMPLES_TOPIC} are not "
+                "finite"
+            )
+        rate = sampling_rate(clock)
+        columns = [samples.column("position[rad]"), samples.column("torque[N.m]")]
+        if converted.has("velocity[rad/s]"):
+            columns.append(converted.column("velocity[rad/s]"))
+        grid, values = _on_grid(clock, np.column_stack(columns), rate, notes, faults)
+        return cls(
+            rate=rate,
+            position=values[:, 0],
+            torque=values[:, 1],
+            velocity=values[:, 2] if values.shape[1] > 2 else None,
+            reference=_other_clock(bag, REFERENCE_TOPIC, ("position[rad]",), grid, notes).get(
+                "position"
+            ),
+            emg=_other_clock(bag, EMG_TOPIC, None, grid, notes),
+            name=Path(path).name,
+            start=float(grid[0]),
+            notes=tuple(notes),
+            faults=tuple(faults),
+        )
+
+
+def _on_grid(
+    clock: np.ndarray, values: np.ndarray, rate: float, notes: list[str], faults: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Samples on an equally spaced clock; gaps are bridged linearly and noted, long ones are a
+    fault.
+    """
+    steps = np.diff(clock)
+    backwards = int(np.sum(steps <= 0))
+    if backwards:
+        faults.append(f"time stands still or runs backwards at {backwards} sample(s)")
+        order = np.argsort(clock, kind="stable")
+        keep = np.concatenate([[True], np.diff(clock[order]) > 0])
+        clock, values = clock[order][keep], values[order][keep]
+    gaps = np.diff(clock) > 1.5 / rate
+    if not gaps.any():
+        return clock[0] + np.arange(len(clock)) / rate, values
+    lost = float(np.sum(np.diff(clock)[gaps] - 1.0 / rate))
+    sentence = (
+        f"{int(gaps.sum())} gap(s) in the samples, {lost:.3f} s in all, the longest "
+        f"{np.diff(clock).max():.3f} s"
+    )
+    # A reflex response lasts about 0.4 s: a longer hole cannot be bridged, and 2 % of holes spoil
+    # the filters.
+    (
+        faults if np.diff(clock).max() > 0.4 or lost > 0.02 * (clock[-1] - clock[0]) else notes
+    ).append(sentence)
+    grid = np.arange(clock[0], clock[-1] + 0.25 / rate, 1.0 / rate)
+    return grid, np.column_stack([np.interp(grid, clock, column) for column in values.T])
+
+
+def _other_clock(
+    bag: BagReader, topic: str, required: tuple[str, ...] | None, grid: np.ndarray, notes: list[str]
+) -> dict[str, np.ndarray]:
+    """Columns of another topic, interpolated to the samples' clock, by name without unit; empty
+    where it is missing.
+    """
+    if topic not in bag.topics or not bag.topics[topic].count:
+        return {}
+    try:
+        block = Block(*bag.signal(topic)).in_si()[0]
+        if required is not None:
+            block = require_columns(block, required, topic)
+    except (BlockError, UnitError) as error:
+        notes.append(f"{topic} is left out: {error}")
+        return {}
+    order = np.argsort(block.time, kind="stable")
+    overlap = min(block.time[order[-1]], grid[-1]) - max(block.time[order[0]], grid[0])
+    if overlap < 0.9 * (grid[-1] - grid[0]):
+        notes.append(
+            f"{topic} covers {max(overlap, 0.0):.1f} s of {grid[-1] - grid[0]:.1f} s and is left "
+            "out"
+        )
+        return {}
+    return {
+        name.split("[")[0]: np.interp(grid, block.time[order], block.column(name)[order])
+        for name in block.columns[1:]
+    }

@@ -1,0 +1,268 @@
+"""Is the recording usable at all? Faults of the rig end the diagnosis before physics is blamed for
+them.
+
+A channel that lags by a few milliseconds or has a wrong gain is a finding, not a fault.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from model_discrepancy.recording.recording import Recording
+
+# The paper's ensembles hold 100 responses in 60 s; a third of that is the least that gives bands.
+SHORTEST_S = 20.0
+# Below this a movement drowns in the position noise of the recorded trials (about 0.1 mrad).
+SMALLEST_MOVEMENT = 5e-4
+# The joint's range of motion is 1.3 rad; more comes from degrees or a wrapped encoder.
+LARGEST_RANGE = 1.5
+# An able-bodied ankle with footplate: 0.005 to 0.05 kg.m^2; a factor of 4 on both sides for other
+# rigs and feet.
+INERTIA_RANGE = (0.00125, 0.2)
+# Beyond this two clocks are apart, below it a channel lags.
+LARGEST_SKEW_S = 0.020
+# Torque of which movement explains less than this in 3-40 Hz is not the torque of this joint.
+LEAST_VAF = 0.2
+# While the foot moves as usual, torque that falls below this share of its usual size has lost its
+# sensor.
+DEAD_SHARE = 0.05
+_WINDOW_S = 2.0
+# A first-order filter up to this slow is a lag of the torque channel, which is a finding, and not a
+# clock that is off.
+_LAGS_S = (0.005, 0.01, 0.015, 0.02)
+_LONGEST_FLAT_S = 0.5
+_SHIFTS_S = np.arange(-0.15, 0.1501, 0.001)
+
+
+def faults(recording: Recording) -> list[str]:
+    """One sentence for each reason why the recording cannot be diagnosed; empty for a usable one."""  # noqa: E501
+    found = list(recording.faults)
+    if not len(recording.position):
+        return found
+    if recording.duration < SHORTEST_S:
+        return [
+            *found,
+            f"the recording lasts {recording.duration:.1f} s; at least {SHORTEST_S:g} s are needed",
+        ]
+    channels = {"position": recording.position, "torque": recording.torque}
+    if recording.velocity is not None:
+        channels["velocity"] = recording.velocity
+    for name, values in channels.items():
+        found += _channel_faults(name, values, recording.rate)
+    if found:
+        return found
+    found += _movement_faults(recording)
+    return found if found else _relation_faults(recording)
+
+
+def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
+    bad = int(np.sum(~np.isfinite(values)))
+    if bad:
+        return [f"{name} holds {bad} value(s) that are not finite"]
+    if np.ptp(values) == 0.0:
+        return [f"{name} is dead: constant at {values[0]:g}"]
+    found = []
+    same = np.diff(values) == 0.0
+    longest = _longest_run(same)
+    # Held steps of a noise-free recording are flat as well; a channel with noise is never flat.
+    noisy = np.mean(same) < 0.3
+    if noisy and longest / rate > _LONGEST_FLAT_S:
+        found.append(
+            f"{name} is stuck: {longest / rate:.2f} s without any change, though it varies "
+            "elsewhere"
+        )
+    for side, extreme in (("upper", values.max()), ("lower", values.min())):
+        # At least three samples in a row at the very extreme, often: the converter's end.
+        clipped = _runs_at(values == extreme, 3)
+        if noisy and clipped > 0.002 * len(values):
+            found.append(
+                f"{name} is saturated: {100 * clipped / len(values):.1f} % of the samples sit at "
+                f"its {side} end {extreme:g}"
+            )
+    spread = np.median(np.abs(values - np.median(values))) + 1e-12
+    spikes = int(
+        np.sum(
+            np.abs(np.diff(values, n=2)) > 40.0 * np.percentile(np.abs(np.diff(values, n=2)), 99.0)
+        )
+    )
+    if spikes > 3 and np.ptp(values) > 50.0 * spread:
+        found.append(f"{name} has {spikes} spikes of up to {np.ptp(values):.3g}")
+    return found
+
+
+def _movement_faults(recording: Recording) -> list[str]:
+    found = []
+    size = float(np.std(band(recording.position, recording.rate, 0.5, 40.0)))
+    reach = float(np.ptp(recording.position))
+    if reach > LARGEST_RANGE:
+        found.append(
+            f"position spans {reach:.3g} rad; an ankle moves by {LARGEST_RANGE:g} rad at most: "
+            "probably degrees or a wrong scale"
+        )
+    elif size < SMALLEST_MOVEMENT:
+        found.append(
+            f"no excitation: position moves by {1000 * size:.3g} mrad rms; at least "
+            f"{1000 * SMALLEST_MOVEMENT:g} mrad are needed"
+        )
+    if not found:
+        found += _lost_torque(recording)
+    if recording.velocity is not None and not found:
+        derived = np.gradient(recording.position) * recording.rate
+        v, d = (
+            band(recording.velocity, recording.rate, 1.0, 30.0),
+            band(derived, recording.rate, 1.0, 30.0),
+        )
+        lag, strength = _best_lag(v, d, recording.rate)
+        gain = float(v @ d / (d @ d))
+        if strength < -0.5:
+            found.append("velocity has the wrong sign: it falls while position rises")
+        elif strength < 0.5:
+            found.append(
+                f"velocity does not belong to position: correlation {strength:.2f} with the "
+                "derivative of position"
+            )
+        elif abs(lag) > LARGEST_SKEW_S:
+            found.append(
+                f"the clocks of velocity and position are {1000 * lag:.0f} ms apart; at most "
+                f"{1000 * LARGEST_SKEW_S:g} ms"
+            )
+        elif not 0.5 < gain < 2.0:
+            found.append(f"velocity is {gain:.3g} times the derivative of position: a wrong unit")
+    return found
+
+
+def _lost_torque(recording: Recording) -> list[str]:
+    """Windows in which the foot moves and the torque does not follow any more."""
+    size = int(_WINDOW_S * recording.rate)
+    moved, felt = (
+        np.std(
+            band(channel, recording.rate, 3.0, 40.0)[: len(channel) // size * size].reshape(
+                -1, size
+            ),
+            axis=1,
+        )
+        for channel in (recording.position, recording.torque)
+    )
+    lost = (moved > 0.5 * np.median(moved)) & (felt < DEAD_SHARE * np.percentile(felt, 90.0))
+    if lost.sum() < 2:
+        return []
+    return [
+        f"torque is dead during {_WINDOW_S * lost.sum():.0f} s, first at "
+        f"{_WINDOW_S * np.argmax(lost):.0f} s, while the foot moves"
+    ]
+
+
+def _relation_faults(recording: Recording) -> list[str]:
+    """Sign, unit and clock of torque against position, from the intrinsic model in 3-40 Hz."""
+    step = max(1, int(recording.rate // 250.0))
+    rate = recording.rate
+    x = band(recording.position, rate, 3.0, 40.0)
+    v = np.gradient(x) * rate
+    a = np.gradient(v) * rate
+    t = band(recording.torque, rate, 3.0, 40.0)
+    inner = slice(int(0.5 * rate), -int(0.5 * rate), step)
+    vafs, models = [], []
+    columns = np.column_stack([a, v, x])
+    for shift in _SHIFTS_S:
+        moved = np.roll(t, -round(shift * rate))[inner]
+        model, *_ = np.linalg.lstsq(columns[inner], moved, rcond=None)
+        vafs.append(1.0 - np.var(moved - columns[inner] @ model) / np.var(moved))
+        models.append(model)
+    near = np.abs(_SHIFTS_S) <= LARGEST_SKEW_S
+    inside = int(np.argmax(np.where(near, vafs, -1.0)))
+    # The mirrored joint, with a negative inertia, is not a lag: only shifts with a positive one
+    # count.
+    positive = np.array([model[0] > 0 for model in models])
+    best = int(np.argmax(np.where(positive | near, vafs, -1.0)))
+    if vafs[best] < LEAST_VAF:
+        return [
+            f"movement explains {100 * max(vafs[best], 0.0):.0f} % of the torque (3-40 Hz); at "
+            f"least {100 * LEAST_VAF:g} % expected"
+        ]
+    if (
+        not near[best]
+        and vafs[best] > max(vafs[inside], _lagging_vaf(columns, t, inner, rate)) + 0.05
+    ):
+        return [
+            f"the clocks of torque and position are {1000 * _SHIFTS_S[best]:.0f} ms apart; at "
+            f"most {1000 * LARGEST_SKEW_S:g} ms"
+        ]
+    moved = np.roll(t, -round(_SHIFTS_S[inside] * rate))[inner]
+    scaled = columns[inner] / np.linalg.norm(columns[inner], axis=0)
+    # A passive joint has no negative inertia, viscosity or stiffness: which sign of torque can one
+    # explain?
+    misfits = [nnls(scaled, sign * moved)[1] for sign in (1.0, -1.0)]
+    if misfits[1] ** 2 < misfits[0] ** 2 - 0.05 * float(moved @ moved):
+        return [
+            "torque or position has the wrong sign: torque falls as the foot is moved upwards; "
+            "positive is dorsiflexion for both"
+        ]
+    inertia = models[inside][0]
+    # Compliance between sensor and foot may hide the inertia in this band, down to a negative one.
+    if inertia > 0 and not any(
+        INERTIA_RANGE[0] <= I <= INERTIA_RANGE[1]
+        for I in (inertia, _viscoelastic_inertia(columns, moved, inner, rate))
+    ):
+        limits = f"{INERTIA_RANGE[0]:g} to {INERTIA_RANGE[1]:g}"
+        return [
+            f"wrong unit or gain of torque or position: inertia {inertia:.3g} kg.m^2 is outside "
+            f"{limits} kg.m^2"
+        ]
+    return []
+
+
+def _lagging_vaf(columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float) -> float:
+    """Best VAF of inertia, viscosity and stiffness behind a first-order filter."""
+    vafs = []
+    for lag in _LAGS_S:
+        lagging = _relaxed(columns, lag, rate)[inner]
+        model, *_ = np.linalg.lstsq(lagging, torque[inner], rcond=None)
+        vafs.append(1.0 - np.var(torque[inner] - lagging @ model) / np.var(torque[inner]))
+    return float(max(vafs))
+
+
+def _viscoelastic_inertia(
+    columns: np.ndarray, moved: np.ndarray, inner: slice, rate: float
+) -> float:
+    """Inertia [kg.m^2] where a tendon or tissue that relaxes would hide it from inertia, viscosity
+    and stiffness alone.
+    """
+    position = columns[:, 2:]
+    wide = np.hstack(
+        [columns, *(_relaxed(position, lag, rate) for lag in (_LAGS_S[0], _LAGS_S[-1]))]
+    )[inner]
+    return float(np.linalg.lstsq(wide, moved, rcond=None)[0][0])
+
+
+def _relaxed(signals: np.ndarray, time: float, rate: float) -> np.ndarray:
+    """Signals (n, columns) behind a first-order filter with this time constant [s]."""
+    share = np.exp(-1.0 / (rate * time))
+    return lfilter([1.0 - share], [1.0, -share], signals, axis=0)
+
+
+def band(signal: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:
+    """Zero-phase band-pass, second order, between two frequencies [Hz]."""
+    return sosfiltfilt(butter(2, [low, high], "bandpass", fs=rate, output="sos"), signal)
+
+
+def _best_lag(later: np.ndarray, earlier: np.ndarray, rate: float) -> tuple[float, float]:
+    """Lag [s] of `later` behind `earlier` at the strongest correlation, and that correlation."""
+    shifts = np.round(_SHIFTS_S * rate).astype(int)
+    values = np.array([np.corrcoef(np.roll(later, -s), earlier)[0, 1] for s in shifts])
+    best = int(np.argmax(np.abs(values)))
+    return float(_SHIFTS_S[best]), float(values[best])
+
+
+def _longest_run(flags: np.ndarray) -> int:
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
+
+
+def _runs_at(flags: np.ndarray, least: int) -> int:
+    """Samples in runs of True of at least this length."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    lengths = edges[1::2] - edges[::2] if len(edges) else np.zeros(0)
+    return int(np.sum(lengths[lengths >= least]))

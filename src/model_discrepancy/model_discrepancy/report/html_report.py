@@ -1,0 +1,263 @@
+"""``report.html``: the diagnosis for people, one file without network."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from model_discrepancy.criticism.ceiling import unexplainable_power
+from model_discrepancy.report.pictures import (
+    before_and_after,
+    block_picture,
+    cells_picture,
+    channels_picture,
+    dependence_picture,
+    ladder,
+    path_diagram,
+    residual_picture,
+)
+from model_discrepancy.report.verdict import separating_measurements
+
+if TYPE_CHECKING:
+    from model_discrepancy.diagnose import Diagnosis
+
+_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
+h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
+table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""  # noqa: E501
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    verdict = diagnosis.verdict
+    fit = verdict.fit
+    if verdict.verdict == "bad_recording":
+        return f"This recording cannot be used: {verdict.reasons[0]}."
+    numbers = (
+        f"{fit['baseline_vaf_holdout']:.1f} % of the torque on unseen data (explainable: "
+        f"about {fit['ceiling_vaf']:.1f} %)"
+    )
+    if verdict.verdict == "no_mismatch":
+        return f"The base model is enough: it explains {numbers}, and no structure is left."
+    names = ", ".join(e["name"].replace("_", " ") for e in verdict.effects)
+    if verdict.verdict == "unexplained":
+        partly = f" {names} account for a part of it only." if names else ""
+        return f"The base model explains {numbers}; what is missing is not in the library.{partly}"
+    sure, tentative = (
+        ", ".join(e["name"].replace("_", " ") for e in verdict.effects if e["tentative"] == kind)
+        for kind in (False, True)
+    )
+    named = " and, tentatively, ".join(part for part in (sure, tentative) if part)
+    return (
+        f"The base model leaves out {named}: it explains {numbers}, with them "
+        f"{fit['augmented_vaf_holdout']:.1f} %."
+    )
+
+
+def write_report(diagnosis: Diagnosis, path: Path) -> None:
+    """Write the report."""
+    parts = [f"<h1>{escape(headline(diagnosis))}</h1>", f"<p>{escape(_about(diagnosis))}</p>"]
+    if diagnosis.found is not None:
+        parts += _sections(diagnosis)
+    else:
+        parts += ["<h2>What was recorded</h2>", image(channels_picture(diagnosis.recording))]
+    next_steps = what_next(diagnosis)
+    remarks = [reason for reason in diagnosis.verdict.reasons if reason not in next_steps]
+    parts += ["<h2>What to measure next</h2>", html_list(next_steps)]
+    if remarks:
+        parts += ["<h2>Remarks</h2>", html_list(remarks)]
+    write_page(diagnosis.recording.name, parts, path)
+
+
+def write_page(title: str, parts: list[str], path: Path) -> None:
+    """Write one HTML file without network from its parts, in the style of all reports."""
+    head = f"<meta charset='utf-8'><title>{escape(title)}</title><style>{_STYLE}</style>"
+    text = f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>"
+    path.write_text(text, encoding="utf-8")
+
+
+def what_next(diagnosis: Diagnosis) -> list[str]:
+    """What to record to settle what this recording leaves open, one sentence each."""
+    verdict = diagnosis.verdict
+    if verdict.verdict == "bad_recording":
+        return [
+            f"Mend the rig and record again: {reason}." for reason in diagnosis.verdict.reasons[:1]
+        ]
+    found = separating_measurements(verdict.effects)
+    if found:
+        found.append(
+            "'ankle design-experiment' on this folder proposes the perturbation that tells them "
+            "apart."
+        )
+    if any(effect["tentative"] for effect in verdict.effects):
+        found.append(
+            "A tentative effect needs a second recording of the same kind: it must come out again "
+            "with the same sign and size."
+        )
+    if diagnosis.block is not None:
+        found.append(_probe(diagnosis.block.input))
+    return found or ["Nothing: no question is left open that another perturbation would answer."]
+
+
+def _probe(name: str) -> str:
+    """A recording that shows the missing block better."""
+    if name == "position":
+        way = "steps of several sizes, held for two seconds and more, from several positions"
+    elif name == "acceleration":
+        way = (
+            "the same perturbation with the empty footplate, and with the foot strapped more "
+            "tightly"
+        )
+    elif "flexion" in name:
+        way = (
+            "stretches of several speeds and intervals in that direction, with EMG of calf and shin"
+        )
+    else:
+        way = "movements of one size with several rise times"
+    return f"To see the missing block more clearly ({name}): {way}."
+
+
+def _about(diagnosis: Diagnosis) -> str:
+    r = diagnosis.recording
+    more = [
+        name
+        for name, there in (
+            ("velocity", r.velocity is not None),
+            ("reference", r.reference is not None),
+            ("EMG", bool(r.emg)),
+        )
+        if there
+    ]
+    return (
+        f"{r.name}: {r.duration:.0f} s at {r.rate:g} Hz; position, "
+        f"torque{''.join(', ' + m for m in more)}."
+    )
+
+
+def _sections(d: Diagnosis) -> list[str]:
+    assert d.fitter is not None
+    assert d.found is not None
+    assert d.base_map is not None
+    assert d.final_map is not None
+    assert d.base_held_out is not None
+    assert d.final_held_out is not None
+    noise = unexplainable_power(d.fitter.columns, d.found.final) ** 0.5
+    effects = d.verdict.effects
+    augmented = bool(d.found.effects)
+    parts = [
+        "<h2>Torque around the movements</h2>",
+        image(
+            before_and_after(
+                d.fitter,
+                d.base_map,
+                d.base_held_out,
+                d.final_held_out if augmented else None,
+                noise,
+            )
+        ),
+    ]
+    if effects:
+        parts += ["<h2>What was left out</h2>", html_list([_effect_line(e) for e in effects])]
+    marked = {e["location"] for e in effects} | ({d.block.place} if d.block is not None else set())
+    parts += ["<h2>The signal path</h2>", image(path_diagram(marked)), _path_line(marked)]
+    if d.block is not None:
+        parts += [
+            "<h2>The missing block</h2>",
+            f"<p>{escape(d.block.sentence)}</p>",
+            image(block_picture(d.block)),
+        ]
+    final_map = d.final_map if augmented else None
+    parts += ["<h2>Where the residual sits</h2>", image(residual_picture(d.base_map, final_map))]
+    if d.base_map.cells:
+        parts.append(image(cells_picture(d.base_map, final_map)))
+    parts += [image(dependence_picture(d.base_map)), _localisation(d.verdict.localisation)]
+    if augmented:
+        parts += ["<h2>What each term buys</h2>", image(ladder(d.found))]
+        parts += ["<h2>Base parameters before and after</h2>", _parameters(d.verdict.parameters)]
+    if d.verdict.alternatives:
+        rows = [
+            [a["name"], a["instead_of"] or "in addition", f"{a['delta_score']:.0f}"]
+            for a in d.verdict.alternatives
+        ]
+        parts += [
+            "<h2>Other terms</h2>",
+            html_table(["term", "instead of", "change of BIC (negative: worse)"], rows),
+        ]
+    rows = [
+        [
+            f"{1000 * w[0]:.0f} to {1000 * w[1]:.0f} ms",
+            f"{value:.1f}",
+            f"{d.final_held_out.windows.get(w, float('nan')):.1f}",
+        ]
+        for w, value in d.base_held_out.windows.items()
+    ]
+    rows += [
+        [f"{b[0]:g} to {b[1]:g} Hz", f"{value:.1f}", f"{d.final_held_out.bands[b]:.1f}"]
+        for b, value in d.base_held_out.bands.items()
+    ]
+    columns = 3 if augmented else 2
+    head = ["where", "base model", "with the new physics"][:columns]
+    parts += [
+        "<h2>Variance accounted for on unseen data [%]</h2>",
+        html_table(head, [row[:columns] for row in rows]),
+    ]
+    return parts
+
+
+def _path_line(marked: set[str]) -> str:
+    return "" if marked else "<p>No block is marked: nothing was found missing.</p>"
+
+
+def _effect_line(effect: dict[str, Any]) -> str:
+    values = ", ".join(
+        f"{key} = {v:.4g}" + (f" ± {e:.2g}" if e is not None else "")
+        for key, (v, e) in effect["parameters"].items()
+    )
+    rivals = [name.replace("_", " ") for name in effect["set"][1:]]
+    doubt = f" Not excluded: {', '.join(rivals)}." if rivals else ""
+    mark = " (tentative)" if effect["tentative"] else ""
+    return (
+        f"{effect['name'].replace('_', ' ')}{mark}, {effect['location']}: {effect['sentence']} "
+        f"{values}.{doubt}"
+    )
+
+
+def _localisation(found: dict[str, Any]) -> str:
+    plain = [[key, str(value)] for key, value in found.items() if not isinstance(value, dict)]
+    return html_table(["", ""], plain) if plain else ""
+
+
+def _parameters(table: dict[str, dict[str, Any]]) -> str:
+    rows = []
+    for key, entry in table.items():
+        change = (
+            100.0 * (entry["base"] / entry["augmented"] - 1.0)
+            if entry["augmented"]
+            else float("nan")
+        )
+        error = f" ± {entry['standard_error']:.2g}" if entry["standard_error"] is not None else ""
+        rows.append(
+            [key, f"{entry['base']:.4g}", f"{entry['augmented']:.4g}{error}", f"{change:+.0f} %"]
+        )
+    return html_table(
+        ["parameter", "base model", "with the new physics", "error of the base model"], rows
+    )
+
+
+def image(data: str) -> str:
+    """A picture in base64 PNG as an element."""
+    return f"<img alt='' src='data:image/png;base64,{data}'>"
+
+
+def html_list(lines: list[str]) -> str:
+    """Plain sentences as a list."""
+    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
+
+
+def html_table(head: list[str], rows: list[list[str]]) -> str:
+    """Plain texts as a table."""
+    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table><tr>{top}</tr>{body}</table>"

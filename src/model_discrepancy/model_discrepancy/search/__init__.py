@@ -1,0 +1,1 @@
+"""The search for terms that the base model lacks."""

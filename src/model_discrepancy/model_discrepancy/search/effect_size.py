@@ -1,0 +1,86 @@
+"""How much torque an effect makes, when, and in which direction: the number in its sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankle_physics.term import Values, term_library
+from model_discrepancy.criticism.locate import Onsets
+from model_discrepancy.fit.fitter import Fit, Fitter
+
+_AFTER_S = 0.4
+
+
+@dataclass(frozen=True)
+class Size:
+    """Torque that an effect adds.
+
+    Attributes
+    ----------
+    rms
+        Over the recording [N.m].
+    peak
+        Of its mean after movements in the direction where it is larger [N.m], with sign.
+    time
+        Of that peak after the movement's onset [s].
+    direction
+        ``dorsiflexion`` or ``plantarflexion``.
+    share
+        Rms as a share of the torque's, 0...1.
+    """
+
+    rms: float
+    peak: float
+    time: float
+    direction: str
+    share: float
+
+
+def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
+    """Size of one term of a fitted model: prediction with it minus prediction without it, all else
+    equal.
+    """
+    torque = _added(fitter, final, name)
+    rows = fitter.rows
+    reach = np.arange(int(_AFTER_S * rows.rate))
+    best = (0.0, 0.0, "dorsiflexion")
+    for sign, word in ((1.0, "dorsiflexion"), (-1.0, "plantarflexion")):
+        index = np.round(onsets.time[onsets.direction == sign] * rows.rate).astype(int)
+        index = index[index + len(reach) < rows.count]
+        if not len(index):
+            continue
+        mean = (torque[index[:, None] + reach] - torque[index - 2][:, None]).mean(axis=0)
+        k = int(np.argmax(np.abs(mean)))
+        if abs(mean[k]) > abs(best[0]):
+            best = (float(mean[k]), float(reach[k] / rows.rate), word)
+    return Size(
+        float(np.std(torque[rows.used])),
+        best[0],
+        best[1],
+        best[2],
+        torque_share(fitter, final, name),
+    )
+
+
+def torque_share(fitter: Fitter, final: Fit, name: str) -> float:
+    """rms of the torque that one term of a fitted model adds, as a share of the recorded torque's."""  # noqa: E501
+    used = fitter.rows.used
+    return float(np.std(_added(fitter, final, name)[used]) / np.std(fitter.plain_target[used]))
+
+
+def _added(fitter: Fitter, final: Fit, name: str) -> np.ndarray:
+    without = fitter.evaluate({n: v for n, v in final.values.items() if n != name})
+    return without.plain - fitter.evaluate(final.values).plain
+
+
+def sentence_of(name: str, values: Values, size: Size) -> str:
+    """The term's sentence for these values, with its number."""
+    word = "adds" if size.peak >= 0 else "takes away"
+    return (
+        f"{term_library()[name].told(values)} In this recording it {word} up to "
+        f"{abs(size.peak):.2f} N.m, "
+        f"{1000 * size.time:.0f} ms after a {size.direction} movement ({100 * size.share:.0f} % "
+        "of the torque's variation)."
+    )

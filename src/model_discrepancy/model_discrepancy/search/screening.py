@@ -1,0 +1,204 @@
+"""Screening: what each candidate would at best take off the whitened residual, without refitting
+the model.
+
+A score (Lagrange multiplier) test: the candidate is tried on a grid of its nonlinear parameters;
+what the present model could imitate, by its linear parameters or by small changes of its nonlinear
+ones, is projected out first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ankle_physics.term import Place, term_library
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.fitter import (
+    Fit,
+    Fitter,
+    bounded,
+    from_unit,
+    nonlinear,
+    orthonormal,
+    ranges,
+)
+
+# Not searched: their torque follows no movement (voluntary torque), or a recording cannot tell them
+# from inertia or stiffness, which the projection would only show after much work.
+NOT_SEARCHED = frozenset(
+    {
+        "inertia",
+        "viscosity",
+        "stiffness",
+        "reflex",
+        "voluntary_torque",
+        "gravity",
+        "footplate_inertia",
+        "tremor",
+    }
+)
+# What can be told from the base model only once another term is there: a plate that moves with the
+# foot is one with it. Comes and goes with that term and is no effect of its own.
+COMPANIONS: dict[str, tuple[str, ...]] = {"fixation_compliance": ("footplate_inertia",)}
+_GRID = {0: 1, 1: 9, 2: 5, 3: 4}
+# A column that keeps less than this share of its norm is what the model already has.
+_DISTINCT = 0.02
+# Points at which a candidate that shapes a signal is refined.
+_REFINED = 3
+
+Point = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A candidate at the best point of its grid.
+
+    Attributes
+    ----------
+    name
+        The term.
+    start
+        Where a refit begins: values of the term.
+    share
+        Of the sum of squares of the whitened residual that it takes off, 0...1.
+    tried
+        Share at every point of the grid that was tried.
+    """
+
+    name: str
+    start: dict[str, float]
+    share: float
+    tried: tuple[tuple[float, Point], ...]
+
+
+def screen(fitter: Fitter, fit: Fit, points: Mapping[str, Sequence[Point]]) -> list[Screened]:
+    """Candidates, the most promising first.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the present model.
+    fit
+        The present model.
+    points
+        Values of the nonlinear parameters to try, by candidate.
+    """
+    used = fitter.rows.used
+    derivatives, labels = fitter.derivatives(fit)
+    basis = orthonormal(derivatives[used])
+    residual = fit.residual[used]
+    residual = residual - basis @ (basis.T @ residual)
+    slopes = derivatives[
+        :, [k for k, (n, s) in enumerate(labels) if not term_library()[n].parameter(s).linear]
+    ][used]
+    found = []
+    for name, tried in points.items():
+        if any(p.linear for p in term_library()[name].parameters):
+            results = [_additive(fitter, fit, name, point, basis, residual) for point in tried]
+        else:
+            results = _shaping(fitter, fit, name, tried, slopes)
+        best = max(range(len(tried)), key=lambda k: results[k][0])
+        shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
+        found.append(Screened(name, results[best][1], results[best][0], shares))
+    return sorted(found, key=lambda s: -s.share)
+
+
+def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
+    """Terms that may be added to the model."""
+    names = library if library is not None else list(term_library())
+    rigid = any(
+        term_library()[n].place is Place.COUPLING for n in fit.terms if n not in NOT_SEARCHED
+    )
+    return [
+        n
+        for n in names
+        if n not in fit.terms
+        and n not in NOT_SEARCHED
+        and not (rigid and term_library()[n].place is Place.COUPLING)
+    ]
+
+
+def with_term(terms: Sequence[str], name: str) -> list[str]:
+    """The terms with one more and its companions."""
+    return [*terms, *(n for n in (name, *COMPANIONS.get(name, ())) if n not in terms)]
+
+
+def without_term(terms: Sequence[str], name: str) -> list[str]:
+    """The terms without this one and its companions."""
+    return [n for n in terms if n != name and n not in COMPANIONS.get(name, ())]
+
+
+def grid(name: str) -> list[Point]:
+    """Points of the candidate's nonlinear parameters, evenly spread over their (scaled) ranges."""
+    free = nonlinear([name])
+    count = _GRID[min(len(free), 3)]
+    places = (np.arange(count) + 0.5) / count
+    return [
+        {p.symbol: from_unit(p, float(u)) for (_, p), u in zip(free, units, strict=True)}
+        for units in product(places, repeat=len(free))
+    ]
+
+
+def _additive(
+    fitter: Fitter, fit: Fit, name: str, point: Point, basis: np.ndarray, residual: np.ndarray
+) -> tuple[float, dict[str, float]]:
+    """Share and start of a candidate that adds torque."""
+    columns, rows = fitter.columns, fitter.rows
+    values = _with(columns, fit, name, point)
+    spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
+    matrix = fitter.whitened(spectra.values())[rows.used]
+    norm = np.linalg.norm(matrix, axis=0)
+    matrix = matrix - basis @ (basis.T @ matrix)
+    if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _DISTINCT:
+        return 0.0, values[name]
+    amplitudes = bounded(matrix, residual, *ranges(spectra))
+    left = residual - matrix @ amplitudes
+    start = values[name] | {
+        symbol: float(a) for (_, symbol), a in zip(spectra, amplitudes, strict=True)
+    }
+    return 1.0 - float(left @ left) / fit.score, start
+
+
+def _shaping(
+    fitter: Fitter, fit: Fit, name: str, points: Sequence[Point], slopes: np.ndarray
+) -> list[tuple[float, dict[str, float]]]:
+    """Share and start of a candidate that changes a signal on its way, at each point."""
+    columns, used = fitter.columns, fitter.rows.used
+    results = []
+    for point in points:
+        values = _with(columns, fit, name, point)
+        spectra = columns.spectra(values)
+        matrix = fitter.whitened(spectra.values())[used]
+        amplitudes = bounded(matrix, fitter.target[used], *ranges(spectra))
+        left = fitter.target[used] - matrix @ amplitudes
+        results.append((float(left @ left), values, amplitudes))
+    shares = [1.0 - error / fit.score for error, _, _ in results]
+    # The present model's nonlinear parameters follow where it matters: at the best points.
+    for k in sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED]:
+        error, values, amplitudes = results[k]
+        spectra = columns.spectra(values)
+        matrix = fitter.whitened(spectra.values())[used]
+        left = fitter.target[used] - matrix @ amplitudes
+        given = dict(zip(spectra, amplitudes, strict=True))
+        own = [fitter.slope(values, name, p, given, spectra)[used] for _, p in nonlinear([name])]
+        span = orthonormal(np.column_stack([matrix, slopes, *own]))
+        refined = left - span @ (span.T @ left)
+        # The linearised refit may leave the bounds; it counts only as far as the bounded one bears
+        # it out.
+        shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
+    return [(share, values[name]) for share, (_, values, _) in zip(shares, results, strict=True)]
+
+
+def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:
+    values = dict(fit.values)
+    for added in with_term((), name):
+        values.setdefault(
+            added,
+            {p.symbol: p.typical for p in term_library()[added].parameters}
+            | columns.convention(added),
+        )
+    values[name] = values[name] | point
+    return values

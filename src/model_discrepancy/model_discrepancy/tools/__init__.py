@@ -1,0 +1,3 @@
+"""Questions beside the diagnosis: compare two bags, design an experiment, simulate a recording
+again.
+"""

@@ -1,0 +1,166 @@
+"""A recording's own movement through the simulation, with and without the new physics, against what
+was recorded.
+
+The models run in the time domain, term by term, as in `ankle_sim`; nothing is fitted here. So this
+also checks the diagnosis, which works on spectra.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.signal import resample_poly
+
+from ankle_interfaces.block import Block
+from ankle_physics.model import Model
+from ankle_physics.signals import Signals
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.held_out import vaf
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of
+from model_discrepancy.recording.recording import SAMPLES_TOPIC, Recording
+from session_recorder.bag_writer import BagWriter
+
+BASE_FILE, AUGMENTED_FILE = "base.yaml", "model.yaml"
+# The share of a second that one block of the written bags holds, as a live rig sends them.
+_BLOCKS_PER_SECOND = 64
+_SHOWN_S = 3.0
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """Torque of both models on the recorded movement.
+
+    Attributes
+    ----------
+    recording
+        What was recorded.
+    torque
+        Simulated torque [N.m] by "base" and "augmented", each of shape (n,), at the recording's
+        rate.
+    vaf
+        VAF [%] of each, 0.1 to 80 Hz, over the whole recording.
+    time
+        Of the rows [s], shape (rows,).
+    rows
+        Recorded and simulated torque [N.m], 0.1 to 80 Hz, by "recorded", "base" and "augmented",
+        each of shape (rows,).
+    """
+
+    recording: Recording
+    torque: dict[str, np.ndarray]
+    vaf: dict[str, float]
+    time: np.ndarray
+    rows: dict[str, np.ndarray]
+
+    def save(self, out: Path) -> None:
+        """Write one bag for each model, and a picture, into a folder."""
+        for name, torque in self.torque.items():
+            _write_bag(self.recording, torque, out / f"{name}_bag")
+        self._picture().savefig(out / "resimulation.png", dpi=110)
+
+    def _picture(self) -> Figure:
+        figure = Figure(figsize=(10, 4.5), layout="constrained")
+        axes = figure.subplots()
+        middle = 0.5 * self.time[-1]
+        shown = (self.time >= middle) & (self.time < middle + _SHOWN_S)
+        for name, style in (("recorded", "k"), ("base", "C3"), ("augmented", "C0")):
+            share = "" if name == "recorded" else f", VAF {self.vaf[name]:.1f} %"
+            axes.plot(
+                self.time[shown],
+                self.rows[name][shown],
+                style,
+                lw=2 if name == "recorded" else 1.2,
+                label=name + share,
+            )
+        axes.set_xlabel("time into the recording [s]")
+        axes.set_ylabel("torque, 0.1 to 80 Hz [N.m]")
+        axes.set_title(f"{self.recording.name}: its own movement, simulated")
+        axes.legend()
+        return figure
+
+
+def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulation:
+    """Run both models on the recorded movement.
+
+    Parameters
+    ----------
+    recording
+        A usable one.
+    base, augmented
+        As `diagnose` writes them.
+    """
+    motion = motion_of(recording)
+    rows = Rows(len(motion.position), motion.rate)
+    recorded = rows.spectrum(motion.torque)
+    # Activation is the slow torque that movement does not make, as in the diagnosis.
+    left = recorded - rows.spectrum(simulated_torque(base, motion))
+    motion = replace(
+        motion, activation=float(np.mean(motion.torque)) + rows.slow(left, ACTIVATION_HZ)
+    )
+    plain, torque, shares = {"recorded": rows.plain(recorded)}, {}, {}
+    step = round(recording.rate / motion.rate)
+    for name, model in (("base", base), ("augmented", augmented)):
+        made = simulated_torque(model, motion)
+        plain[name] = rows.plain(rows.spectrum(made))
+        shares[name] = vaf(
+            plain["recorded"][rows.used], (plain["recorded"] - plain[name])[rows.used]
+        )
+        torque[name] = resample_poly(made, step, 1, padtype="line")[: len(recording.torque)]
+    return Resimulation(recording, torque, shares, rows.time, plain)
+
+
+def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
+    """Torque [N.m] of a model on a movement, shape (n,), at the motion's rate."""
+    channels = (motion.position, motion.velocity, motion.acceleration, motion.activation)
+    return model.torque(Signals(motion.rate, *(c.copy() for c in channels)))
+
+
+def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
+    """As `resimulate`, from a bag and the folder of its diagnosis; written to `out`.
+
+    Raises
+    ------
+    DiagnosisError
+        The folder holds no models: the diagnosis found the recording unusable.
+    BagError
+        No such bag.
+    ModelError
+        A model file cannot be read.
+    """
+    for name in (BASE_FILE, AUGMENTED_FILE):
+        if not (diagnosis / name).exists():
+            raise DiagnosisError(
+                f"{diagnosis} holds no {name}; `ankle diagnose` writes it for every usable "
+                "recording"
+            )
+    result = resimulate(
+        Recording.from_bag(bag),
+        Model.load(diagnosis / BASE_FILE),
+        Model.load(diagnosis / AUGMENTED_FILE),
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    result.save(out)
+    return result
+
+
+def _write_bag(recording: Recording, torque: np.ndarray, path: Path) -> None:
+    """The recording's movement with another torque, as a bag."""
+    columns = {
+        "t[s]": recording.start + recording.time,
+        "position[rad]": recording.position,
+        "torque[N.m]": torque,
+    }
+    if recording.velocity is not None:
+        columns["velocity[rad/s]"] = recording.velocity
+    data, size = (
+        np.column_stack(list(columns.values())),
+        max(1, round(recording.rate / _BLOCKS_PER_SECOND)),
+    )
+    with BagWriter(path) as writer:
+        writer.add_topic(SAMPLES_TOPIC)
+        for begin in range(0, len(data), size):
+            writer.write_block(SAMPLES_TOPIC, Block(tuple(columns), data[begin : begin + size]))

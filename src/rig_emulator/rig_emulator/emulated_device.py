@@ -1,0 +1,371 @@
+"""The rig's real-time controller as docs/rig_protocol.md demands it, in virtual time: packets in,
+plate motion and packets out.
+
+It trusts nobody: every rule of the driver is enforced here again. It has no clock and no socket of
+its own; the caller says what time it is by the rig's clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Protocol, Union
+
+import numpy as np
+
+from ankle_actuator_driver.link.packet import (
+    DeviceFault,
+    DeviceState,
+    Heartbeat,
+    Reference,
+    Refusal,
+    StateReport,
+    Status,
+    Wanted,
+    build,
+    newer,
+    parse,
+)
+from ankle_actuator_driver.safety.encoder_check import EncoderCheck
+from ankle_actuator_driver.safety.limits import BETWEEN_SAMPLES, ROUNDING, Limits
+from ankle_actuator_driver.safety.reference_playback import (
+    LONGEST_BUFFER,
+    Empty,
+    Motion,
+    ReferencePlayback,
+)
+from ankle_actuator_driver.safety.stop_motion import StopMotion, stopping_distance
+from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
+from ankle_actuator_driver.safety.watchdog import Watchdog
+
+CYCLE = 8
+"""Servo samples that the plant is simulated at once: 3.9 ms at 2048 Hz."""
+SAMPLES_IN_PACKET = 32
+STANDSTILL = 0.05
+"""[s] For which the command stands still before the drive is off: a 30 Hz servo has come to rest by
+then.
+"""
+TORQUE_PATIENCE = 0.2
+"""[s] For which the plate yields before a torque beyond the limit counts as a fault."""
+LARGEST_FOLLOWING_ERROR = 0.08
+"""[rad] Between command and measured position: a 30 Hz servo is 0.037 rad behind at 5 rad/s; twice
+that is a broken drive.
+"""
+
+
+class Plant(Protocol):
+    """The plate with a foot on it."""
+
+    def run(self, command: np.ndarray) -> np.ndarray:
+        """Measured position [rad], velocity [rad/s], torque [N.m] for further commands of shape (n,
+        3); shape (n, 3).
+        """
+
+
+@dataclass
+class _Host:
+    """The driver that is obeyed."""
+
+    session: int = 0
+    sequence: int = 0
+    resets: int = 0
+    asked_off: bool = (
+        False  # has asked for OFF since the rig was last powered: only then may it ask for HOLD
+    )
+    echo: int = 0
+    echo_received: int = 0
+
+
+class EmulatedDevice:
+    """One controller.
+
+    Parameters
+    ----------
+    plant
+        What it drives.
+    limits
+        That it enforces.
+    rate
+        Of servo and samples [Hz].
+    session
+        Number of this start, not 0.
+    begin
+        Rig's clock at the first servo sample [s].
+
+    Attributes
+    ----------
+    state, fault, status
+        As it reports them.
+    refusals
+        Packets refused, by reason.
+    command
+        Position, velocity, acceleration that the servo is told now.
+    """
+
+    def __init__(
+        self, plant: Plant, limits: Limits, rate: float, session: int, begin: float
+    ) -> None:
+        self.state = DeviceState.OFF
+        self.fault = DeviceFault.NONE
+        self.status = Status(0)
+        self.refusals: Counter[Refusal] = Counter()
+        self.command: Motion = (0.0, 0.0, 0.0)
+        self._plant, self._limits, self._interval = plant, limits, 1.0 / rate
+        self._session, self._sequence = session, 0
+        self._begin, self._ticks = begin, 0
+        self._host = _Host()
+        self._heartbeats, self._references = Watchdog(), Watchdog()
+        self._playback = ReferencePlayback()
+        self._yield = TorqueYield(OF_RIG, limits.torque)
+        self._encoder = EncoderCheck()
+        self._last_step = 0.0  # of the command, in the last servo sample [rad]
+        self._held = 0.0
+        self._stop: StopMotion | None = None
+        self._stop_began = 0.0
+        self._after_stop = DeviceState.OFF
+        self._torque_since: float | None = None
+        self._measured: list[np.ndarray] = []
+        self._first = 0
+        self._reported = (self.state, self.fault)
+
+    @property
+    def host(self) -> int:
+        """Session of the driver that is obeyed, 0 for none."""
+        return self._host.session
+
+    def receive(self, data: bytes, now: float) -> Union[Heartbeat, Refusal]:
+        """Take in bytes from the line [s of the rig's clock]; returns the packet that is obeyed or
+        why there is none.
+        """
+        packet = parse(data)
+        if isinstance(packet, StateReport):
+            packet = Refusal.DIRECTION
+        if not isinstance(packet, Refusal):
+            packet = self._obey(packet, now)
+        if isinstance(packet, Refusal):
+            self.refusals[packet] += 1
+        return packet
+
+    def _obey(self, packet: Heartbeat, now: float) -> Union[Heartbeat, Refusal]:
+        host = self._host
+        if packet.session != host.session:
+            if self.state not in (DeviceState.OFF, DeviceState.FAULT):
+                return Refusal.SESSION
+            host = self._host = _Host(packet.session, (packet.sequence - 1) % 2**32, packet.resets)
+        if not newer(packet.sequence, host.sequence):
+            return Refusal.OLD
+        if isinstance(packet, Reference) and (reason := self._refuse_reference(packet, now)):
+            return reason
+        host.sequence = packet.sequence
+        host.echo, host.echo_received = packet.sent, round(now * 1e9)
+        self._heartbeats.feed(now)
+        self._want(packet, now)
+        if isinstance(packet, Reference) and self.state is DeviceState.FOLLOW:
+            self._playback.add(1e-9 * packet.first, packet.interval, packet.motion)
+            self._references.feed(now)
+        return packet
+
+    def _refuse_reference(self, packet: Reference, now: float) -> Refusal | None:
+        first = 1e-9 * packet.first
+        if not now < first + (len(packet.motion) - 1) * packet.interval < now + LONGEST_BUFFER:
+            return Refusal.TIME
+        before = self._playback.follows(first, packet.interval)
+        if self._limits.passed_by(packet.motion, packet.interval, before):
+            self._trip(DeviceFault.REFERENCE_BEYOND_LIMIT, now)
+            return Refusal.LIMIT
+        return None
+
+    def _want(self, packet: Heartbeat, now: float) -> None:
+        host = self._host
+        if packet.resets != host.resets:
+            host.resets = packet.resets
+            if (
+                self.state is DeviceState.FAULT
+                and packet.wanted is Wanted.OFF
+                and not self.status & Status.EMERGENCY_STOP_PRESSED
+            ):
+                self.state, self.fault = DeviceState.OFF, DeviceFault.NONE
+        if packet.wanted is Wanted.OFF:
+            host.asked_off = True
+            self._leave(DeviceState.OFF, now)
+        elif packet.wanted is Wanted.HOLD:
+            if self.state is DeviceState.OFF and host.asked_off:
+                self.state = DeviceState.HOLD
+                host.asked_off = False
+                self._rest_here()
+            elif self.state is DeviceState.FOLLOW:
+                self._leave(DeviceState.HOLD, now)
+        elif self.state is DeviceState.HOLD:
+            self.state = DeviceState.FOLLOW
+            self.status &= ~Status.REFERENCE_LOST
+            self._rest_here()
+            self._references.feed(now)
+
+    def press_emergency_stop(self, pressed: bool, now: float) -> None:
+        """The button at the rig: a controlled stop, then off (stop category 1 of IEC 60204-1)."""
+        if not pressed:
+            self.status &= ~Status.EMERGENCY_STOP_PRESSED
+            return
+        self.status |= Status.EMERGENCY_STOP_PRESSED
+        self._trip(DeviceFault.EMERGENCY_STOP, now)
+
+    def _trip(self, fault: DeviceFault, now: float) -> None:
+        """A fault: stop if the plate may move, then stay off until a reset."""
+        if self.fault is DeviceFault.NONE:
+            self.fault = fault
+        if self.state is DeviceState.OFF:
+            self.state = DeviceState.FAULT
+        elif self.state is DeviceState.STOPPING:
+            self._after_stop = DeviceState.FAULT
+        else:
+            self._leave(DeviceState.FAULT, now)
+
+    def _leave(self, after: DeviceState, now: float) -> None:
+        """Begin the stop that ends in another state."""
+        if self.state in (DeviceState.HOLD, DeviceState.FOLLOW):
+            position, velocity, _ = self.command
+            self._stop = StopMotion.plan(
+                position, velocity, self._limits.angle, self._limits.acceleration
+            )
+            self._stop_began = (
+                self._begin + (self._ticks - 1) * self._interval
+            )  # the time of the present command
+            self._after_stop, self.state = after, DeviceState.STOPPING
+        elif self.state is DeviceState.STOPPING and self._after_stop is DeviceState.HOLD:
+            self._after_stop = after
+
+    def _rest_here(self) -> None:
+        self._held = self.command[0]
+        self._yield.forget()
+        self._playback.clear()
+        self._encoder.forget()
+        self._torque_since = None
+
+    def advance(self, now: float) -> list[bytes]:
+        """Run the servo up to a time of the rig's clock [s]; the packets that leave meanwhile."""
+        leaving = []
+        while self._begin + (self._ticks + CYCLE - 1) * self._interval <= now:
+            self._cycle()
+            full = sum(len(part) for part in self._measured) >= SAMPLES_IN_PACKET
+            if full or (self.state, self.fault) != self._reported:
+                leaving.append(build(self._report(now)))
+        return leaving
+
+    def _cycle(self) -> None:
+        commands = np.empty((CYCLE, 3))
+        for row in commands:
+            before = self.command[0]
+            row[:] = self.command = self._servo(self._begin + self._ticks * self._interval)
+            self._last_step = self.command[0] - before
+            self._ticks += 1
+        samples = self._plant.run(commands)
+        self._measured.append(samples)
+        self._look(samples, self._begin + (self._ticks - 1) * self._interval)
+
+    def _servo(self, now: float) -> Motion:
+        """The command of one servo sample."""
+        self._watch(now)
+        if self.state is DeviceState.STOPPING:
+            return self._stopping(now)
+        if self.state not in (DeviceState.HOLD, DeviceState.FOLLOW):
+            return self.command[0], 0.0, 0.0
+        target: Union[Motion, Empty] = (self._held, 0.0, 0.0)
+        if self.state is DeviceState.FOLLOW:
+            bridged = self._playback.bridged
+            found = self._playback.at(now)
+            if self._playback.bridged != bridged:
+                self.status |= Status.REFERENCE_BRIDGED
+            target = target if found is Empty.BEFORE else found
+        if isinstance(target, Empty):
+            self._lose_reference(now)
+            return self._stopping(now)
+        offset = self._yield.step(self._interval)
+        motion = (target[0] + offset[0], target[1] + offset[1], target[2] + offset[2])
+        if self._beyond(motion):
+            self._trip(DeviceFault.MOTION_BEYOND_LIMIT, now)
+            return self._stopping(now)
+        return motion
+
+    def _watch(self, now: float) -> None:
+        if self.state not in (DeviceState.OFF, DeviceState.FAULT) and self._heartbeats.expired(now):
+            self._trip(DeviceFault.HEARTBEAT_LOST, now)
+        if self.state is DeviceState.FOLLOW and self._references.expired(now):
+            self._lose_reference(now)
+
+    def _lose_reference(self, now: float) -> None:
+        self.status |= Status.REFERENCE_LOST
+        self._leave(DeviceState.OFF, now)
+
+    def _stopping(self, now: float) -> Motion:
+        assert self._stop is not None
+        passed = now - self._stop_began
+        motion = self._stop.at(passed)
+        if passed > self._stop.duration + STANDSTILL:
+            self.state = self._after_stop
+            self._host.asked_off &= self.state is DeviceState.OFF
+            self._rest_here()
+        return motion
+
+    def _beyond(self, motion: Motion) -> bool:
+        """Whether a command passes a limit, by itself or in the step from the last one."""
+        position, velocity, acceleration = motion
+        limits, step = self._limits, position - self.command[0]
+        end = position + math.copysign(stopping_distance(velocity, limits.acceleration), velocity)
+        return not (
+            abs(end) <= limits.angle * (1 + ROUNDING)
+            and abs(position) <= limits.angle * (1 + ROUNDING)
+            and abs(velocity) <= limits.velocity * (1 + ROUNDING)
+            and abs(acceleration) <= limits.acceleration * (1 + ROUNDING)
+            and abs(step)
+            <= min(limits.step, limits.velocity * self._interval * (1 + BETWEEN_SAMPLES))
+            and abs(step - self._last_step)
+            <= limits.acceleration * self._interval**2 * (1 + BETWEEN_SAMPLES)
+        )
+
+    def _look(self, samples: np.ndarray, now: float) -> None:
+        """What the sensors say of a powered plate."""
+        torque = float(samples[-1, 2])
+        self._yield.measure(torque if self.state in (DeviceState.HOLD, DeviceState.FOLLOW) else 0.0)
+        self.status = (
+            self.status | Status.YIELDING if self._yield.excess else self.status & ~Status.YIELDING
+        )
+        if self.state not in (DeviceState.HOLD, DeviceState.FOLLOW):
+            return
+        if not self._yield.excess:
+            self._torque_since = None
+        elif self._torque_since is None:
+            self._torque_since = now
+        elif now - self._torque_since > TORQUE_PATIENCE:
+            self._trip(DeviceFault.TORQUE, now)
+        if self._encoder.stuck(now, self.command[0], float(samples[-1, 0])):
+            self._trip(DeviceFault.ENCODER, now)
+        if abs(samples[-1, 0] - self.command[0]) > LARGEST_FOLLOWING_ERROR:
+            self._trip(DeviceFault.FOLLOWING_ERROR, now)
+
+    def _report(self, now: float) -> StateReport:
+        samples = np.concatenate(self._measured) if self._measured else np.empty((0, 3))
+        first = self._begin + (self._ticks - len(samples)) * self._interval
+        self._measured = []
+        self._sequence = (self._sequence + 1) % 2**32
+        self._reported = (self.state, self.fault)
+        host = self._host
+        report = StateReport(
+            session=self._session,
+            sequence=self._sequence,
+            sent=round(now * 1e9),
+            state=self.state,
+            fault=self.fault,
+            status=self.status,
+            heard=host.sequence,
+            host=host.session,
+            refused=sum(self.refusals.values()) % 2**32,
+            echo=host.echo,
+            echo_received=host.echo_received,
+            first=round(first * 1e9),
+            interval=self._interval,
+            commanded=self.command[0],
+            samples=samples,
+        )
+        self.status &= ~Status.REFERENCE_BRIDGED
+        return report

@@ -1,0 +1,44 @@
+"""Switch faults of a rig emulator that runs."""
+
+from __future__ import annotations
+
+import time
+
+from ankle_actuator_driver.link.transport import UdpTransport, address_towards
+from ankle_node.parameters import ParameterError
+
+PATIENCE = 3.0
+"""[s] For an answer; asked again meanwhile."""
+
+
+def switch_faults(switches: str, address: str, port: int) -> str:
+    """The switches that are on afterwards.
+
+    Parameters
+    ----------
+    switches
+        As `faults.Faults.with_switches` takes them; empty only asks.
+    address, port
+        Of the emulator's line; its switches are at the next port.
+
+    Raises
+    ------
+    ParameterError
+        Refused; the message is the emulator's.
+    OSError
+        No emulator answers.
+    """
+    remote = (address, port + 1)
+    line = UdpTransport((address_towards(remote), 0), remote)
+    try:
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            line.send(switches.encode())
+            for answer in line.receive(0.5):
+                text = answer.decode(errors="replace")
+                if text.startswith("error: "):
+                    raise ParameterError(text.removeprefix("error: "))
+                return text
+    finally:
+        line.close()
+    raise OSError(f"no rig emulator answers at UDP {address}:{port + 1} within {PATIENCE:g} s")

@@ -1,0 +1,1 @@
+"""The blind study: cases of the independent rig with sealed truth, diagnosed and scored."""
