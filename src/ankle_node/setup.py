@@ -11,6 +11,8 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    # colcon test runs pytest where this names it.
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",

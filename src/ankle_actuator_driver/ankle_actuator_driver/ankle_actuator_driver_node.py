@@ -22,6 +22,7 @@ import time
 from functools import partial
 
 import numpy as np
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -117,7 +118,7 @@ class ActuatorDriverNode(ManagedNode):
         self.release()
         super().destroy_node()
 
-    def work_off(self, executor) -> None:
+    def work_off(self, executor: SingleThreadedExecutor) -> None:
         """Told to stop: the rig first, then the blocks that still wait."""
         self.deactivate()
         super().work_off(executor)

@@ -123,7 +123,8 @@ class RecordNode(AnkleNode):
             if worked_off is not None:
                 worked_off(info)
 
-        self.create_subscription(message_class, topic, receive, qos, raw=True)
+        # rclpy passes the message's times to a callback of two arguments; its annotation knows one.
+        self.create_subscription(message_class, topic, receive, qos, raw=True)  # type: ignore[arg-type]
 
     def _store(self, topic: str, message: bytes, info: MessageInfo) -> None:
         if self.recording is None:
