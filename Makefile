@@ -38,7 +38,7 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 
 # Compiling the estimators takes longest; the checks are made meanwhile.
 test: setup
-	@$(MAKE) --no-print-directory -j 3 compiled-joint compiled-CE lint
+	@$(MAKE) --no-print-directory -j 3 compiled-simultaneous compiled-CE lint
 	@$(BIN)/python -m pytest -q -m "not slow" -n 2
 
 test-slow: setup

@@ -4,8 +4,8 @@ recursive least squares of padasip.
     .venv/bin/python benchmarks/estimators.py
 
 One core, after compilation, the paper's CE condition. Processor times of `process`, the Python call
-included. `padasip.filters.FilterRLS` gets the joint estimator's regressors (position, velocity,
-acceleration, twelve basis functions) ready-made, and only the decimated ones.
+included. `padasip.filters.FilterRLS` gets the simultaneous estimator's regressors (position,
+velocity, acceleration, twelve basis functions) ready-made, and only the decimated ones.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from ankle_physics.virtual_rig import Recording, simulate
 from impedance_estimator.algorithms import ALGORITHMS, make_estimator
 from impedance_estimator.settings import Settings as CorrelationSettings
 from impedance_estimator.simultaneous.regression import INTRINSIC
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
 sys.path.insert(0, str(Path(__file__).parent))
-from scipy_estimators import ScipyCE, ScipyJoint
+from scipy_estimators import ScipyCE, ScipySimultaneous
 
 RATE, BLOCK = 2048.0, 32
 SECONDS, SETTLED = 60.0, 20.0
 """[s] simulated, and from when on times count: memories are full."""
 FORGETTING = 0.9998
-"""Per sample at 256 Hz: a memory of 20 s, as the joint estimator's."""
+"""Per sample at 256 Hz: a memory of 20 s, as the simultaneous estimator's."""
 
 
 def recording(rate: float) -> Recording:
@@ -74,7 +74,7 @@ def row(what: str, times: np.ndarray, against: float | None = None) -> None:
 
 def recursive_least_squares(samples: np.ndarray) -> np.ndarray:
     """Time of padasip's updates for each block of `BLOCK` samples [s]."""
-    count = INTRINSIC + round(JointSettings().basis_functions)
+    count = INTRINSIC + round(SimultaneousSettings().basis_functions)
     every = round(RATE / 256.0)
     regressors = np.random.default_rng(0).standard_normal((len(samples) // every, count))
     filter_ = padasip.filters.FilterRLS(count, mu=FORGETTING, w="zeros")
@@ -114,37 +114,40 @@ def main() -> None:
         f"{rows[-1, 4]:.4f}"
     )
     row(
-        "peer: part of joint in plain SciPy, ratio to joint",
-        block_times(ScipyJoint(RATE).process, samples, BLOCK, RATE),
-        ours["joint"],
+        "peer: part of simultaneous in plain SciPy, ratio to simultaneous",
+        block_times(ScipySimultaneous(RATE).process, samples, BLOCK, RATE),
+        ours["simultaneous"],
     )
     row(
-        "peer: padasip RLS, regressors given, ratio to joint",
+        "peer: padasip RLS, regressors given, ratio to simultaneous",
         recursive_least_squares(samples),
-        ours["joint"],
+        ours["simultaneous"],
     )
 
     print("Block size at 2048 Hz: median per block, and per sample")
     for block in (8, 32, 128, 512, 2048):
-        for name in ("CE", "joint"):
+        for name in ("CE", "simultaneous"):
             times = block_times(make_estimator(name, RATE, True).process, samples, block, RATE)
             row(f"{name}, {block} samples, {np.median(times) / block * 1e6:.2f} us a sample", times)
     print(f"Sampling rate, blocks of {BLOCK} samples; share of real time")
     for rate in (500.0, 1000.0, 2048.0, 5000.0, 10_000.0):
         signal = samples_of(recording(rate))
-        for name in ("CE", "joint"):
+        for name in ("CE", "simultaneous"):
             times = block_times(make_estimator(name, rate, True).process, signal, BLOCK, rate)
             row(
                 f"{name}, {rate:.0f} Hz, {100.0 * np.mean(times) * rate / BLOCK:.2f} % of real "
                 "time",
                 times,
             )
-    print("Functions in the joint estimator's reflex basis, blocks of 32 samples at 2048 Hz")
+    print("Functions in the simultaneous estimator's reflex basis, blocks of 32 samples at 2048 Hz")
     for count in (6, 9, 12, 16, 20):
-        estimator = make_estimator("joint", RATE, True, JointSettings(basis_functions=float(count)))
+        estimator = make_estimator(
+            "simultaneous", RATE, True, SimultaneousSettings(basis_functions=float(count))
+        )
         times = block_times(estimator.process, samples, BLOCK, RATE)
         row(
-            f"joint, {count} functions, {100.0 * np.mean(times) * RATE / BLOCK:.2f} % of real time",
+            f"simultaneous, {count} functions, "
+            f"{100.0 * np.mean(times) * RATE / BLOCK:.2f} % of real time",
             times,
         )
 

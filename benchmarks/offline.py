@@ -117,7 +117,7 @@ def main() -> None:
         print(f"{'read and unpack every block':44s} {reading:7.3f} s")
         print(f"{'read and unpack /ankle/samples alone':44s} {samples:7.3f} s")
         print(f"{'peer: mcap library reads /ankle/samples':44s} {peer:7.3f} s")
-        for name in ("CE", "joint"):
+        for name in ("CE", "simultaneous"):
             spent = median_time(lambda name=name: whole(name))
             print(
                 f"{f'read, estimate ({name}) and write':44s} {spent:7.3f} s = "

@@ -28,14 +28,14 @@ from impedance_estimator.offline.parallel_cascade import parallel_cascade
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.offline.torque_prediction import Prediction, predict_torque
 from impedance_estimator.settings import EstimatorSettings, Settings
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 
 RECORDINGS = Path(__file__).resolve().parents[2] / "shared" / "recordings"
 # A half lasts 30 s; estimates need to be valid before its end.
 ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
     "CE": ("CE", Settings(settling_time=20.0)),
     "CE, all high-passed": ("CE", Settings(settling_time=20.0, highpass="all")),
-    "joint": ("joint", JointSettings()),
+    "simultaneous": ("simultaneous", SimultaneousSettings()),
 }
 HEADER = (
     "trial",
@@ -61,7 +61,7 @@ VOLUNTARY = ((0.0, 1.0), (0.5, 0.3), (1.0, 1.0))
 COMPARED = {
     "CE": ("CE", Settings()),
     "CE, all high-passed": ("CE", Settings(highpass="all")),
-    "joint": ("joint", JointSettings()),
+    "simultaneous": ("simultaneous", SimultaneousSettings()),
 }
 
 

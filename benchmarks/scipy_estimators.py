@@ -1,9 +1,10 @@
 """The estimators' algorithms once more in plain NumPy and SciPy, block by block: peers for speed.
 
 `ScipyCE` is the whole of algorithm CE (``highpass`` = ``all``) except validity, standard errors and
-VAF; it gives the same K and G. `ScipyJoint` is the part of the joint estimator that every block
-needs: smoothing and derivatives, reflex basis, whitening under every noise model, sums of products,
-and one solution per memory block. It does not look for changes, choose models, or follow the shape.
+VAF; it gives the same K and G. `ScipySimultaneous` is the part of the simultaneous estimator that
+every block needs: smoothing and derivatives, reflex basis, whitening under every noise model, sums
+of products, and one solution per memory block. It does not look for changes, choose models, or
+follow the shape.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from impedance_estimator.correlation.reflex_response import decimation, lags
 from impedance_estimator.correlation.separation import REFLEX_EVERY
 from impedance_estimator.digital_filters import butterworth_lowpass, highpass
 from impedance_estimator.settings import Settings
-from impedance_estimator.simultaneous.simultaneous_estimator import Joint
+from impedance_estimator.simultaneous.simultaneous_estimator import Simultaneous
 
 
 class _Filter:
@@ -116,11 +117,11 @@ class ScipyCE:
             self.G = float(np.sum(linalg.solve_toeplitz(column, correlations[count:])))
 
 
-class ScipyJoint:
-    """The joint estimator's work for every block, for a stream with measured velocity."""
+class ScipySimultaneous:
+    """The simultaneous estimator's work for every block, for a stream with measured velocity."""
 
     def __init__(self, rate: float) -> None:
-        self._plan = plan = Joint(rate, True)._plan
+        self._plan = plan = Simultaneous(rate, True)._plan
         self._kernels = plan.kernels
         self._history = np.zeros((2 * plan.kernels.shape[1], 3))
         self._basis = plan.functions

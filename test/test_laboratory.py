@@ -14,7 +14,7 @@ from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import agreement, regenerate_by_replay
 from impedance_estimator.offline.recorded_estimates import estimate_bag
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from session_recorder.bag_reader import BagReader
 
 pytestmark = pytest.mark.live
@@ -105,7 +105,9 @@ def test_replay_and_file_give_the_estimates_of_the_live_run(session):
     regenerate_by_replay(
         session / "bag", session / "replayed", session / "logs", settings, patience=180.0
     )
-    estimate_bag(session / "bag", session / "estimated", settings=JointSettings(settling_time=3.0))
+    estimate_bag(
+        session / "bag", session / "estimated", settings=SimultaneousSettings(settling_time=3.0)
+    )
     columns, live = BagReader(session / "bag").signal("/impedance/estimate")
     assert (live[:, columns.index("valid[1]")] == 1.0).any()
     for other in ("replayed", "estimated"):

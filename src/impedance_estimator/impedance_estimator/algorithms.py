@@ -9,7 +9,7 @@ from impedance_estimator.correlation.conceptual_experimental import (
 from impedance_estimator.correlation.original import Original
 from impedance_estimator.estimator import Estimator
 from impedance_estimator.settings import EstimatorSettings
-from impedance_estimator.simultaneous.simultaneous_estimator import Joint
+from impedance_estimator.simultaneous.simultaneous_estimator import Simultaneous
 
 ALGORITHMS: dict[str, type[Estimator]] = {
     estimator.name: estimator
@@ -17,11 +17,11 @@ ALGORITHMS: dict[str, type[Estimator]] = {
         ConceptualExperimental,
         Conceptual,
         Original,
-        Joint,
+        Simultaneous,
     )
 }
 
-DEFAULT = Joint.name
+DEFAULT = Simultaneous.name
 """``docs/estimators.md`` compares them."""
 
 

@@ -48,7 +48,7 @@ def estimate(
     if highpass is not None and "highpass" not in describe(settings_type):
         raise ValueError(f"algorithm '{algorithm}' has no --highpass")
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        bar.add_task("compiling (20 s the first time, joint two minutes)", total=None)
+        bar.add_task("compiling (20 s the first time, simultaneous two minutes)", total=None)
         compile_estimator(algorithm)
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(f"{algorithm} on {bag.name}", total=1.0)

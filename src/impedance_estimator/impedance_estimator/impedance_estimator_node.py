@@ -42,7 +42,7 @@ class ImpedanceEstimator(AnkleNode):
 
     def _compile(self) -> None:
         algorithm, begin = str(self._values["algorithm"]), time.monotonic()
-        self.get_logger().info(f"compiling {algorithm} (once: about 20 s, joint 40 s)")
+        self.get_logger().info(f"compiling {algorithm} (once: about 20 s, simultaneous 40 s)")
         compile_estimator(algorithm)
         self.get_logger().info(f"{algorithm} ready after {time.monotonic() - begin:.1f} s")
 

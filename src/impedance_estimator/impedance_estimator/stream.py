@@ -23,8 +23,8 @@ POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 RIG_RATE = 2048.0
 """[Hz] van 't Veld et al. 2018, section III-B.1."""
 COMPILED = 2.0
-"""[s] of samples that go through everything once: a block of the joint estimator is complete after
-half a second.
+"""[s] of samples that go through everything once: a block of the simultaneous estimator is complete
+after half a second.
 """
 RESPONSE_RATE = 2.0
 """[Hz] Reflex impulse responses per second."""

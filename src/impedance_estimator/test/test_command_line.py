@@ -53,7 +53,7 @@ def test_bag_in_table_and_bag_out(bag, tmp_path):
         (("nowhere",), "no bag at nowhere"),
         (("nowhere", "--algorithm", "XY"), "algorithm 'XY' is not known; allowed: CE"),
         (("nowhere", "--algorithm", "CE", "--highpass", "none"), "'highpass' = 'none' is refused"),
-        (("nowhere", "--highpass", "all"), "algorithm 'joint' has no --highpass"),
+        (("nowhere", "--highpass", "all"), "algorithm 'simultaneous' has no --highpass"),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):

@@ -107,7 +107,7 @@ def test_joint_estimator_does_not_leak_on_random_steps(trial):
         trial, 10.0, 0.5 * slow / slow.std() + 0.05 * random.normal(size=len(trial))
     )
     values = estimate_signal(
-        np.arange(len(signals)) / 1000.0, signals[:, 0], None, signals[:, 1], "joint"
+        np.arange(len(signals)) / 1000.0, signals[:, 0], None, signals[:, 1], "simultaneous"
     ).median()
     assert values["K[N.m/rad]"] == pytest.approx(100.0, rel=0.02)
     assert values["G[N.m.s/rad]"] == pytest.approx(10.0, rel=0.05)
@@ -118,6 +118,6 @@ def test_joint_estimator_keeps_its_memory_on_a_real_ankle(trial):
     errors would be large again.
     """
     t = np.arange(len(trial)) / 1000.0
-    rows = estimate_signal(t, trial[:, 0], None, trial[:, 1], "joint").valid
+    rows = estimate_signal(t, trial[:, 0], None, trial[:, 1], "simultaneous").valid
     errors = rows[rows[:, 0] > 25.0][:, 8]
     assert errors.max() < 2.0 * np.median(errors)

@@ -16,7 +16,7 @@ from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, REFLEX_COLUMNS
 from impedance_estimator.offline.recorded_estimates import estimate_bag, estimate_signal
 from impedance_estimator.settings import Settings
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from impedance_estimator.stream import EstimateStream
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
@@ -94,7 +94,10 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     bag = write_bag(tmp_path / "session", blocks_of(samples))
     told = []
     result = estimate_bag(
-        bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0), progress=told.append
+        bag,
+        tmp_path / "estimates",
+        settings=SimultaneousSettings(settling_time=3.0),
+        progress=told.append,
     )
     np.testing.assert_array_equal(result.rows, rows)
     assert told
@@ -106,16 +109,19 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     assert written_responses[-1].columns == REFLEX_COLUMNS
     np.testing.assert_array_equal(written_responses[-1].data, responses[-1][1])
     with pytest.raises(BagError, match="is there already"):
-        estimate_bag(bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0))
+        estimate_bag(bag, tmp_path / "estimates", settings=SimultaneousSettings(settling_time=3.0))
     estimate_bag(
-        bag, tmp_path / "estimates", settings=JointSettings(settling_time=3.0), overwrite=True
+        bag,
+        tmp_path / "estimates",
+        settings=SimultaneousSettings(settling_time=3.0),
+        overwrite=True,
     )
 
 
 def test_arrays_give_what_the_bag_gives(samples, tmp_path):
     bag = write_bag(tmp_path / "session", blocks_of(samples))
-    from_bag = estimate_bag(bag, settings=JointSettings(settling_time=3.0))
-    from_arrays = estimate_signal(*samples.T, settings=JointSettings(settling_time=3.0))
+    from_bag = estimate_bag(bag, settings=SimultaneousSettings(settling_time=3.0))
+    from_arrays = estimate_signal(*samples.T, settings=SimultaneousSettings(settling_time=3.0))
     np.testing.assert_array_equal(from_bag.rows, from_arrays.rows)
     np.testing.assert_array_equal(from_bag.torques, from_arrays.torques)
 
@@ -125,7 +131,7 @@ def test_degrees_and_millinewton_metres_are_converted(samples, tmp_path):
     columns = ("t[s]", "position[deg]", "velocity[deg/s]", "torque[mN.m]")
     result = estimate_bag(
         write_bag(tmp_path / "session", blocks_of(converted, columns=columns)),
-        settings=JointSettings(settling_time=3.0),
+        settings=SimultaneousSettings(settling_time=3.0),
     )
     expected, _ = feed(blocks_of(samples))
     np.testing.assert_allclose(result.rows, expected, rtol=1e-6)
@@ -135,7 +141,7 @@ def test_a_refused_block_is_reported_and_the_rest_used(samples, tmp_path):
     blocks = blocks_of(samples)
     blocks[300] = Block(("t[s]", "position[rad]", "velocity[rad/s]", "torque[V]"), blocks[300].data)
     result = estimate_bag(
-        write_bag(tmp_path / "session", blocks), settings=JointSettings(settling_time=3.0)
+        write_bag(tmp_path / "session", blocks), settings=SimultaneousSettings(settling_time=3.0)
     )
     assert any("torque comes in 'V', expected N.m" in note for note in result.notes)
     assert result.rows[-1, 7] == 1.0
@@ -183,6 +189,6 @@ def test_cut_off_bag_is_estimated_up_to_the_cut_and_told(samples, tmp_path):
     bag = write_bag(tmp_path / "session", blocks_of(samples))
     file: Path = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: file.stat().st_size - 40])
-    result = estimate_bag(bag, settings=JointSettings(settling_time=3.0))
+    result = estimate_bag(bag, settings=SimultaneousSettings(settling_time=3.0))
     assert result.notes
     assert len(result.rows) > 0

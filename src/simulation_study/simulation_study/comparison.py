@@ -29,12 +29,12 @@ tuning.
 """
 VOLUNTARY = {"none": (0.0, 0.3), "0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
 """Root mean square [N.m] and cut-off [Hz] of the subject's own torque."""
-COMPARED = ("CE", "CE all", "joint")
+COMPARED = ("CE", "CE all", "simultaneous")
 PICTURED = (
     *COMPARED,
     *(f"{label} x{factor:g}" for factor in FASTER for label in ("CE", "CE all")),
-    *(f"joint {memory:g} s" for memory in MEMORIES),
-    *(f"joint {memory:g} s, fixed" for memory in MEMORIES),
+    *(f"simultaneous {memory:g} s" for memory in MEMORIES),
+    *(f"simultaneous {memory:g} s, fixed" for memory in MEMORIES),
 )
 """Estimators of the picture of speed against variability."""
 REFLEXES = tuple(product((15.0, 21.0, 30.0), (0.6, 0.8, 1.0), (0.035, 0.045, 0.055)))
@@ -120,7 +120,7 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
         Trial(
             f"calibration_{run}",
             "CE",
-            ("CE all", "joint"),
+            ("CE all", "simultaneous"),
             fresh(),
             Ankle(),
             None,

@@ -197,7 +197,7 @@ def _calibration_table(results: dict[str, dict[str, Any]]) -> str:
     return _table(["ankle", "estimator", *GAINS], lines)
 
 
-def _duel_table(results: dict[str, dict[str, Any]], ours: str = "joint") -> str:
+def _duel_table(results: dict[str, dict[str, Any]], ours: str = "simultaneous") -> str:
     """In how many runs, each read by all estimators, ours is faster, or varies less."""
     lines = []
     for part, quantity, number in DUELS:
@@ -213,7 +213,7 @@ def _duel_table(results: dict[str, dict[str, Any]], ours: str = "joint") -> str:
                 better.append(by_estimator[ours] < by_estimator[against])
             K, G = np.sum(better, axis=0)
             lines.append([quantity, against, str(len(found)), str(K), str(G)])
-    return _table(["joint has the", "than", "runs", "K", "G"], lines)
+    return _table(["simultaneous has the", "than", "runs", "K", "G"], lines)
 
 
 def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) -> None:
@@ -228,8 +228,8 @@ def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) ->
     families = {
         "CE": ("tab:orange", "o"),
         "CE all": ("tab:green", "s"),
-        "joint": ("tab:blue", "D"),
-        "joint, fixed memory": ("tab:cyan", "v"),
+        "simultaneous": ("tab:blue", "D"),
+        "simultaneous, fixed memory": ("tab:cyan", "v"),
     }
     for column, voluntary in enumerate(cases):
         for row, parameter in enumerate(INDEX):
@@ -239,13 +239,13 @@ def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) ->
                 if other != voluntary:
                     continue
                 family = (
-                    "joint, fixed memory"
+                    "simultaneous, fixed memory"
                     if estimator.endswith("fixed")
                     else estimator.split(" x")[0]
                 )
                 family = (
-                    "joint"
-                    if family.startswith("joint ") and family != "joint, fixed memory"
+                    "simultaneous"
+                    if family.startswith("simultaneous ") and family != "simultaneous, fixed memory"
                     else family
                 )
                 rise = max(float(np.median(entry["rise_time"][:, row])), SHORTEST_RISE)

@@ -10,7 +10,7 @@ from ankle_physics.virtual_rig import Recording
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import EstimatorSettings, Settings
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from simulation_study.rigs import RIGS, record
 from simulation_study.trial import INERTIA, VISCOSITY, Trial
 
@@ -38,7 +38,7 @@ FASTER = (2.0, 4.0)
 variability.
 """
 MEMORIES = (5.0, 10.0, 40.0)
-"""[s] Memories of the joint estimator for the same picture."""
+"""[s] Memories of the simultaneous estimator for the same picture."""
 
 
 def _estimators() -> dict[str, tuple[str, EstimatorSettings]]:
@@ -62,12 +62,12 @@ def _estimators() -> dict[str, tuple[str, EstimatorSettings]]:
         "C",
         Settings(reflex_average_cutoff=2.0 * Settings.reflex_average_cutoff),
     )
-    found["joint"] = ("joint", JointSettings())
+    found["simultaneous"] = ("simultaneous", SimultaneousSettings())
     for memory in MEMORIES:
-        found[f"joint {memory:g} s"] = ("joint", JointSettings(memory=memory))
-        found[f"joint {memory:g} s, fixed"] = (
-            "joint",
-            JointSettings(memory=memory, change_detection="off"),
+        found[f"simultaneous {memory:g} s"] = ("simultaneous", SimultaneousSettings(memory=memory))
+        found[f"simultaneous {memory:g} s, fixed"] = (
+            "simultaneous",
+            SimultaneousSettings(memory=memory, change_detection="off"),
         )
     return found
 

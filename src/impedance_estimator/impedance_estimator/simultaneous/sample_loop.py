@@ -1,12 +1,12 @@
-"""The joint estimator, one sample after the other.
+"""The simultaneous estimator, one sample after the other.
 
-1. smooth and differentiate; rectify                    `gaussian_derivatives`, `joint_signals`
-2. decimate to about 256 Hz; reflex basis * v₊          `reflex_shapes`, `joint_signals`
+1. smooth and differentiate; rectify                    `gaussian_derivatives`, `signals`
+2. decimate to about 256 Hz; reflex basis * v₊          `reflex_shapes`, `signals`
 3. whiten under every noise model                       `voluntary_torque_noise`
-4. sums of products, block by block, in a ring          `joint_memory`
+4. sums of products, block by block, in a ring          `memory`
 5. has the ankle changed? forget what was before        `change_detection`
-6. K, B, I, G and the reflex's shape                    `joint_regression`, `joint_fit`
-7. every second: noise model, scatter of the scores     `joint_fit`
+6. K, B, I, G and the reflex's shape                    `regression`, `block_update`
+7. every second: noise model, scatter of the scores     `block_update`
 8. twice a second: how long a memory?                   `memory_length`
 
 `advance` does 1 to 4 for a stretch of samples, `finish_block` the rest. The state is a tuple of

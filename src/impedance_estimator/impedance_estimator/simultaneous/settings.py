@@ -1,4 +1,4 @@
-"""Settings of the joint estimator: every number with its unit, allowed range and reason."""
+"""Settings of the simultaneous estimator: every number with its unit, allowed range and reason."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ CHANGE_DETECTION_CHOICES = ("on", "off")
 
 
 @dataclass(frozen=True)
-class JointSettings(EstimatorSettings):
-    """Numbers of the joint estimator.
+class SimultaneousSettings(EstimatorSettings):
+    """Numbers of the simultaneous estimator.
 
     Raises
     ------

@@ -1,5 +1,5 @@
-"""The joint estimator: intrinsic and reflex parameters in one regression, voluntary torque as
-coloured noise.
+"""The simultaneous estimator: intrinsic and reflex parameters in one regression, with voluntary
+torque as coloured noise.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_deriv
 from impedance_estimator.simultaneous.memory_length import HORIZON, memory_lengths
 from impedance_estimator.simultaneous.regression import GAINS, PARAMETERS
 from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance, finish_block
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from impedance_estimator.simultaneous.state import COUNTERS, Plan, State
 
 SMOOTHING = 0.0015
@@ -39,23 +39,24 @@ CHUNK = 8192
 """Samples per compiled call: bounds the buffers, whatever the caller's block."""
 
 
-class Joint(Estimator):
+class Simultaneous(Estimator):
     """Generalised least squares over an adaptive memory; see ``docs/estimators.md``."""
 
-    name = "joint"
+    name = "simultaneous"
     title = (
-        "joint regression, voluntary torque as coloured noise, memory that restarts with changes"
+        "intrinsic and reflex part in one regression, voluntary torque as coloured noise, memory "
+        "that restarts with changes"
     )
-    settings_type = JointSettings
+    settings_type = SimultaneousSettings
 
     def __init__(
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
     ) -> None:
         super().__init__(rate, measured_velocity, settings)
-        if not isinstance(self.settings, JointSettings):
+        if not isinstance(self.settings, SimultaneousSettings):
             raise ValueError(
-                f"settings of type {type(self.settings).__name__} do not fit algorithm 'joint'; "
-                "expected JointSettings"
+                f"settings of type {type(self.settings).__name__} do not fit algorithm "
+                "'simultaneous'; expected SimultaneousSettings"
             )
         self._plan = self._make_plan(self.settings)
         self._samples = np.empty((CHUNK, self.sample_columns))
@@ -65,7 +66,7 @@ class Joint(Estimator):
         self._consumed = 0
         self.reset()
 
-    def _make_plan(self, s: JointSettings) -> Plan:
+    def _make_plan(self, s: SimultaneousSettings) -> Plan:
         rate = self.rate
         # 0.8 samples: the least for which the sampled derivatives are exact.
         kernels = gaussian_derivatives(

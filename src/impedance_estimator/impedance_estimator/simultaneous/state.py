@@ -1,4 +1,4 @@
-"""What the joint estimator knows at the start (`Plan`) and remembers between samples (`State`)."""
+"""What the simultaneous estimator knows at the start (`Plan`) and what it remembers (`State`)."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class State(NamedTuple):
     prior: np.ndarray
     """Mean and standard deviation of K, B, I, G before the memory, shape (2, 4)."""
     solution: np.ndarray
-    """The unknowns of `joint_regression`, shape (m + 7,)."""
+    """The unknowns of `regression`, shape (m + 7,)."""
     covariance: np.ndarray
     """Over the noise variance, shape (m + 7, m + 7)."""
     output: np.ndarray

@@ -1,5 +1,5 @@
-"""Parts of the joint estimator: regression, change detection, reflex shapes and noise models, each
-against NumPy, SciPy or known truth.
+"""Parts of the simultaneous estimator: regression, change detection, reflex shapes and noise
+models, each against NumPy, SciPy or known truth.
 """
 
 import math

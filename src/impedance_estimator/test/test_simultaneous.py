@@ -1,4 +1,4 @@
-"""The joint estimator on the independent simulation: bias, speed, voluntary torque, standard
+"""The simultaneous estimator on the independent simulation: bias, speed, voluntary torque, standard
 errors; CE is what it must beat.
 """
 
@@ -9,7 +9,7 @@ import pytest
 
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
-from impedance_estimator.simultaneous.settings import JointSettings
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
 
 TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
 VOLUNTARY = {"0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
@@ -20,10 +20,13 @@ REFLEX_RANGE = ((15.0, 30.0), (0.6, 1.0), (0.035, 0.055))
 """rad/s, 1, s"""
 
 
-def estimate(recording, estimator="joint"):
+def estimate(recording, estimator="simultaneous"):
     algorithm, settings = {
-        "joint": ("joint", JointSettings()),
-        "joint, 10 s, fixed": ("joint", JointSettings(memory=10.0, change_detection="off")),
+        "simultaneous": ("simultaneous", SimultaneousSettings()),
+        "simultaneous, 10 s, fixed": (
+            "simultaneous",
+            SimultaneousSettings(memory=10.0, change_detection="off"),
+        ),
         "CE": ("CE", Settings()),
         "CE all": ("CE", Settings(highpass="all")),
     }[estimator]
@@ -116,9 +119,9 @@ def test_better_than_ce_in_every_respect_under_voluntary_torque(simulate, volunt
     for baseline in ("CE", "CE all"):
         theirs = estimate(still, baseline)
         assert np.all(variation(estimate(still)) < variation(theirs)), baseline
-        assert np.all(variation(estimate(still, "joint, 10 s, fixed")) < variation(theirs)), (
-            baseline
-        )
+        assert np.all(
+            variation(estimate(still, "simultaneous, 10 s, fixed")) < variation(theirs)
+        ), baseline
         assert np.all(rise_times(estimate(moved)) < rise_times(estimate(moved, baseline))), baseline
     assert np.all(variation(estimate(still)) < 1.5)
 
