@@ -36,10 +36,11 @@ from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, hard_limits_fr
 from ankle_actuator_driver.safety.states import State
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Value
 from ankle_node import session_event
 from ankle_node.managed_node import ManagedNode
 from ankle_node.node import ERROR, WARN, WORKED_OFF_QOS, run
-from ankle_node.parameters import ParameterError, Value
 
 REFERENCE, SAMPLES = "/perturbation/reference", "/ankle/samples"
 MOTION = ("position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
@@ -56,7 +57,7 @@ class ActuatorDriverNode(ManagedNode):
         self._hard = hard_limits_from(values)
         limits_from(values).require_within(self._hard)
         if self.get_parameter("use_sim_time").value:
-            raise ParameterError("use_sim_time = True is refused: a rig moves in real time")
+            raise QuantityError("use_sim_time = True is refused: a rig moves in real time")
         self._session: RigSession | None = None
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)

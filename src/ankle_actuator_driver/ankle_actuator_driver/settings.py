@@ -3,64 +3,78 @@
 from __future__ import annotations
 
 from ankle_actuator_driver.safety.limits import HARD_LIMIT_PARAMETERS, LIMIT_PARAMETERS
-from ankle_node.parameters import Parameter
+from ankle_interfaces.quantity import Quantity
 
 DEVICE_PORT = 20480
 """UDP port of the rig; its control port in the emulator is the next one."""
 
-RIG_ADDRESS = Parameter(
-    "rig_address", "127.0.0.1", "", "Address of the rig's controller.", fixed=True
+RIG_ADDRESS = Quantity(
+    "rig_address",
+    default="127.0.0.1",
+    description="Address of the rig's controller.",
+    start_only=True,
 )
-RIG_PORT = Parameter(
-    "rig_port", DEVICE_PORT, "1", "UDP port of the rig's controller.", 1, 65535, fixed=True
+RIG_PORT = Quantity(
+    "rig_port",
+    "1",
+    1,
+    65535,
+    DEVICE_PORT,
+    description="UDP port of the rig's controller.",
+    start_only=True,
 )
-LOCAL_ADDRESS = Parameter(
+LOCAL_ADDRESS = Quantity(
     "local_address",
-    "",
-    "",
-    "Address of this computer to receive at; empty: the one that reaches the rig.",
-    fixed=True,
+    default="",
+    description="Address of this computer to receive at; empty: the one that reaches the rig.",
+    start_only=True,
 )
-LOCAL_PORT = Parameter(
-    "local_port", 0, "1", "UDP port of this computer; 0: a free one.", 0, 65535, fixed=True
+LOCAL_PORT = Quantity(
+    "local_port",
+    "1",
+    0,
+    65535,
+    0,
+    description="UDP port of this computer; 0: a free one.",
+    start_only=True,
 )
-REFERENCE_DELAY = Parameter(
+REFERENCE_DELAY = Quantity(
     "reference_delay",
-    0.0,
     "s",
-    "How much later than its own time the reference is followed, for a source that does not send "
-    "it ahead of its time "
-    "(perturbation_generator.lead does).",
     0.0,
     1.0,
-    fixed=True,
+    0.0,
+    description=(
+        "How much later than its own time the reference is followed, for a source that does not "
+        "send it ahead of its time (perturbation_generator.lead does)."
+    ),
+    start_only=True,
 )
-SOFT_START = Parameter(
+SOFT_START = Quantity(
     "soft_start",
-    1.0,
     "s",
-    "Time over which the plate goes from where it is held to the reference.",
     0.2,
     30.0,
+    1.0,
+    description="Time over which the plate goes from where it is held to the reference.",
 )
-AUTOSTART = Parameter(
+AUTOSTART = Quantity(
     "autostart",
-    False,
-    "",
-    "Whether the node configures and activates itself; it is never armed by itself.",
-    fixed=True,
+    default=False,
+    description="Whether the node configures and activates itself; it is never armed by itself.",
+    start_only=True,
 )
-READERS = Parameter(
+READERS = Quantity(
     "wait_for_readers",
-    0,
     "1",
-    "Readers of /ankle/samples to wait for before the first block is sent.",
     0,
     100,
-    fixed=True,
+    0,
+    description="Readers of /ankle/samples to wait for before the first block is sent.",
+    start_only=True,
 )
 
-PARAMETERS: tuple[Parameter, ...] = (
+PARAMETERS: tuple[Quantity, ...] = (
     RIG_ADDRESS,
     RIG_PORT,
     LOCAL_ADDRESS,

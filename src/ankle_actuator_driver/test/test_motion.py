@@ -17,7 +17,7 @@ from ankle_actuator_driver.safety.reference_playback import LONGEST_BRIDGE, Empt
 from ankle_actuator_driver.safety.soft_start import blend
 from ankle_actuator_driver.safety.stop_motion import GENTLE, StopMotion
 from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 from perturbation_generator.limits import Limits as GeneratorLimits
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
@@ -83,10 +83,10 @@ def test_no_limit_passes_its_hard_limit():
     }
     limits_from(values).require_within(hard_limits_from(values))
     with pytest.raises(
-        ParameterError, match=r"'torque_limit' = 40 N\.m passes the hard limit of 30 N\.m"
+        QuantityError, match=r"'torque_limit' = 40 N\.m passes the hard limit of 30 N\.m"
     ):
         limits_from({**values, "torque_limit": 40.0}).require_within(hard_limits_from(values))
-    assert all(parameter.fixed for parameter in HARD_LIMIT_PARAMETERS)
+    assert all(parameter.start_only for parameter in HARD_LIMIT_PARAMETERS)
 
 
 @given(st.floats(-0.17, 0.17), st.floats(-5.0, 5.0))

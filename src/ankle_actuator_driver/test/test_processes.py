@@ -19,8 +19,8 @@ from std_srvs.srv import Trigger
 
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
+from ankle_interfaces.errors import QuantityError
 from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
-from ankle_node.parameters import ParameterError
 from rig_emulator.fault_switches import switch_faults
 
 PATIENCE = (
@@ -237,7 +237,7 @@ def test_a_session_with_its_faults(bench):
         lambda: "pressed" in bench.operate("reset_fault").message, "the pressed button is known"
     )
     assert not bench.operate("arm").success
-    with pytest.raises(ParameterError, match="unknown"):
+    with pytest.raises(QuantityError, match="unknown"):
         switch_faults("explode=1", "127.0.0.1", port)
     assert switch_faults("emergency_stop=0", "127.0.0.1", port) == "none"
 

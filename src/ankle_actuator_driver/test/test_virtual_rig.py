@@ -19,7 +19,7 @@ from ankle_actuator_driver.link.packet import (
     parse,
 )
 from ankle_actuator_driver.safety.bridge import Bridge
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 from rig_emulator.faults import Faults
@@ -339,5 +339,5 @@ def test_fault_switches_are_read_and_every_mistake_is_named():
         ("drop=2", "allowed: 0 to 1"),
         ("drop=nan", "refused"),
     ):
-        with pytest.raises(ParameterError, match=words):
+        with pytest.raises(QuantityError, match=words):
             faults.with_switches(text)

@@ -7,3 +7,7 @@ class BlockError(ValueError):
 
 class UnitError(BlockError):
     """A unit that is unknown or does not fit the quantity."""
+
+
+class QuantityError(ValueError):
+    """A value that a quantity refuses; names the quantity, the value, its unit and the range."""

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle.node import LifecycleNodeMixin
 
+from ankle_interfaces.quantity import Quantity
 from ankle_node.node import ERROR, AnkleNode
-from ankle_node.parameters import Parameter
 
 FAILURES = (ValueError, OSError)
 """What a transition may raise because of the node's surroundings: it fails, with the sentence in
@@ -29,7 +29,7 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
         As `AnkleNode`.
     """
 
-    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, name: str, parameters: Sequence[Quantity]) -> None:
         AnkleNode.__init__(self, name, parameters)
         LifecycleNodeMixin.__init__(self)
 

@@ -32,8 +32,8 @@ from std_msgs.msg import Float64MultiArray, String
 
 from ankle_interfaces.block import Block, pack, require_columns, unpack
 from ankle_interfaces.continuity import Continuity, Finding
-from ankle_interfaces.errors import BlockError
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import BlockError, QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 
 # Reliable, keep-last 64: one second of blocks, so that a busy reader loses nothing.
 BLOCK_QOS = QoSProfile(
@@ -85,10 +85,10 @@ class AnkleNode(Node):
     name
         Node name.
     parameters
-        Every parameter of the node; a refused start value raises `ParameterError`.
+        Every parameter of the node; a refused start value raises `QuantityError`.
     """
 
-    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, name: str, parameters: Sequence[Quantity]) -> None:
         super().__init__(name)
         self._declared = {parameter.name: parameter for parameter in parameters}
         for parameter in parameters:
@@ -137,7 +137,7 @@ class AnkleNode(Node):
         return str(self.value(name))
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Called with accepted new values before they are stored; raise `ParameterError` to refuse
+        """Called with accepted new values before they are stored; raise `QuantityError` to refuse
         them.
         """
 
@@ -148,12 +148,12 @@ class AnkleNode(Node):
                 declared = self._declared.get(change.name)
                 if declared is None:
                     continue
-                if declared.fixed:
-                    raise ParameterError(f"parameter '{declared.name}' can be set at start only")
+                if declared.start_only:
+                    raise QuantityError(f"parameter '{declared.name}' can be set at start only")
                 accepted[change.name] = declared.check(change.value)
             if accepted:
                 self.parameters_changed(accepted)
-        except ParameterError as error:
+        except QuantityError as error:
             self.get_logger().error(str(error))
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -316,15 +316,16 @@ class AnkleNode(Node):
         self._diagnostics.publish(array)
 
 
-def _descriptor(parameter: Parameter) -> ParameterDescriptor:
+def _descriptor(parameter: Quantity) -> ParameterDescriptor:
+    text = " ".join(part for part in (parameter.description, parameter.source) if part)
     unit = f" [{parameter.unit}]" if parameter.unit else ""
     # dynamic_typing: rclpy would refuse `amplitude:=1` for a float before our own check can say
     # why.
     descriptor = ParameterDescriptor(
-        description=f"{parameter.description}{unit}", dynamic_typing=True, read_only=False
+        description=f"{text}{unit}", dynamic_typing=True, read_only=False
     )
     descriptor.additional_constraints = f"allowed: {parameter.allowed}" + (
-        "; at start only" if parameter.fixed else ""
+        "; at start only" if parameter.start_only else ""
     )
     return descriptor
 
@@ -360,7 +361,7 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         node.hand_over()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (ParameterError, ValueError, OSError) as error:
+    except (QuantityError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return 1
     finally:

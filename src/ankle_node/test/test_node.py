@@ -8,16 +8,17 @@ import time
 
 import pytest
 
-from ankle_node.parameters import Parameter, ParameterError
-
 pytestmark = pytest.mark.live
 
 PROGRAM = """
 import sys
 from ankle_node.node import AnkleNode, run
-from ankle_node.parameters import Parameter
-P = [Parameter("amplitude", 0.03, "rad", "Step size.", 0.001, 0.1), Parameter("seed", 1, "1", "Seed.", 0, 10, fixed=True),
-     Parameter("shape", "block", "", "Shape.", choices=("block", "polynomial"))]
+from ankle_interfaces.quantity import Quantity
+P = [
+    Quantity("amplitude", "rad", 0.001, 0.1, 0.03, description="Step size."),
+    Quantity("seed", "1", 0, 10, 1, description="Seed.", start_only=True),
+    Quantity("shape", default="block", description="Shape.", choices=("block", "polynomial")),
+]
 class N(AnkleNode):
     def __init__(self):
         super().__init__("probe", P)
@@ -28,7 +29,7 @@ class N(AnkleNode):
         print(d.description, d.floating_point_range[0].to_value, d.additional_constraints)
         print(self.set_parameters([R("amplitude", value=0.3)])[0].reason, flush=True)
 sys.exit(run(N))
-"""  # noqa: E501
+"""
 
 
 def start(*parameters):
@@ -71,14 +72,3 @@ def test_values_at_run_time_and_stop_by_signal(number):
     assert "one of block, polynomial" in lines[3]
     assert lines[4] == "Step size. [rad] 0.1 allowed: 0.001 to 0.1 rad"
     assert "'amplitude' = 0.3 rad is refused" in lines[5]
-
-
-def test_check_keeps_types_apart():
-    assert Parameter("x", 1.0, "s", "", 0, 2).check(2) == 2.0
-    for declared, value in (
-        (Parameter("x", 1.0, "s", "", 0, 2), True),
-        (Parameter("x", True, "", ""), 1),
-        (Parameter("x", 1.0, "s", ""), float("nan")),
-    ):
-        with pytest.raises(ParameterError):
-            declared.check(value)

@@ -266,5 +266,5 @@ def _entry(name: str, given: dict[str, Any]) -> Entry:
     term = _find(name)
     for symbol in given:
         term.parameter(symbol)
-    values = {p.symbol: p.check(given.get(p.symbol, p.typical), name) for p in term.parameters}
+    values = {p.symbol: p.value(given.get(p.symbol, p.default), name) for p in term.parameters}
     return Entry(term(), values)

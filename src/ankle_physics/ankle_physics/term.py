@@ -18,17 +18,19 @@ blocks of 32 samples and offline on a whole recording, with the same result.
 from __future__ import annotations
 
 import importlib
-import math
 import pkgutil
 from abc import ABC
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity
 from ankle_physics.errors import ModelError
 from ankle_physics.signals import Signals
 
@@ -53,21 +55,13 @@ PATH = tuple(Place)
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One parameter of a term.
+class Parameter(Quantity):
+    """One parameter of a term: a `Quantity` with its role in the model.
 
     Attributes
     ----------
-    symbol
-        As in the equation, ``K``.
-    unit
-        ``N.m/rad``.
-    lower, upper
-        Physically possible range, inclusive.
-    typical
-        Where a search starts and what a simulation takes unless told otherwise.
-    source
-        Where range and typical value come from.
+    default
+        Where a search starts, and what a simulation takes unless a value is given.
     linear
         Whether the torque is proportional to it (then `Term.torque` returns its column).
     fitted
@@ -75,38 +69,31 @@ class Parameter:
         (an angle: to the mean angle of the recording) and leaves it.
     """
 
-    symbol: str
-    unit: str
-    lower: float
-    upper: float
-    typical: float
-    source: str
+    default: float = 0.0
     linear: bool = False
     fitted: bool = True
 
-    @property
-    def key(self) -> str:
-        """Name with unit, as model files write it: ``K[N.m/rad]``."""
-        return f"{self.symbol}[{self.unit}]"
+    def value(self, value: object, term: str) -> float:
+        """Return the value of this parameter in a model as a float.
 
-    def check(self, value: Any, term: str) -> float:
-        """The value as a float.
+        Parameters
+        ----------
+        value
+            A number, or a text that reads as one.
+        term
+            Name of the term, for the error.
 
         Raises
         ------
         ModelError
-            Not a finite number or outside lower...upper.
+            Not a finite number, or outside the range.
         """
+        with suppress(TypeError, ValueError):
+            value = float(value)  # type: ignore[arg-type]
         try:
-            number = float(value)
-        except (TypeError, ValueError):
-            number = math.nan
-        if not self.lower <= number <= self.upper:
-            raise ModelError(
-                f"{term}: {self.symbol} = {value} {self.unit} is outside {self.lower:g} to "
-                f"{self.upper:g} {self.unit}"
-            )
-        return number
+            return float(replace(self, symbol=f"{term}.{self.symbol}").check(value))
+        except QuantityError as error:
+            raise ModelError(str(error)) from None
 
 
 class Turn(NamedTuple):

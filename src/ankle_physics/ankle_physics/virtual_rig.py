@@ -109,7 +109,7 @@ class VirtualRig:
         entry = self.model.entry(term)
         parameter = entry.term.parameter(symbol)
         self.scenario.require_free(term, symbol)
-        entry.values[symbol] = parameter.check(value, term)
+        entry.values[symbol] = parameter.value(value, term)
 
     def run(self, reference: np.ndarray) -> Samples:
         """The next stretch.

@@ -67,7 +67,7 @@ def test_every_term_states_its_parameters(name):
     assert term.sentence.endswith(".")
     assert term.__doc__
     for parameter in term.parameters:
-        assert parameter.lower <= parameter.typical <= parameter.upper
+        assert parameter.lower <= parameter.default <= parameter.upper
         assert parameter.source
 
 
@@ -91,9 +91,9 @@ def test_a_model_file_survives_saving(tmp_path):
         ("terms: [{term: stiffness, 'K[N.m/deg]': 3}]", "unknown parameter 'K\\[N.m/deg\\]'"),
         (
             "terms: [{term: stiffness, 'K[N.m/rad]': -3}]",
-            "K = -3 N.m/rad is outside 0 to 1000 N.m/rad",
+            "'stiffness.K' = -3.0 N.m/rad is refused; allowed: 0 to 1000 N.m/rad",
         ),
-        ("terms: [{term: stiffness, 'K[N.m/rad]': soft}]", "K = soft"),
+        ("terms: [{term: stiffness, 'K[N.m/rad]': soft}]", "'stiffness.K' = 'soft' is refused"),
         ("terms: [{term: inertia}, {term: inertia}]", "appears 2 times"),
         ("hello", "list 'terms'"),
         ("terms: [", "not YAML"),

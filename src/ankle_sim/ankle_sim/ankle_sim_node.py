@@ -28,10 +28,10 @@ from std_msgs.msg import String
 
 from ankle_interfaces.block import Block, require_columns
 from ankle_interfaces.continuity import Finding
-from ankle_interfaces.errors import BlockError
+from ankle_interfaces.errors import BlockError, QuantityError
+from ankle_interfaces.quantity import Value
 from ankle_node import session_event
 from ankle_node.node import ERROR, WARN, AnkleNode, run
-from ankle_node.parameters import ParameterError, Value
 from ankle_physics.actuator import Servo
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
@@ -143,7 +143,7 @@ class AnkleSimNode(AnkleNode):
                 if name in self._of_model and self._of_model[name][1:] in OF_SUBJECT
             ]
             if taken:
-                raise ParameterError(
+                raise QuantityError(
                     f"parameter '{taken[0]}' follows the virtual subject; set cocontraction, "
                     "excitability or push"
                 )
@@ -161,7 +161,7 @@ class AnkleSimNode(AnkleNode):
             for change in changes:
                 self._rig.check(*change)
         except ModelError as error:
-            raise ParameterError(str(error)) from None
+            raise QuantityError(str(error)) from None
         for change in changes:
             self._rig.set(*change)
         self._rig.noisy = bool(values.get("noise", self._rig.noisy))

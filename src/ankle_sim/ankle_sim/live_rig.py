@@ -144,7 +144,7 @@ class LiveRig:
             As `set`.
         """
         self.setup.scenario.require_free(term, symbol)
-        self.setup.model.entry(term).term.parameter(symbol).check(value, term)
+        self.setup.model.entry(term).term.parameter(symbol).value(value, term)
 
     def set(self, term: str, symbol: str, value: float) -> None:
         """Change a parameter of the model from the next block on.

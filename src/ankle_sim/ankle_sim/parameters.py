@@ -4,155 +4,177 @@ model.
 
 from __future__ import annotations
 
-from ankle_node.parameters import Parameter
+from dataclasses import replace
+
+from ankle_interfaces.quantity import Quantity
 from ankle_physics.actuator import Servo
 from ankle_physics.model import PAPER_TERMS, Entry, Model
 from ankle_physics.sensors import SignalToNoise
-from ankle_physics.term import Parameter as TermParameter
+from ankle_physics.term import Parameter
 
-MODEL = Parameter(
+MODEL = Quantity(
     "model",
-    "",
-    "",
-    "Model file (YAML); empty: the model of van 't Veld et al. 2018, figure 1.",
-    fixed=True,
+    default="",
+    description="Model file (YAML); empty: the model of van 't Veld et al. 2018, figure 1.",
+    start_only=True,
 )
-SCENARIO = Parameter(
+SCENARIO = Quantity(
     "scenario",
-    "",
-    "",
-    "Scenario file (YAML) of scripted parameter changes; empty: none.",
-    fixed=True,
+    default="",
+    description="Scenario file (YAML) of scripted parameter changes; empty: none.",
+    start_only=True,
 )
 _PAPER = SignalToNoise()
 RIG_PARAMETERS = (
     MODEL,
     SCENARIO,
-    Parameter(
+    Quantity(
         "actuator_bandwidth",
-        Servo().bandwidth,
         "Hz",
-        "Natural frequency of the second-order servo; 0 is an ideal actuator (default: section "
-        "II-B of the paper).",
         0.0,
         500.0,
-        fixed=True,
+        Servo().bandwidth,
+        description=(
+            "Natural frequency of the second-order servo; 0 is an ideal actuator (default: section "
+            "II-B of the paper)."
+        ),
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "actuator_damping",
-        Servo().damping,
         "1",
-        "Damping ratio of the servo (the usual choice).",
         0.1,
         5.0,
-        fixed=True,
+        Servo().damping,
+        description="Damping ratio of the servo (the usual choice).",
+        start_only=True,
     ),
-    Parameter("noise", True, "", "Whether the samples have sensor noise."),
-    Parameter(
+    Quantity("noise", default=True, description="Whether the samples have sensor noise."),
+    Quantity(
         "snr_position",
+        "dB",
+        0.0,
+        200.0,
         _PAPER.position,
-        "dB",
-        "Signal-to-noise ratio of the position (section II-C of the paper).",
-        0.0,
-        200.0,
-        fixed=True,
+        description="Signal-to-noise ratio of the position (section II-C of the paper).",
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "snr_velocity",
+        "dB",
+        0.0,
+        200.0,
         _PAPER.velocity,
-        "dB",
-        "Signal-to-noise ratio of the velocity (section II-D of the paper).",
-        0.0,
-        200.0,
-        fixed=True,
+        description="Signal-to-noise ratio of the velocity (section II-D of the paper).",
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "snr_torque",
-        _PAPER.torque,
         "dB",
-        "Signal-to-noise ratio of the torque (section II-C of the paper).",
         0.0,
         200.0,
-        fixed=True,
+        _PAPER.torque,
+        description="Signal-to-noise ratio of the torque (section II-C of the paper).",
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "noise_amplitude",
-        0.04,
         "rad",
-        "Amplitude of the pulse-step perturbation whose response sets the noise by the "
-        "signal-to-noise ratios "
-        "(default of the perturbation generator).",
         0.001,
         0.5,
-        fixed=True,
+        0.04,
+        description=(
+            "Amplitude of the pulse-step perturbation whose response sets the noise by the "
+            "signal-to-noise ratios "
+            "(default of the perturbation generator)."
+        ),
+        start_only=True,
     ),
-    Parameter("seed", 1, "1", "Seed of noise and voluntary torque.", 0, 2**31 - 1, fixed=True),
-    Parameter(
-        "wait_for_readers",
-        0,
+    Quantity(
+        "seed",
         "1",
-        "Readers of /ankle/samples to wait for before the first block is taken.",
+        0,
+        2**31 - 1,
+        1,
+        description="Seed of noise and voluntary torque.",
+        start_only=True,
+    ),
+    Quantity(
+        "wait_for_readers",
+        "1",
         0,
         100,
-        fixed=True,
+        0,
+        description="Readers of /ankle/samples to wait for before the first block is taken.",
+        start_only=True,
     ),
 )
-SUBJECT = Parameter(
+SUBJECT = Quantity(
     "subject",
-    0,
     "1",
-    "Number of a virtual subject, whose co-contraction and reflexes then set K and G and give "
-    "EMG; 0: none.",
     0,
     9999,
-    fixed=True,
+    0,
+    description=(
+        "Number of a virtual subject, whose co-contraction and reflexes then set K and G and give "
+        "EMG; 0: none."
+    ),
+    start_only=True,
 )
 STATE_PARAMETERS = (
-    Parameter(
+    Quantity(
         "cocontraction",
+        "1",
+        0.0,
+        1.0,
         0.3,
-        "1",
-        "What the virtual subject does: calf against shin, share of 10 N.m.",
-        0.0,
-        1.0,
+        description="What the virtual subject does: calf against shin, share of 10 N.m.",
     ),
-    Parameter(
+    Quantity(
         "excitability",
-        0.5,
         "1",
-        "What the virtual subject does: excitability of the calf's reflex.",
         0.0,
         1.0,
+        0.5,
+        description="What the virtual subject does: excitability of the calf's reflex.",
     ),
-    Parameter(
+    Quantity(
         "push",
-        0.0,
         "N.m",
-        "What the virtual subject does: torque towards plantarflexion.",
         -20.0,
         20.0,
+        0.0,
+        description="What the virtual subject does: torque towards plantarflexion.",
     ),
 )
-HOLDS = Parameter(
+HOLDS = Quantity(
     "holds",
-    0,
     "1",
-    "Holds that the virtual subject goes through, two of three at 0 N.m, the others at -5 N.m.",
     0,
     100,
-    fixed=True,
+    0,
+    description=(
+        "Holds that the virtual subject goes through, two of three at 0 N.m, the others at -5 N.m."
+    ),
+    start_only=True,
 )
-HOLD_DURATION = Parameter(
+HOLD_DURATION = Quantity(
     "hold_duration",
-    60.0,
     "s",
-    "Length of a hold (paper, section III-B.2: 60 s).",
     1.0,
     600.0,
-    fixed=True,
+    60.0,
+    description="Length of a hold (paper, section III-B.2: 60 s).",
+    start_only=True,
 )
-REACH_DURATION = Parameter(
-    "reach_duration", 60.0, "s", "Time from one hold to the next.", 1.0, 600.0, fixed=True
+REACH_DURATION = Quantity(
+    "reach_duration",
+    "s",
+    1.0,
+    600.0,
+    60.0,
+    description="Time from one hold to the next.",
+    start_only=True,
 )
 SUBJECT_PARAMETERS = (SUBJECT, *STATE_PARAMETERS, HOLDS, HOLD_DURATION, REACH_DURATION)
 VOLUNTARY_TORQUE = "voluntary_torque"
@@ -175,7 +197,7 @@ def parameter_name(term: str, symbol: str) -> str:
     return symbol if term in PAPER_TERMS else f"{term}.{symbol}"
 
 
-def model_parameters(model: Model) -> dict[str, tuple[Parameter, str, str]]:
+def model_parameters(model: Model) -> dict[str, tuple[Quantity, str, str]]:
     """Node parameter, term name and symbol of every parameter of the model, by node parameter name.
 
     Defaults are the model's values. Linear parameters can be set while the node runs, the others at
@@ -192,15 +214,11 @@ def model_parameters(model: Model) -> dict[str, tuple[Parameter, str, str]]:
     }
 
 
-def _declared(entry: Entry, own: TermParameter) -> Parameter:
-    text = f"{entry.term.name}: {entry.term.sentence} Range: {own.source}."
-    name = parameter_name(entry.term.name, own.symbol)
-    return Parameter(
-        name,
-        float(entry.values[own.symbol]),
-        own.unit,
-        text,
-        own.lower,
-        own.upper,
-        fixed=not own.linear,
+def _declared(entry: Entry, own: Parameter) -> Quantity:
+    return replace(
+        own,
+        symbol=parameter_name(entry.term.name, own.symbol),
+        default=float(entry.values[own.symbol]),
+        description=f"{entry.term.name}: {entry.term.sentence} ",
+        start_only=not own.linear,
     )

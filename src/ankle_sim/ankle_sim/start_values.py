@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
-from ankle_node.parameters import Parameter, Value
+from ankle_interfaces.quantity import Quantity, Value
 
 
-def start_value(node: str, parameter: Parameter) -> Value:
+def start_value(node: str, parameter: Quantity) -> Value:
     """A parameter's start value, read by a short-lived node of the same name.
 
     The defaults of the node's other parameters come from the model, so it must be known before they
@@ -17,7 +17,7 @@ def start_value(node: str, parameter: Parameter) -> Value:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         A value that is refused.
     """
     probe = Node(node, start_parameter_services=False, enable_rosout=False)

@@ -2,80 +2,94 @@
 
 from __future__ import annotations
 
-from ankle_node.parameters import Parameter
+from ankle_interfaces.quantity import Quantity
 from biofeedback.session.protocol import PAPER
 from biofeedback.voluntary_torque import CUTOFF
 from biofeedback.web.cursor import NATURAL_FREQUENCY
 from biofeedback.web.server import FRAME_RATE
 
-HOST = Parameter(
+HOST = Quantity(
     "host",
-    "127.0.0.1",
-    "",
-    "Address that is served; any other than this computer's own needs a token.",
-    fixed=True,
+    default="127.0.0.1",
+    description="Address that is served; any other than this computer's own needs a token.",
+    start_only=True,
 )
-PORT = Parameter(
-    "port", 8765, "1", "Port that is served; 0 takes a free one.", 0, 65535, fixed=True
+PORT = Quantity(
+    "port",
+    "1",
+    0,
+    65535,
+    8765,
+    description="Port that is served; 0 takes a free one.",
+    start_only=True,
 )
-TOKEN = Parameter(
+TOKEN = Quantity(
     "token",
-    "",
-    "",
-    "At least 16 characters; pages are then opened with ?token=... once.",
-    fixed=True,
+    default="",
+    description="At least 16 characters; pages are then opened with ?token=... once.",
+    start_only=True,
 )
-PROTOCOL = Parameter(
+PROTOCOL = Quantity(
     "protocol",
-    PAPER,
-    "",
-    "Session protocol: a name that comes with the package, or a YAML file.",
-    fixed=True,
+    default=PAPER,
+    description="Session protocol: a name that comes with the package, or a YAML file.",
+    start_only=True,
 )
-STATE_FILE = Parameter(
+STATE_FILE = Quantity(
     "state_file",
-    "",
-    "",
-    "Where progress is kept for a restart; empty: ~/.local/state/ankle/biofeedback_PORT.json.",
-    fixed=True,
+    default="",
+    description=(
+        "Where progress is kept for a restart; empty: ~/.local/state/ankle/biofeedback_PORT.json."
+    ),
+    start_only=True,
 )
-RESUME_WITHIN = Parameter(
+RESUME_WITHIN = Quantity(
     "resume_within",
-    900.0,
     "s",
-    "A session that was saved longer ago is not gone on with: a crash is noticed within minutes, "
-    "the next subject comes later.",
     0.0,
     86400.0,
-    fixed=True,
+    900.0,
+    description=(
+        "A session that was saved longer ago is not gone on with: a crash is noticed within "
+        "minutes, "
+        "the next subject comes later."
+    ),
+    start_only=True,
 )
-RATE = Parameter(
+RATE = Quantity(
     "frame_rate",
-    FRAME_RATE,
     "Hz",
-    "Frames of the cursor (paper, section III-B.1: 20 to 30).",
     10.0,
     60.0,
-    fixed=True,
+    FRAME_RATE,
+    description="Frames of the cursor (paper, section III-B.1: 20 to 30).",
+    start_only=True,
 )
-CURSOR = Parameter(
+CURSOR = Quantity(
     "cursor_frequency",
-    NATURAL_FREQUENCY,
     "Hz",
-    "Natural frequency of the cursor's follower; lags by 1 / (pi f).",
     1.0,
     100.0,
-    fixed=True,
+    NATURAL_FREQUENCY,
+    description="Natural frequency of the cursor's follower; lags by 1 / (pi f).",
+    start_only=True,
 )
-TORQUE_CUTOFF = Parameter(
-    "torque_cutoff", CUTOFF, "Hz", "Low-pass of the subject's torque.", 0.1, 20.0, fixed=True
+TORQUE_CUTOFF = Quantity(
+    "torque_cutoff",
+    "Hz",
+    0.1,
+    20.0,
+    CUTOFF,
+    description="Low-pass of the subject's torque.",
+    start_only=True,
 )
-RIG = Parameter(
+RIG = Quantity(
     "rig",
-    "",
-    "",
-    "Name of the rig's driver node; empty takes the one that offers arm, start and stop.",
-    fixed=True,
+    default="",
+    description=(
+        "Name of the rig's driver node; empty takes the one that offers arm, start and stop."
+    ),
+    start_only=True,
 )
 
 PARAMETERS = (

@@ -17,8 +17,9 @@ import time
 import pylsl
 from rclpy.clock import Clock, ClockType
 
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
-from ankle_node.parameters import Parameter, ParameterError, Value
 from emg_driver.backlog import Backlog
 from emg_driver.bridge import EmgBridge
 from emg_driver.clock_mapping import ClockDifference
@@ -29,44 +30,56 @@ from emg_driver.settings import ELECTRODES, electrodes_from
 from emg_driver.stream_description import parse_channels
 
 PARAMETERS = (
-    Parameter("stream_name", "", "", "Name of the stream; empty: any.", fixed=True),
-    Parameter("stream_type", "EMG", "", "Type of the stream; empty: any.", fixed=True),
-    Parameter("stream_source_id", "", "", "Source id of the stream; empty: any.", fixed=True),
-    Parameter(
+    Quantity(
+        "stream_name", default="", description="Name of the stream; empty: any.", start_only=True
+    ),
+    Quantity(
+        "stream_type", default="EMG", description="Type of the stream; empty: any.", start_only=True
+    ),
+    Quantity(
+        "stream_source_id",
+        default="",
+        description="Source id of the stream; empty: any.",
+        start_only=True,
+    ),
+    Quantity(
         "channels",
-        "SOL=SOL,TA=TA,GL=GL,GM=GM",
-        "",
-        "Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.",
-        fixed=True,
+        default="SOL=SOL,TA=TA,GL=GL,GM=GM",
+        description="Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.",
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "unit",
-        "",
-        "",
-        "Unit of the channels (V, mV, uV, nV); empty: as the stream declares.",
-        fixed=True,
+        default="",
+        description="Unit of the channels (V, mV, uV, nV); empty: as the stream declares.",
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "rate",
-        0.0,
         "Hz",
-        "Sampling rate that the stream must have; 0: any that suits EMG.",
         0.0,
         20_000.0,
-        fixed=True,
+        0.0,
+        description="Sampling rate that the stream must have; 0: any that suits EMG.",
+        start_only=True,
     ),
-    Parameter(
-        "silence", 0.5, "s", "A stream without samples for so long counts as stopped.", 0.1, 10.0
+    Quantity(
+        "silence",
+        "s",
+        0.1,
+        10.0,
+        0.5,
+        description="A stream without samples for so long counts as stopped.",
     ),
     *ELECTRODES,
-    Parameter(
+    Quantity(
         "wait_for_readers",
-        0,
         "1",
-        "Readers of /emg/samples to wait for before the stream is read.",
         0,
         100,
-        fixed=True,
+        0,
+        description="Readers of /emg/samples to wait for before the stream is read.",
+        start_only=True,
     ),
 )
 # Silent for so long, the stream is looked for anew: a sender that died without closing its
@@ -84,7 +97,7 @@ class EmgBridgeNode(AnkleNode):
         try:
             parse_channels(self.text("channels"))
         except StreamRefused as error:
-            raise ParameterError(f"parameter 'channels' is refused: {error}") from None
+            raise QuantityError(f"parameter 'channels' is refused: {error}") from None
         self._bridge: EmgBridge | None = None
         self._session = ""
         self._last = float("-inf")

@@ -20,24 +20,33 @@ import pylsl
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding, sampling_rate
+from ankle_interfaces.quantity import Quantity
 from ankle_interfaces.units import split_column
 from ankle_node.node import AnkleNode, run
-from ankle_node.parameters import Parameter
 from emg_driver.clock_mapping import ClockDifference
 from emg_driver.muscles import SAMPLES_TOPIC
 
 PARAMETERS = (
-    Parameter("stream_name", "simulated amplifier", "", "Name of the stream.", fixed=True),
-    Parameter("stream_type", "EMG", "", "Type of the stream.", fixed=True),
-    Parameter("stream_source_id", "", "", "Source id of the stream.", fixed=True),
-    Parameter(
+    Quantity(
+        "stream_name",
+        default="simulated amplifier",
+        description="Name of the stream.",
+        start_only=True,
+    ),
+    Quantity("stream_type", default="EMG", description="Type of the stream.", start_only=True),
+    Quantity(
+        "stream_source_id", default="", description="Source id of the stream.", start_only=True
+    ),
+    Quantity(
         "drift",
-        0.0,
         "1",
-        "Seconds per second by which the stamps lose time, as an amplifier's crystal does.",
         -1e-3,
         1e-3,
-        fixed=True,
+        0.0,
+        description=(
+            "Seconds per second by which the stamps lose time, as an amplifier's crystal does."
+        ),
+        start_only=True,
     ),
 )
 MICROVOLTS = 1e6  # amplifiers declare microvolts

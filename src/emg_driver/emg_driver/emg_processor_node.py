@@ -18,8 +18,8 @@ import sys
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
+from ankle_interfaces.quantity import Quantity, Value
 from ankle_node.node import ERROR, WARN, AnkleNode, run
-from ankle_node.parameters import Parameter, Value
 from emg_driver.muscles import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_TOPIC,
@@ -32,14 +32,14 @@ from emg_driver.offline import MOTION_TOPIC, POSITION, REFERENCE_TOPIC, VELOCITY
 from emg_driver.processor import EmgProcessor, Responses, warm_up
 from emg_driver.settings import ELECTRODES, PROCESSING, settings_from
 
-WAIT_FOR_READERS = Parameter(
+WAIT_FOR_READERS = Quantity(
     "wait_for_readers",
-    0,
     "1",
-    "Readers of /emg/responses to wait for before the first block is taken.",
     0,
     100,
-    fixed=True,
+    0,
+    description="Readers of /emg/responses to wait for before the first block is taken.",
+    start_only=True,
 )
 PARAMETERS = (*PROCESSING, *ELECTRODES, WAIT_FOR_READERS)
 # The average of a hundred changes little with each; half the messages show the same.

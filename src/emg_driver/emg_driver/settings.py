@@ -4,115 +4,146 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 
 ONSET_SOURCES = ("auto", "reference", "velocity")
 
 PROCESSING = (
-    Parameter(
+    Quantity(
         "highpass_cutoff",
-        20.0,
         "Hz",
-        "High-pass before rectification (paper, section III-B.3).",
         1.0,
         200.0,
+        20.0,
+        description="High-pass before rectification (paper, section III-B.3).",
     ),
-    Parameter(
+    Quantity(
         "highpass_order",
-        2,
         "1",
-        "Order of that Butterworth filter; the paper gives none, 2 is what amplifiers have.",
         1,
         8,
+        2,
+        description=(
+            "Order of that Butterworth filter; the paper gives none, 2 is what amplifiers have."
+        ),
     ),
-    Parameter(
+    Quantity(
         "background_window",
-        0.040,
         "s",
-        "Background: mean over so long before an onset (paper, figure 4).",
         0.005,
         0.2,
-    ),
-    Parameter(
-        "reflex_start",
         0.040,
+        description="Background: mean over so long before an onset (paper, figure 4).",
+    ),
+    Quantity(
+        "reflex_start",
         "s",
-        "Start of the reflex window after the onset (paper, figure 4).",
         0.0,
         0.2,
+        0.040,
+        description="Start of the reflex window after the onset (paper, figure 4).",
     ),
-    Parameter(
+    Quantity(
         "reflex_end",
-        0.060,
         "s",
-        "End of the reflex window after the onset (paper, figure 4).",
         0.005,
         0.4,
+        0.060,
+        description="End of the reflex window after the onset (paper, figure 4).",
     ),
-    Parameter(
+    Quantity(
         "onset_source",
-        "auto",
-        "",
-        "Where onsets come from; auto: the reference, and velocity while there is none.",
+        default="auto",
+        description=(
+            "Where onsets come from; auto: the reference, and velocity while there is none."
+        ),
         choices=ONSET_SOURCES,
     ),
-    Parameter(
+    Quantity(
         "onset_velocity",
-        0.3,
         "rad/s",
-        "Speed that a movement must reach: a tenth of the paper's perturbation (3 rad/s), more "
-        "than a servo's overshoot.",
         0.01,
         20.0,
+        0.3,
+        description=(
+            "Speed that a movement must reach: a tenth of the paper's perturbation (3 rad/s), more "
+            "than a servo's overshoot."
+        ),
     ),
-    Parameter(
+    Quantity(
         "rest_velocity",
-        0.05,
         "rad/s",
-        "Measured speed that counts as rest: seven times the noise of the paper's velocity sensor.",
         1e-4,
         5.0,
+        0.05,
+        description=(
+            "Measured speed that counts as rest: seven times the noise of the paper's velocity "
+            "sensor."
+        ),
     ),
-    Parameter(
+    Quantity(
         "ensemble_size",
-        100,
         "1",
-        "Onsets in the running ensemble average (the paper's holds have about 100).",
         2,
         10_000,
+        100,
+        description="Onsets in the running ensemble average (the paper's holds have about 100).",
     ),
-    Parameter("ensemble_before", 0.100, "s", "Ensemble average: start before the onset.", 0.0, 0.5),
-    Parameter("ensemble_after", 0.200, "s", "Ensemble average: end after the onset.", 0.01, 0.5),
+    Quantity(
+        "ensemble_before",
+        "s",
+        0.0,
+        0.5,
+        0.100,
+        description="Ensemble average: start before the onset.",
+    ),
+    Quantity(
+        "ensemble_after",
+        "s",
+        0.01,
+        0.5,
+        0.200,
+        description="Ensemble average: end after the onset.",
+    ),
 )
 
 ELECTRODES = (
-    Parameter("mains_frequency", 50.0, "Hz", "Of the local power line.", 45.0, 65.0),
-    Parameter(
+    Quantity("mains_frequency", "Hz", 45.0, 65.0, 50.0, description="Of the local power line."),
+    Quantity(
         "hum_share",
-        0.3,
         "1",
-        "Largest share of mains hum in a channel's power from 20 to 450 Hz; above it the "
-        "electrode is bad.",
         0.01,
         1.0,
+        0.3,
+        description=(
+            "Largest share of mains hum in a channel's power from 20 to 450 Hz; above it the "
+            "electrode is bad."
+        ),
     ),
-    Parameter(
+    Quantity(
         "flat_range",
-        1e-7,
         "V",
-        "A channel that varies less than this for 25 ms is flat; amplifiers have at least 0.3 uV "
-        "of noise.",
         0.0,
         1e-3,
+        1e-7,
+        description=(
+            "A channel that varies less than this for 25 ms is flat; amplifiers have at least "
+            "0.3 uV "
+            "of noise."
+        ),
     ),
-    Parameter(
+    Quantity(
         "largest_rms",
-        2e-3,
         "V",
-        "Largest rms that skin electrodes give; maximal contractions of the calf stay below 1 mV. "
-        "Above: wrong unit or loose electrode.",
         1e-5,
         1.0,
+        2e-3,
+        description=(
+            "Largest rms that skin electrodes give; maximal contractions of the calf stay below "
+            "1 mV. "
+            "Above: wrong unit or loose electrode."
+        ),
     ),
 )
 
@@ -123,7 +154,7 @@ class ElectrodeSettings:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         A value out of range.
     """
 
@@ -143,7 +174,7 @@ class Settings:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         A value out of range, or a reflex window that ends before it starts.
     """
 
@@ -164,12 +195,12 @@ class Settings:
         for parameter in PROCESSING:
             parameter.check(getattr(self, parameter.name))
         if self.reflex_end <= self.reflex_start:
-            raise ParameterError(
+            raise QuantityError(
                 f"parameter 'reflex_end' = {self.reflex_end:g} s is refused; allowed: after "
                 f"'reflex_start' = {self.reflex_start:g} s"
             )
         if self.rest_velocity >= self.onset_velocity:
-            raise ParameterError(
+            raise QuantityError(
                 f"parameter 'rest_velocity' = {self.rest_velocity:g} rad/s is refused; "
                 f"allowed: below 'onset_velocity' = {self.onset_velocity:g} rad/s"
             )

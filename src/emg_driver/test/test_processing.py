@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ankle_interfaces.block import Block
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 from emg_driver.backlog import Backlog
 from emg_driver.electrode_quality import defects
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
@@ -248,7 +248,7 @@ def test_highpass_passes_emg_and_stops_movement():
     ],
 )
 def test_settings_out_of_range_are_refused(values, words):
-    with pytest.raises(ParameterError) as refused:
+    with pytest.raises(QuantityError) as refused:
         Settings(**values)
     assert words in str(refused.value)
 

@@ -12,9 +12,10 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
+from ankle_interfaces.quantity import quantities
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
 from impedance_estimator.offline.recorded_estimates import OfflineResult, estimate_bag
-from impedance_estimator.settings import HIGHPASS_CHOICES, describe
+from impedance_estimator.settings import HIGHPASS_CHOICES
 from impedance_estimator.stream import compile_estimator
 
 _DIGITS = 4
@@ -45,7 +46,7 @@ def estimate(
     if algorithm not in ALGORITHMS:
         raise ValueError(f"algorithm '{algorithm}' is not known; allowed: {', '.join(ALGORITHMS)}")
     settings_type = ALGORITHMS[algorithm].settings_type
-    if highpass is not None and "highpass" not in describe(settings_type):
+    if highpass is not None and "highpass" not in quantities(settings_type):
         raise ValueError(f"algorithm '{algorithm}' has no --highpass")
     with Progress(console=Console(stderr=True), transient=True) as bar:
         bar.add_task("compiling (20 s the first time, simultaneous two minutes)", total=None)

@@ -15,8 +15,9 @@ import time
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Value
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
-from ankle_node.parameters import ParameterError, Value
 from impedance_estimator.estimator import (
     ESTIMATE_COLUMNS,
     ESTIMATE_TOPIC,
@@ -54,7 +55,7 @@ class ImpedanceEstimator(AnkleNode):
         try:
             return EstimateStream(str(values["algorithm"]), settings_from(values))
         except ValueError as error:
-            raise ParameterError(str(error)) from None
+            raise QuantityError(str(error)) from None
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         changed = {**self._values, **values}

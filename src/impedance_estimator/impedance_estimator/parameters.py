@@ -4,55 +4,40 @@ ranges that they declare.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import Field
-from typing import Any
-
-from ankle_node.parameters import Parameter, Value
+from ankle_interfaces.quantity import Quantity, Value, quantities
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
-from impedance_estimator.settings import EstimatorSettings, describe
+from impedance_estimator.settings import EstimatorSettings
 
 _TITLES = "; ".join(f"{name}: {estimator.title}" for name, estimator in ALGORITHMS.items())
 
-_fields: dict[str, Field] = {}
+_settings: dict[str, Quantity] = {}
 for _estimator in (ALGORITHMS[DEFAULT], *ALGORITHMS.values()):
-    for _name, _entry in describe(_estimator.settings_type).items():
-        _fields.setdefault(_name, _entry)
+    for _name, _entry in quantities(_estimator.settings_type).items():
+        _settings.setdefault(_name, _entry)
 
 
-def _parameter(name: str, default: Any, metadata: Mapping[str, Any]) -> Parameter:
-    return Parameter(
-        name,
-        default,
-        metadata["unit"],
-        metadata["reason"],
-        metadata.get("lower", -math.inf),
-        metadata.get("upper", math.inf),
-        metadata.get("choices", ()),
-    )
-
-
-WAIT_FOR_READERS = Parameter(
+WAIT_FOR_READERS = Quantity(
     "wait_for_readers",
-    0,
     "1",
-    "Samples are taken in once so many nodes read /impedance/estimate: none of its rows is missed.",
     0,
     100,
-    fixed=True,
+    0,
+    description=(
+        "Samples are taken in once so many nodes read /impedance/estimate: none of its rows is "
+        "missed."
+    ),
+    start_only=True,
 )
 
 PARAMETERS = (
     WAIT_FOR_READERS,
-    Parameter(
+    Quantity(
         "algorithm",
-        DEFAULT,
-        "",
-        f"Estimator; a change starts it anew. {_TITLES}.",
+        default=DEFAULT,
+        description=f"Estimator; a change starts it anew. {_TITLES}.",
         choices=tuple(ALGORITHMS),
     ),
-    *(_parameter(name, entry.default, entry.metadata) for name, entry in _fields.items()),
+    *_settings.values(),
 )
 
 
@@ -68,11 +53,11 @@ def settings_from(values: dict[str, Value]) -> EstimatorSettings:
         Values that do not fit each other.
     """
     settings_type = ALGORITHMS[str(values["algorithm"])].settings_type
-    own = describe(settings_type)
+    own = quantities(settings_type)
     return settings_type(
         **{  # type: ignore[arg-type]
             name: value
             for name, value in values.items()
-            if name in own and value != _fields[name].default
+            if name in own and value != _settings[name].default
         }
     )  # type: ignore[arg-type]

@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass
+
+from ankle_interfaces.quantity import check_settings, choice, number
 
 HIGHPASS_CHOICES = ("torque", "all")
 
 
-def number(default: float, unit: str, lower: float, upper: float, reason: str) -> Any:
-    """A field that holds a number within a range."""
-    return field(
-        default=default, metadata={"unit": unit, "lower": lower, "upper": upper, "reason": reason}
-    )
-
-
-def choice(default: str, choices: tuple[str, ...], reason: str) -> Any:
-    """A field that holds one of a few words."""
-    return field(default=default, metadata={"unit": "", "choices": choices, "reason": reason})
-
-
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """What every estimator can be told.
+    """Settings that every estimator has.
 
     Raises
     ------
@@ -43,32 +31,12 @@ class EstimatorSettings:
     )
 
     def __post_init__(self) -> None:
-        for name, entry in describe(type(self)).items():
-            value = getattr(self, name)
-            choices = entry.metadata.get("choices")
-            if choices is not None:
-                if value not in choices:
-                    raise ValueError(
-                        f"setting '{name}' = {value!r} is refused; allowed: one of "
-                        f"{', '.join(choices)}"
-                    )
-                continue
-            lower, upper, unit = (
-                entry.metadata["lower"],
-                entry.metadata["upper"],
-                entry.metadata["unit"],
-            )
-            if not (isinstance(value, (int, float)) and lower <= value <= upper):
-                unit = "" if unit == "1" else f" {unit}"
-                raise ValueError(
-                    f"setting '{name}' = {value!r}{unit} is refused; allowed: {lower:g} to "
-                    f"{upper:g}{unit}"
-                )
+        check_settings(self)
 
 
 @dataclass(frozen=True)
 class Settings(EstimatorSettings):
-    """Numbers of the algorithms O, C and CE; `describe` gives unit, range and reason of each.
+    """Numbers of the algorithms O, C and CE.
 
     Raises
     ------
@@ -137,8 +105,3 @@ class Settings(EstimatorSettings):
                 f"reflex_last_lag = {self.reflex_last_lag:g} s must be after reflex_first_lag = "
                 f"{self.reflex_first_lag:g} s"
             )
-
-
-def describe(settings: type[EstimatorSettings]) -> Mapping[str, Field]:
-    """The fields of a settings class by name; ``metadata`` has unit, reason and range or choices."""  # noqa: E501
-    return {entry.name: entry for entry in fields(settings)}

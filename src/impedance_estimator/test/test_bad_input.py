@@ -195,7 +195,7 @@ def test_sampling_rate_out_of_range_is_refused(rate):
         ({"highpass_cutoff": 0.0}, "'highpass_cutoff' = 0.0 Hz is refused; allowed: 0.001 to 3 Hz"),
         ({"highpass": "none"}, "'highpass' = 'none' is refused; allowed: one of torque, all"),
         ({"settling_time": float("nan")}, "'settling_time' = nan s is refused"),
-        ({"reflex_first_lag": "early"}, "'reflex_first_lag' = 'early' s is refused"),
+        ({"reflex_first_lag": "early"}, "'reflex_first_lag' = 'early' is refused"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings, words):

@@ -72,8 +72,8 @@ def test_bounded_least_squares_keeps_physical_signs():
 def test_scaled_parameters_return():
     for term in term_library().values():
         for parameter in term.parameters:
-            assert from_unit(parameter, to_unit(parameter, parameter.typical)) == pytest.approx(
-                parameter.typical, abs=1e-9
+            assert from_unit(parameter, to_unit(parameter, parameter.default)) == pytest.approx(
+                parameter.default, abs=1e-9
             )
 
 
@@ -94,7 +94,7 @@ def test_frequency_response_of_a_sensor_is_its_simulation(name):
     rate = 4000.0
     time = np.arange(int(4 * rate)) / rate
     term = term_library()[name]()
-    values = {p.symbol: p.typical for p in term.parameters}
+    values = {p.symbol: p.default for p in term.parameters}
     for frequency in (3.0, 17.0, 40.0):
         wave = np.sin(2 * np.pi * frequency * time)
         signals = Signals(rate, wave, wave, wave)

@@ -21,7 +21,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ankle_node.parameters import Parameter, Value
+from ankle_interfaces.quantity import Quantity, Value
 
 
 @dataclass(frozen=True)
@@ -226,37 +226,42 @@ class Polynomial(Shape):
         )
 
 
-SHAPE = Parameter(
+SHAPE = Quantity(
     "shape",
-    Polynomial.name,
-    "",
-    "Shape of each edge (paper, figure 2).",
+    default=Polynomial.name,
+    description="Shape of each edge (paper, figure 2).",
     choices=(Block.name, Filtered.name, Polynomial.name),
-    fixed=True,
+    start_only=True,
 )
 # 30 Hz is the most that the paper's actuator reached with this perturbation.
-BANDWIDTH = Parameter(
+BANDWIDTH = Quantity(
     "bandwidth",
-    Filtered.bandwidth,
     "Hz",
-    "Natural frequency of shape 'filtered'.",
     1.0,
     250.0,
-    fixed=True,
+    Filtered.bandwidth,
+    description="Natural frequency of shape 'filtered'.",
+    start_only=True,
 )
 # A damping of 0.7 is the usual tuning of a position servo: the highest bandwidth with an overshoot
 # below 5 %.
-DAMPING = Parameter(
-    "damping", Filtered.damping, "1", "Damping of shape 'filtered'.", 0.3, 0.99, fixed=True
+DAMPING = Quantity(
+    "damping",
+    "1",
+    0.3,
+    0.99,
+    Filtered.damping,
+    description="Damping of shape 'filtered'.",
+    start_only=True,
 )
-EDGE_DURATION = Parameter(
+EDGE_DURATION = Quantity(
     "edge_duration",
-    Polynomial.duration,
     "s",
-    "Duration of an edge of shape 'polynomial' (paper: 24 ms).",
     0.005,
     0.2,
-    fixed=True,
+    Polynomial.duration,
+    description="Duration of an edge of shape 'polynomial' (paper: 24 ms).",
+    start_only=True,
 )
 SHAPE_PARAMETERS = (SHAPE, BANDWIDTH, DAMPING, EDGE_DURATION)
 

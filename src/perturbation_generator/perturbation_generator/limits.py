@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.signal import Signal
 
 
-class LimitError(ParameterError):
+class LimitError(QuantityError):
     """A signal that would pass a limit. The message names value, unit and limit."""
 
 
@@ -67,26 +68,32 @@ class Limits:
             )
 
 
-AMPLITUDE_LIMIT = Parameter(
+AMPLITUDE_LIMIT = Quantity(
     "amplitude_limit",
-    Limits.amplitude,
     "rad",
-    "Largest distance from rest, overshoot included.",
     0.0,
     0.35,
-    fixed=True,
+    Limits.amplitude,
+    description="Largest distance from rest, overshoot included.",
+    start_only=True,
 )
-VELOCITY_LIMIT = Parameter(
-    "velocity_limit", Limits.velocity, "rad/s", "Largest velocity.", 0.0, 1e4, fixed=True
+VELOCITY_LIMIT = Quantity(
+    "velocity_limit",
+    "rad/s",
+    0.0,
+    1e4,
+    Limits.velocity,
+    description="Largest velocity.",
+    start_only=True,
 )
-ACCELERATION_LIMIT = Parameter(
+ACCELERATION_LIMIT = Quantity(
     "acceleration_limit",
-    Limits.acceleration,
     "rad/s^2",
-    "Largest acceleration.",
     0.0,
     1e8,
-    fixed=True,
+    Limits.acceleration,
+    description="Largest acceleration.",
+    start_only=True,
 )
 LIMIT_PARAMETERS = (AMPLITUDE_LIMIT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
 

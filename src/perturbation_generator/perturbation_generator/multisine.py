@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.edge_train import EdgeTrain
 from perturbation_generator.edges import Extremes, Polynomial
 from perturbation_generator.settings import Settings
@@ -35,29 +36,45 @@ class Multisine(Signal):
 
     name = "multisine"
     parameters = (
-        Parameter(
+        Quantity(
             "multisine.period",
-            10.0,
             "s",
-            "Period; its inverse is the distance of the frequencies.",
             0.5,
             120.0,
-            fixed=True,
+            10.0,
+            description="Period; its inverse is the distance of the frequencies.",
+            start_only=True,
         ),
-        Parameter("multisine.lowest", 0.1, "Hz", "Lowest frequency.", 0.01, 200.0, fixed=True),
+        Quantity(
+            "multisine.lowest",
+            "Hz",
+            0.01,
+            200.0,
+            0.1,
+            description="Lowest frequency.",
+            start_only=True,
+        ),
         # The ankle's own resonance under contraction lies below 20 Hz: √(200 / 0.0137) / 2π = 19 Hz
         # at K = 200 N·m/rad.
-        Parameter("multisine.highest", 20.0, "Hz", "Highest frequency.", 0.01, 200.0, fixed=True),
+        Quantity(
+            "multisine.highest",
+            "Hz",
+            0.01,
+            200.0,
+            20.0,
+            description="Highest frequency.",
+            start_only=True,
+        ),
         # Ten stretch-reflex delays of 40 ms and more: slow against everything that the signal asks
         # about.
-        Parameter(
+        Quantity(
             "multisine.fade",
-            1.0,
             "s",
-            "Time to fade in, out and between amplitudes.",
             0.1,
             60.0,
-            fixed=True,
+            1.0,
+            description="Time to fade in, out and between amplitudes.",
+            start_only=True,
         ),
     )
 
@@ -69,7 +86,7 @@ class Multisine(Signal):
         first = max(1, math.ceil(float(self.own["lowest"]) * length / rate - 1e-6))
         last = math.floor(float(self.own["highest"]) * length / rate + 1e-6)
         if last < first:
-            raise ParameterError(
+            raise QuantityError(
                 f"no frequency of the grid of {rate / length:.4g} Hz lies between "
                 f"'multisine.lowest' = {self.own['lowest']:g} Hz "
                 f"and 'multisine.highest' = {self.own['highest']:g} Hz"
@@ -93,7 +110,7 @@ class Multisine(Signal):
             self._bounds[1:] = [bound / 2 for bound in self._bounds[1:]]
         self._fade = max(float(self.own["fade"]), settings.ramp_in)
         if settings.end < 2 * self._fade:
-            raise ParameterError(
+            raise QuantityError(
                 f"parameter 'duration' = {settings.duration:g} s is refused; fading in and out "
                 f"takes {2 * self._fade:g} s"
             )

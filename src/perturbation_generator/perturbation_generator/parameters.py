@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from ankle_node.parameters import Parameter
+from ankle_interfaces.quantity import Quantity
 from perturbation_generator.edges import SHAPE_PARAMETERS
 from perturbation_generator.limits import LIMIT_PARAMETERS
 from perturbation_generator.settings import COMMON
 from perturbation_generator.signals import SIGNAL, SIGNALS
 
 # 32 samples at 2048 Hz are 64 blocks a second.
-BLOCK_SIZE = Parameter("block_size", 32, "1", "Samples in a block.", 1, 4096, fixed=True)
-LEAD = Parameter(
+BLOCK_SIZE = Quantity(
+    "block_size", "1", 1, 4096, 32, description="Samples in a block.", start_only=True
+)
+LEAD = Quantity(
     "lead",
-    0.0,
     "s",
-    "How long before the time of its last sample a block is published.",
     0.0,
     1.0,
-    fixed=True,
+    0.0,
+    description="How long before the time of its last sample a block is published.",
+    start_only=True,
 )
-READERS = Parameter(
+READERS = Quantity(
     "wait_for_readers",
-    0,
     "1",
-    "Readers of the reference to wait for before the signal starts.",
     0,
     100,
-    fixed=True,
+    0,
+    description="Readers of the reference to wait for before the signal starts.",
+    start_only=True,
 )
 
-PARAMETERS: tuple[Parameter, ...] = (
+PARAMETERS: tuple[Quantity, ...] = (
     SIGNAL,
     *COMMON,
     *SHAPE_PARAMETERS,

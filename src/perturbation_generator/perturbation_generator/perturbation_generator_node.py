@@ -20,8 +20,8 @@ import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
 
+from ankle_interfaces.quantity import Value
 from ankle_node.node import OK, WARN, AnkleNode, run
-from ankle_node.parameters import Value
 from perturbation_generator.limits import limits_from
 from perturbation_generator.pacing import Lateness, Schedule
 from perturbation_generator.parameters import BLOCK_SIZE, LEAD, PARAMETERS, READERS

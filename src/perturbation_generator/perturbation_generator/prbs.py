@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import max_len_seq
 
-from ankle_node.parameters import Parameter, Value
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.settings import Settings
 from perturbation_generator.step_sequence import Cycle, StepSequence
 
@@ -26,19 +26,25 @@ class Prbs(StepSequence):
 
     name = "prbs"
     parameters = (
-        Parameter(
+        Quantity(
             "prbs.order",
-            10,
             "1",
-            "Length n of the shift register; the period is 2^n - 1 clock intervals.",
             3,
             20,
-            fixed=True,
+            10,
+            description="Length n of the shift register; the period is 2^n - 1 clock intervals.",
+            start_only=True,
         ),
         # Slow enough for a low mean velocity, which leaves the stretch reflex strong (Kearney et
         # al. 1997).
-        Parameter(
-            "prbs.clock", 0.15, "s", "Shortest time between two switches.", 0.005, 10.0, fixed=True
+        Quantity(
+            "prbs.clock",
+            "s",
+            0.005,
+            10.0,
+            0.15,
+            description="Shortest time between two switches.",
+            start_only=True,
         ),
     )
 

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.settings import Settings
 from perturbation_generator.step_sequence import Cycle, StepSequence
 
@@ -50,42 +51,43 @@ class PulseStep(StepSequence):
 
     name = "pulse_step"
     parameters = (
-        Parameter(
+        Quantity(
             "pulse_step.block_length",
-            0.5,
             "s",
-            "Length of a pulse or step with its rest (paper: 40 + 460 ms).",
             0.1,
             5.0,
-            fixed=True,
+            0.5,
+            description="Length of a pulse or step with its rest (paper: 40 + 460 ms).",
+            start_only=True,
         ),
-        Parameter(
+        Quantity(
             "pulse_step.pulse_width",
-            0.0,
             "s",
-            "Start of rise to start of fall of a pulse; 0: one edge duration where edges have "
-            "one, else 40 ms.",
             0.0,
             0.5,
-            fixed=True,
+            0.0,
+            description=(
+                "Start of rise to start of fall of a pulse; 0: one edge duration where edges have "
+                "one, else 40 ms."
+            ),
+            start_only=True,
         ),
         # 0.2 s gives about 100 dorsiflexions a minute with steps and pulses, as many as the paper
         # reports.
-        Parameter(
+        Quantity(
             "pulse_step.stretch",
-            0.2,
             "s",
-            "Largest random stretch of the long part of a block.",
             0.0,
             2.0,
-            fixed=True,
+            0.2,
+            description="Largest random stretch of the long part of a block.",
+            start_only=True,
         ),
-        Parameter(
+        Quantity(
             "pulse_step.balanced",
-            False,
-            "",
-            "As many pulses as steps in each group of 20 blocks.",
-            fixed=True,
+            default=False,
+            description="As many pulses as steps in each group of 20 blocks.",
+            start_only=True,
         ),
     )
 
@@ -93,7 +95,7 @@ class PulseStep(StepSequence):
         self._group: list[tuple[bool, int, float]] = []
         super().__init__(settings, **own)
         if not 0 < self._width < self._long:
-            raise ParameterError(
+            raise QuantityError(
                 f"parameter 'pulse_step.pulse_width' = {self._width:g} s is refused; "
                 f"it must be shorter than half of 'pulse_step.block_length' = {self._block:g} s"
             )

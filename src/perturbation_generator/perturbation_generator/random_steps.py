@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.settings import Settings
 from perturbation_generator.step_sequence import Cycle, StepSequence
 
@@ -20,39 +21,39 @@ class RandomSteps(StepSequence):
 
     name = "random_steps"
     parameters = (
-        Parameter(
+        Quantity(
             "random_steps.shortest_hold",
+            "s",
+            0.01,
+            10.0,
             0.2,
-            "s",
-            "Shortest time between two steps.",
-            0.01,
-            10.0,
-            fixed=True,
+            description="Shortest time between two steps.",
+            start_only=True,
         ),
-        Parameter(
+        Quantity(
             "random_steps.longest_hold",
-            0.3,
             "s",
-            "Longest time between two steps.",
             0.01,
             10.0,
-            fixed=True,
+            0.3,
+            description="Longest time between two steps.",
+            start_only=True,
         ),
-        Parameter(
+        Quantity(
             "random_steps.smallest_level",
-            0.5,
             "1",
-            "Smallest level as a share of the amplitude.",
             0.0,
             1.0,
-            fixed=True,
+            0.5,
+            description="Smallest level as a share of the amplitude.",
+            start_only=True,
         ),
     )
 
     def __init__(self, settings: Settings, **own: Value) -> None:
         super().__init__(settings, **own)
         if self.longest_cycle < 2 * self.spacing:
-            raise ParameterError(
+            raise QuantityError(
                 f"parameter 'random_steps.longest_hold' = {self.own['longest_hold']:g} s is "
                 "refused; "
                 "it must not be below 'random_steps.shortest_hold' = "

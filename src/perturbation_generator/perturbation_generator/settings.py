@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ankle_node.parameters import Parameter
+from ankle_interfaces.quantity import Quantity
 from perturbation_generator.edges import Polynomial, Shape
 
 # Sides of the rest position (0 rad) on which a signal moves. Dorsiflexion is positive.
@@ -40,7 +40,7 @@ class Settings:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         A value outside the range of `COMMON`.
     """
 
@@ -73,44 +73,57 @@ class Settings:
 
 
 COMMON = (
-    Parameter(
-        "rate", Settings.rate, "Hz", "Samples a second (paper: 2048).", 500.0, 10_000.0, fixed=True
+    Quantity(
+        "rate",
+        "Hz",
+        500.0,
+        10_000.0,
+        Settings.rate,
+        description="Samples a second (paper: 2048).",
+        start_only=True,
     ),
     # 0.35 rad is the end of the ankle's passive range in dorsiflexion; 'amplitude_limit' is the
     # limit that protects.
-    Parameter(
+    Quantity(
         "amplitude",
-        Settings.amplitude,
         "rad",
-        "Largest distance from the rest position.",
         0.0,
         0.35,
+        Settings.amplitude,
+        description="Largest distance from the rest position.",
     ),
-    Parameter(
+    Quantity(
         "direction",
-        Settings.direction,
-        "",
-        "Side of the rest position to move to; both: at random.",
+        default=Settings.direction,
+        description="Side of the rest position to move to; both: at random.",
         choices=tuple(SIDES),
-        fixed=True,
+        start_only=True,
     ),
-    Parameter("seed", Settings.seed, "1", "Seed of the random draws.", 0, 2**31 - 1, fixed=True),
-    Parameter(
+    Quantity(
+        "seed",
+        "1",
+        0,
+        2**31 - 1,
+        Settings.seed,
+        description="Seed of the random draws.",
+        start_only=True,
+    ),
+    Quantity(
         "duration",
-        Settings.duration,
         "s",
-        "Length, ending at rest; 0 is endless.",
         0.0,
         86_400.0,
-        fixed=True,
+        Settings.duration,
+        description="Length, ending at rest; 0 is endless.",
+        start_only=True,
     ),
-    Parameter(
+    Quantity(
         "ramp_in",
-        Settings.ramp_in,
         "s",
-        "Time over which the amplitude grows to its value.",
         0.0,
         60.0,
-        fixed=True,
+        Settings.ramp_in,
+        description="Time over which the amplitude grows to its value.",
+        start_only=True,
     ),
 )

@@ -11,7 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.edges import Extremes
 from perturbation_generator.settings import Settings
 
@@ -48,7 +49,7 @@ class Signal(ABC):
 
     Raises
     ------
-    ParameterError
+    QuantityError
         An unknown parameter, a value out of its range, or values that contradict each other.
 
     Attributes
@@ -64,13 +65,13 @@ class Signal(ABC):
     """
 
     name: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]]
+    parameters: ClassVar[tuple[Quantity, ...]]
 
     def __init__(self, settings: Settings, **own: Value) -> None:
         declared = {parameter.name.split(".")[1]: parameter for parameter in self.parameters}
         unknown = sorted(own.keys() - declared.keys())
         if unknown:
-            raise ParameterError(
+            raise QuantityError(
                 f"signal '{self.name}' has no parameter '{unknown[0]}'; it has "
                 f"{', '.join(declared)}"
             )

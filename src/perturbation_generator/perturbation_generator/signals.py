@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ankle_node.parameters import Parameter, Value
+from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.edges import shape_from
 from perturbation_generator.multisine import Multisine
 from perturbation_generator.prbs import Prbs
@@ -19,8 +19,12 @@ from perturbation_generator.signal import Signal
 SIGNALS: dict[str, type[Signal]] = {
     signal.name: signal for signal in (PulseStep, RandomSteps, Prbs, Multisine)
 }
-SIGNAL = Parameter(
-    "signal", PulseStep.name, "", "Which perturbation.", choices=tuple(SIGNALS), fixed=True
+SIGNAL = Quantity(
+    "signal",
+    default=PulseStep.name,
+    description="Which perturbation.",
+    choices=tuple(SIGNALS),
+    start_only=True,
 )
 
 
@@ -34,7 +38,7 @@ def signal_from(values: Mapping[str, Value]) -> Signal:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         Values out of range or that contradict each other.
     """
     kind = SIGNALS[str(SIGNAL.check(values[SIGNAL.name]))]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankle_node.parameters import ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Value
 from perturbation_generator.edge_train import ON_SAMPLE, EdgeTrain
 from perturbation_generator.edges import Extremes
 from perturbation_generator.settings import Settings
@@ -47,13 +48,13 @@ class StepSequence(Signal):
         self._over = False
         shape = settings.shape
         if self.spacing < shape.length * (1 - 1e-9):
-            raise ParameterError(
+            raise QuantityError(
                 f"edges of {1e3 * shape.length:g} ms do not fit: signal '{self.name}' starts "
                 f"edges {1e3 * self.spacing:g} ms apart"
             )
         shortest = self.longest_cycle + shape.settling
         if settings.end < shortest:
-            raise ParameterError(
+            raise QuantityError(
                 f"parameter 'duration' = {settings.duration:g} s is refused; one cycle takes up "
                 f"to {shortest:.3g} s"
             )

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 from perturbation_generator.edge_train import EdgeTrain
 from perturbation_generator.edges import SHAPE_PARAMETERS, Block, Filtered, Polynomial, shape_from
 
@@ -109,9 +109,7 @@ def test_shape_from_parameter_values():
 
 
 def test_values_without_sense_are_refused():
-    with pytest.raises(
-        ParameterError, match=r"'damping' = 1\.5 is refused; allowed: 0\.3 to 0\.99"
-    ):
+    with pytest.raises(QuantityError, match=r"'damping' = 1\.5 is refused; allowed: 0\.3 to 0\.99"):
         Filtered(30.0, 1.5)
     with pytest.raises(ValueError, match="longer than 0 s, got 0 s"):
         Polynomial(0.0)

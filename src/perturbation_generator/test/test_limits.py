@@ -2,7 +2,7 @@
 
 import pytest
 
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 from perturbation_generator.edges import Block, Filtered, Polynomial
 from perturbation_generator.limits import LIMIT_PARAMETERS, LimitError, Limits, limits_from
 from perturbation_generator.multisine import Multisine
@@ -53,7 +53,7 @@ def test_what_passes_a_limit_is_refused(shape, amplitude, limits, words):
     with pytest.raises(LimitError) as refusal:
         limits.check(PulseStep(Settings(shape=shape)), amplitude)
     assert words in str(refusal.value)
-    assert isinstance(refusal.value, ParameterError)
+    assert isinstance(refusal.value, QuantityError)
 
 
 def test_a_value_at_the_limit_is_allowed():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from ankle_actuator_driver.link.transport import UdpTransport, address_towards
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 
 PATIENCE = 3.0
 """[s] For an answer; asked again meanwhile."""
@@ -23,7 +23,7 @@ def switch_faults(switches: str, address: str, port: int) -> str:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         Refused; the message is the emulator's.
     OSError
         No emulator answers.
@@ -37,7 +37,7 @@ def switch_faults(switches: str, address: str, port: int) -> str:
             for answer in line.receive(0.5):
                 text = answer.decode(errors="replace")
                 if text.startswith("error: "):
-                    raise ParameterError(text.removeprefix("error: "))
+                    raise QuantityError(text.removeprefix("error: "))
                 return text
     finally:
         line.close()

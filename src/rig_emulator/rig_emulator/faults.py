@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 
-from ankle_node.parameters import ParameterError
+from ankle_interfaces.errors import QuantityError
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Faults:
 
         Raises
         ------
-        ParameterError
+        QuantityError
             Another form, an unknown switch or a value outside 0 to 1.
         """
         changed: dict[str, float] = {}
@@ -47,17 +47,17 @@ class Faults:
                 start, changed = Faults(), {}
                 continue
             if name not in _NAMES:
-                raise ParameterError(
+                raise QuantityError(
                     f"fault switch '{item}' is unknown; known: {', '.join(_NAMES)}, none"
                 )
             try:
                 changed[name] = float(value)
             except ValueError:
-                raise ParameterError(
+                raise QuantityError(
                     f"fault switch '{item}' is not '{name}=value', as in '{name}=1'"
                 ) from None
             if not 0.0 <= changed[name] <= 1.0:
-                raise ParameterError(
+                raise QuantityError(
                     f"fault switch {name} = {changed[name]:g} is refused; allowed: 0 to 1"
                 )
         return replace(start, **changed)

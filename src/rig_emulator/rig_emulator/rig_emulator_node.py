@@ -20,7 +20,8 @@ from collections.abc import Sequence
 from ankle_actuator_driver.link.packet import DeviceState, Heartbeat, parse
 from ankle_actuator_driver.link.transport import UdpTransport
 from ankle_actuator_driver.safety.limits import limits_from
-from ankle_node.parameters import ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Value
 from ankle_sim.live_rig import Setup
 from rig_emulator.emulated_ankle import EmulatedAnkle
 from rig_emulator.emulated_device import EmulatedDevice
@@ -93,7 +94,7 @@ class RigEmulator:
     def _take_switches(self, text: bytes) -> None:
         try:
             faults = self._ankle.faults.with_switches(text.decode(errors="replace"))
-        except ParameterError as error:
+        except QuantityError as error:
             answer = f"error: {error}"
         else:
             self._switch(faults)

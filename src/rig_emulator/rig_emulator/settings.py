@@ -10,7 +10,8 @@ import yaml
 
 from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS
 from ankle_actuator_driver.settings import DEVICE_PORT
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 from ankle_physics.actuator import Servo
 from ankle_physics.model import Model
 from ankle_physics.scenario import Scenario
@@ -19,40 +20,42 @@ from ankle_sim.live_rig import Setup
 from ankle_sim.parameters import MODEL, RIG_PARAMETERS, model_parameters, with_voluntary_torque
 
 LINE_PARAMETERS = (
-    Parameter("address", "127.0.0.1", "", "Address to receive at."),
-    Parameter(
+    Quantity("address", default="127.0.0.1", description="Address to receive at."),
+    Quantity(
         "port",
-        DEVICE_PORT,
         "1",
-        "UDP port of the rig; fault switches are taken at the next one.",
         1,
         65534,
+        DEVICE_PORT,
+        description="UDP port of the rig; fault switches are taken at the next one.",
     ),
-    Parameter(
+    Quantity(
         "rate",
-        2048.0,
         "Hz",
-        "Rate of servo and samples by the rig's own clock (paper: 2048).",
         1000.0,
         10_000.0,
+        2048.0,
+        description="Rate of servo and samples by the rig's own clock (paper: 2048).",
     ),
-    Parameter(
+    Quantity(
         "clock_drift",
-        50e-6,
         "1",
-        "Seconds that the rig's clock gains in a second; a usual crystal.",
         -500e-6,
         500e-6,
+        50e-6,
+        description="Seconds that the rig's clock gains in a second; a usual crystal.",
     ),
-    Parameter(
+    Quantity(
         "clock_offset",
-        1000.0,
         "s",
-        "The rig's clock at the start: it counts from its own power-on.",
         0.0,
         1e9,
+        1000.0,
+        description="The rig's clock at the start: it counts from its own power-on.",
     ),
-    Parameter("faults", "none", "", "Fault switches at the start, as 'drop=0.1,freeze=1'."),
+    Quantity(
+        "faults", default="none", description="Fault switches at the start, as 'drop=0.1,freeze=1'."
+    ),
 )
 # `wait_for_readers` is about topics, which the emulator does not have.
 _OF_RIG = tuple(parameter for parameter in RIG_PARAMETERS if parameter.name != "wait_for_readers")
@@ -64,7 +67,7 @@ def given(arguments: Sequence[str]) -> dict[str, object]:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         Another argument.
     """
     found: dict[str, object] = {}
@@ -75,13 +78,13 @@ def given(arguments: Sequence[str]) -> dict[str, object]:
         if word == "-p" and assigned:
             found[name] = yaml.safe_load(text)
         elif word != "-r":
-            raise ParameterError(
+            raise QuantityError(
                 f"'{word} {value}' is not understood; expected --ros-args -p name:=value"
             )
     return found
 
 
-def _check(parameters: Sequence[Parameter], wanted: dict[str, object]) -> dict[str, Value]:
+def _check(parameters: Sequence[Quantity], wanted: dict[str, object]) -> dict[str, Value]:
     return {
         p.name: p.check(_number(wanted[p.name], p.default)) if p.name in wanted else p.default
         for p in parameters
@@ -103,7 +106,7 @@ def settings_from(arguments: Sequence[str]) -> tuple[dict[str, Value], Setup]:
 
     Raises
     ------
-    ParameterError
+    QuantityError
         An unknown parameter, or a value that is refused.
     ModelError
         A model or scenario file that is refused.
@@ -117,7 +120,7 @@ def settings_from(arguments: Sequence[str]) -> tuple[dict[str, Value], Setup]:
     own = (*LINE_PARAMETERS, *LIMIT_PARAMETERS, *_OF_RIG)
     unknown = set(wanted) - {parameter.name for parameter in own} - set(of_model)
     if unknown:
-        raise ParameterError(
+        raise QuantityError(
             f"parameter '{sorted(unknown)[0]}' is unknown; known: "
             f"{', '.join([p.name for p in own] + list(of_model))}"
         )

@@ -1,66 +1,78 @@
 """Parameters of the recorder and the replayer."""
 
-from ankle_node.parameters import Parameter
+from ankle_interfaces.quantity import Quantity
 
-OUT = Parameter(
-    "out", "", "", "Directory of the new bag; empty makes session_DATE_TIME here.", fixed=True
+OUT = Quantity(
+    "out",
+    default="",
+    description="Directory of the new bag; empty makes session_DATE_TIME here.",
+    start_only=True,
 )
-RECORDED = Parameter(
+RECORDED = Quantity(
     "topics",
-    "",
-    "",
-    "Topics to record, joined by commas; empty records every topic of the graph.",
-    fixed=True,
+    default="",
+    description="Topics to record, joined by commas; empty records every topic of the graph.",
+    start_only=True,
 )
-FREE_DISK = Parameter(
+FREE_DISK = Quantity(
     "min_free_disk",
-    200.0,
     "MB",
-    "Recording ends in good order below this; 200 MB is about ten minutes of the laboratory's "
-    "topics.",
     0.0,
     1e6,
+    200.0,
+    description=(
+        "Recording ends in good order below this; 200 MB is about ten minutes of the laboratory's "
+        "topics."
+    ),
 )
 
-BAG = Parameter(
-    "bag", "", "", "The bag to replay: a rosbag2 directory or an .mcap file.", fixed=True
+BAG = Quantity(
+    "bag",
+    default="",
+    description="The bag to replay: a rosbag2 directory or an .mcap file.",
+    start_only=True,
 )
-REPLAYED = Parameter(
+REPLAYED = Quantity(
     "topics",
-    "",
-    "",
-    "Topics joined by commas; empty replays the recorded inputs, 'all' everything.",
-    fixed=True,
+    default="",
+    description="Topics joined by commas; empty replays the recorded inputs, 'all' everything.",
+    start_only=True,
 )
-RATE = Parameter(
+RATE = Quantity(
     "rate",
-    1.0,
     "1",
-    "Bag seconds per second; 0 is as fast as the readers follow.",
     0.0,
     1e6,
-    fixed=True,
+    1.0,
+    description="Bag seconds per second; 0 is as fast as the readers follow.",
+    start_only=True,
 )
-READERS = Parameter(
+READERS = Quantity(
     "wait_for_readers",
-    1,
     "1",
-    "Nodes that must read a replayed topic before the start.",
     0,
     100,
-    fixed=True,
+    1,
+    description="Nodes that must read a replayed topic before the start.",
+    start_only=True,
 )
-TIMEOUT = Parameter(
-    "wait_timeout", 30.0, "s", "How long to wait for them.", 0.0, 3600.0, fixed=True
-)
-PATIENCE = Parameter(
-    "reader_timeout",
-    30.0,
+TIMEOUT = Quantity(
+    "wait_timeout",
     "s",
-    "How long a reader may take for one block before the replay gives up.",
+    0.0,
+    3600.0,
+    30.0,
+    description="How long to wait for them.",
+    start_only=True,
+)
+PATIENCE = Quantity(
+    "reader_timeout",
+    "s",
     0.1,
     3600.0,
-    fixed=True,
+    30.0,
+    description="How long a reader may take for one block before the replay gives up.",
+    start_only=True,
 )
 
 RECORDER = (OUT, RECORDED, FREE_DISK)

@@ -10,7 +10,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ankle_actuator_driver.safety.stop_motion import stopping_distance
-from ankle_node.parameters import Parameter, ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity, Value
 
 ROUNDING = 1e-9
 """A value at its limit is allowed whatever the rounding."""
@@ -116,7 +117,7 @@ class Limits:
 
         Raises
         ------
-        ParameterError
+        QuantityError
             Names those that are not, with value, unit and hard limit.
         """
         passed = [
@@ -127,7 +128,7 @@ class Limits:
             if getattr(self, field.name) > getattr(hard, field.name)
         ]
         if passed:
-            raise ParameterError("; ".join(passed))
+            raise QuantityError("; ".join(passed))
 
 
 # Name, unit, largest hard limit that a laboratory can configure, what it is.
@@ -146,25 +147,25 @@ _KINDS = (
 LEAST = 1e-3
 """In the unit of each limit: zero would have no meaning, as a stop needs some acceleration."""
 HARD_LIMIT_PARAMETERS = tuple(
-    Parameter(
+    Quantity(
         f"hard_{name}_limit",
-        getattr(Limits, name),
         unit,
-        f"{text} No other setting passes it.",
         LEAST,
         most,
-        fixed=True,
+        getattr(Limits, name),
+        description=f"{text} No other setting passes it.",
+        start_only=True,
     )
     for name, unit, most, text in _KINDS
 )
 LIMIT_PARAMETERS = tuple(
-    Parameter(
+    Quantity(
         f"{name}_limit",
-        getattr(Limits, name),
         unit,
-        f"{text} At most 'hard_{name}_limit'.",
         LEAST,
         most,
+        getattr(Limits, name),
+        description=f"{text} At most 'hard_{name}_limit'.",
     )
     for name, unit, most, text in _KINDS
 )

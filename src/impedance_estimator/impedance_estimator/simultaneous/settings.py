@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from impedance_estimator.settings import EstimatorSettings, choice, number
+from ankle_interfaces.quantity import choice, number
+from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import reflex_shapes
 
 CHANGE_DETECTION_CHOICES = ("on", "off")

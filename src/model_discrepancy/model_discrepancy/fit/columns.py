@@ -59,7 +59,7 @@ class Columns:
         typical.
         """
         return {
-            p.symbol: self.mean_angle if p.unit == "rad" else p.typical
+            p.symbol: self.mean_angle if p.unit == "rad" else p.default
             for p in term_library()[name].parameters
             if not p.fitted and not p.linear
         }

@@ -166,7 +166,7 @@ class Fitter:
         values = {}
         for name in names:
             values[name] = {
-                p.symbol: p.typical for p in term_library()[name].parameters
+                p.symbol: p.default for p in term_library()[name].parameters
             } | self.columns.convention(name)
             if start and name in start:
                 values[name] |= start[name]

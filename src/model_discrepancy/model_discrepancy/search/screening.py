@@ -197,7 +197,7 @@ def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict
     for added in with_term((), name):
         values.setdefault(
             added,
-            {p.symbol: p.typical for p in term_library()[added].parameters}
+            {p.symbol: p.default for p in term_library()[added].parameters}
             | columns.convention(added),
         )
     values[name] = values[name] | point

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankle_node.parameters import ParameterError, Value
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Value
 from ankle_physics.actuator import Actuator, Servo
 from model_discrepancy.recording.motion import MODEL_RATE_HZ, Motion
 from perturbation_generator.limits import limits_from
@@ -57,7 +58,7 @@ class Candidate:
 
         Raises
         ------
-        ParameterError
+        QuantityError
             The generator refuses the parameters, or the signal passes a limit.
         """
         values = (
@@ -114,7 +115,7 @@ def candidates_for(movement: float, levels: bool) -> list[Candidate]:
     for candidate in _all(movement, levels):
         try:
             candidate.reference(ACCEPTED_S)
-        except ParameterError:
+        except QuantityError:
             continue
         accepted.append(candidate)
     return accepted
