@@ -40,11 +40,15 @@ class Entry:
         parameter while a stretch of n samples is simulated.
     standard_errors
         By symbol, where a fit gave them.
+    tracked
+        Whether the values follow the subject from moment to moment, so that an online estimator
+        goes on estimating them instead of holding them.
     """
 
     term: Term
     values: dict[str, Any]
     standard_errors: dict[str, float] = field(default_factory=dict)
+    tracked: bool = False
 
 
 class Model:
@@ -128,7 +132,7 @@ class Model:
             name = item["term"]
             term = _find(name)
             for key, value in item.items():
-                if key == "term":
+                if key in ("term", "tracked"):
                     continue
                 parameter = next((p for p in term.parameters if p.key == key), None)
                 if parameter is None:
@@ -141,11 +145,17 @@ class Model:
                 given[parameter.symbol] = value
             entry = _entry(name, given)
             entry.standard_errors = errors
+            entry.tracked = _flag(item.get("tracked", False), name)
             entries.append(entry)
         return cls(entries, str(content.get("model", "")))
 
     def save(self, path: str | Path) -> None:
         """Write a model file that `load` reads back to the same values."""
+        content = {"model": self.title, "terms": self.content()}
+        Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
+
+    def content(self) -> list[dict[str, Any]]:
+        """The list 'terms' of a model file."""
         terms = []
         for entry in self.entries:
             item: dict[str, Any] = {"term": entry.term.name}
@@ -155,10 +165,10 @@ class Model:
                 item[parameter.key] = (
                     value if error is None else {"value": value, "standard_error": float(error)}
                 )
+            if entry.tracked:
+                item["tracked"] = True
             terms.append(item)
-        Path(path).write_text(
-            yaml.safe_dump({"model": self.title, "terms": terms}, sort_keys=False)
-        )
+        return terms
 
     def entry(self, name: str) -> Entry:
         """One term of the model.
@@ -219,6 +229,8 @@ class ModelRun:
         ]
         self._on_foot = [(entry, state) for entry, state in pairs if entry.term.place in FOOT]
         self._sensors = [(entry, state) for entry, state in pairs if entry.term.place in SENSORS]
+        self._rate = rate
+        self._states = states
         self._loop: FootLoop | None = None
         if couplings:
             terms, their_states = (
@@ -226,6 +238,12 @@ class ModelRun:
                 [state for _, state in self._on_foot],
             )
             self._loop = FootLoop(rate, couplings[0], terms, their_states)
+
+    def advance_clock(self, seconds: float) -> None:
+        """Let terms that follow the time of the run begin at `seconds` [s] instead of 0."""
+        for state in self._states:
+            if "count" in state:
+                state["count"] += round(seconds * self._rate)
 
     def torque(self, signals: Signals) -> np.ndarray:
         """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate
@@ -253,6 +271,12 @@ def _walk(pairs: list[tuple[Entry, State]], signals: Signals) -> dict[str, np.nd
         [entry.values for entry, _ in pairs],
         [state for _, state in pairs],
     )
+
+
+def _flag(value: Any, term: str) -> bool:
+    if not isinstance(value, bool):
+        raise ModelError(f"{term}: tracked = {value!r} is neither true nor false")
+    return value
 
 
 def _find(name: str) -> type[Term]:

@@ -54,6 +54,18 @@ class Place(Enum):
 PATH = tuple(Place)
 
 
+class Owner(Enum):
+    """To whom an effect belongs: the rig keeps it from day to day, the subject brings it along."""
+
+    RIG = "rig"
+    SUBJECT = "subject"
+
+
+# What sits in the drive or in a sensor is the rig's. What acts at the coupling is the subject's,
+# who is strapped in anew in each session, unless a term states otherwise.
+_RIG_PLACES = (Place.ACTUATOR, Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
+
+
 @dataclass(frozen=True)
 class Parameter(Quantity):
     """One parameter of a term: a `Quantity` with its role in the model.
@@ -120,6 +132,11 @@ class Term(ABC):
         All of them, linear and not.
     turn
         Where the sentence depends on the direction of the effect; else None.
+    belongs_to
+        Rig or subject; follows from the place where a term does not state it.
+    has_memory
+        Whether the torque of an intrinsic term depends on the movement before: relaxation,
+        hysteresis, short-range stiffness. Such torque is no part of the stiffness K.
     """
 
     name: ClassVar[str]
@@ -127,6 +144,14 @@ class Term(ABC):
     sentence: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     turn: ClassVar[Turn | None] = None
+    belongs_to: ClassVar[Owner] = Owner.SUBJECT
+    has_memory: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Set the owner of a term by its place where the class does not state it."""
+        super().__init_subclass__(**options)
+        if "place" in vars(cls) and "belongs_to" not in vars(cls):
+            cls.belongs_to = Owner.RIG if cls.place in _RIG_PLACES else Owner.SUBJECT
 
     @classmethod
     def told(cls, values: Values) -> str:
@@ -138,7 +163,7 @@ class Term(ABC):
         )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        """Fresh state for a run at `rate` [Hz]; `seed` matters to terms that draw random numbers."""  # noqa: E501
+        """Make the state for a run at `rate` [Hz]; `seed` matters to terms that draw numbers."""
         return {}
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:

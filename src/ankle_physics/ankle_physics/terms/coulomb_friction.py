@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 
 
 class CoulombFriction(Term):
@@ -15,6 +15,7 @@ class CoulombFriction(Term):
 
     name = "coulomb_friction"
     place = Place.INTRINSIC
+    belongs_to = Owner.RIG
     sentence = "A constant torque opposes every movement, however fast: dry friction."
     parameters = (
         Parameter(

@@ -19,6 +19,7 @@ class DahlHysteresis(Term):
 
     name = "dahl_hysteresis"
     place = Place.INTRINSIC
+    has_memory = True
     sentence = (
         "Going there and coming back meet different torques, however slow the movement: "
         "friction that bends before it slips."

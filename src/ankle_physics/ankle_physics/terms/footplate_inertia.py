@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 
 
 class FootplateInertia(Term):
@@ -15,6 +15,7 @@ class FootplateInertia(Term):
 
     name = "footplate_inertia"
     place = Place.COUPLING
+    belongs_to = Owner.RIG
     sentence = "The torque sensor also feels the inertia of the footplate."
     parameters = (
         Parameter(

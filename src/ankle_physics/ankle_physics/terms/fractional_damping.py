@@ -24,6 +24,7 @@ class FractionalDamping(Term):
 
     name = "fractional_damping"
     place = Place.INTRINSIC
+    has_memory = True
     sentence = "Tissues resist with a power law of time: neither a pure spring nor a pure damper."
     parameters = (
         Parameter(

@@ -18,6 +18,7 @@ class MaxwellRelaxation(Term):
 
     name = "maxwell_relaxation"
     place = Place.INTRINSIC
+    has_memory = True
     sentence = "After a movement the torque relaxes: tissues give way while the angle is held."
     parameters = (
         Parameter(

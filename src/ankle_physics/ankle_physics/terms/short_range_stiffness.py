@@ -21,6 +21,7 @@ class ShortRangeStiffness(Term):
 
     name = "short_range_stiffness"
     place = Place.INTRINSIC
+    has_memory = True
     sentence = (
         "Small movements meet a stiffer muscle than large ones: cross-bridges hold at "
         "first and then let go."

@@ -19,6 +19,7 @@ class Thixotropy(Term):
 
     name = "thixotropy"
     place = Place.INTRINSIC
+    has_memory = True
     sentence = "The joint is stiff after a rest and loosens while it is moved."
     parameters = (
         Parameter(

@@ -37,6 +37,9 @@ NOT_SEARCHED = frozenset(
         "voluntary_torque",
         "gravity",
         "footplate_inertia",
+        "footplate_friction",
+        "footplate_gravity",
+        "servo_compliance",
         "tremor",
     }
 )

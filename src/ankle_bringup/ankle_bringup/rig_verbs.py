@@ -1,4 +1,4 @@
-"""Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator."""
+"""Verbs of a rig behind the actuator driver: operate it, and switch faults of its emulator."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ import typer
 
 from ankle_bringup.terminal import console
 
-verb = typer.Typer()
+verbs = typer.Typer()
+rig = typer.Typer(
+    no_args_is_help=True,
+    help="Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator.",
+)
+verbs.add_typer(rig, name="rig")
 
 
 def _operate(command: str) -> None:
@@ -19,10 +24,10 @@ def _operate(command: str) -> None:
         done, sentence = trigger(node, "ankle_actuator_driver", command)
     if not done:
         raise RunError(sentence)
-    console.print(sentence)
+    console.print(sentence, markup=False)
 
 
-@verb.command()
+@rig.command()
 def arm() -> None:
     """Let the drive hold the plate, at zero velocity.
 
@@ -31,7 +36,7 @@ def arm() -> None:
     _operate("arm")
 
 
-@verb.command()
+@rig.command()
 def start() -> None:
     """Let the plate follow the perturbation; needs an armed rig.
 
@@ -40,7 +45,7 @@ def start() -> None:
     _operate("start")
 
 
-@verb.command()
+@rig.command()
 def stop() -> None:
     """Bring the plate to rest and switch the drive off, from any state. The button at the rig is
     faster than a command.
@@ -50,7 +55,7 @@ def stop() -> None:
     _operate("stop")
 
 
-@verb.command()
+@rig.command()
 def disarm() -> None:
     """Switch the drive off.
 
@@ -59,7 +64,7 @@ def disarm() -> None:
     _operate("disarm")
 
 
-@verb.command("reset-fault")
+@rig.command("reset-fault")
 def reset_fault() -> None:
     """Leave a fault whose cause is gone; the rig has to be armed again.
 
@@ -68,7 +73,7 @@ def reset_fault() -> None:
     _operate("reset_fault")
 
 
-@verb.command()
+@rig.command()
 def state(
     seconds: Annotated[float, typer.Option(help="How long to wait for an answer.")] = 5.0,
 ) -> None:
@@ -87,10 +92,10 @@ def state(
             f"nobody said anything on '{RIG_STATE}' within {seconds:g} s: no actuator driver "
             "runs, or it is not active"
         )
-    console.print(text)
+    console.print(text, markup=False)
 
 
-@verb.command()
+@rig.command()
 def faults(
     switches: Annotated[
         str, typer.Argument(help="As 'drop=0.1,freeze=1'; 'none' switches all off.")
@@ -105,4 +110,4 @@ def faults(
     from ankle_actuator_driver.settings import DEVICE_PORT
     from rig_emulator.fault_switches import switch_faults
 
-    console.print(switch_faults(switches, address, port or DEVICE_PORT))
+    console.print(switch_faults(switches, address, port or DEVICE_PORT), markup=False)

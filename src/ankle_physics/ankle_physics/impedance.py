@@ -1,0 +1,305 @@
+"""What K, B, I and G of any model are at an operating point, and what its steps would meet.
+
+K, B and I are tangents of the torque of the joint's own terms without memory, about the mean
+angle, against angle, velocity and acceleration. G is the torque impulse of the reflex to stretch
+velocity for each radian of stretch, which for a linear reflex is the area of its impulse response.
+What belongs to the rig, the coupling's own elasticity and what has memory count in none of them.
+
+`effective_stiffness` is what a reader without a model would call stiffness in the same recording.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.model import Entry, Model
+from ankle_physics.quintic import quintic_upsample
+from ankle_physics.signals import Signals
+from ankle_physics.term import Owner, Place
+
+# Finite differences: far below the movements of any recording and far above rounding errors. The
+# velocity lies below the threshold where friction or damping saturates.
+ANGLE_DIFFERENCE = 1e-5  # rad
+VELOCITY_DIFFERENCE = 1e-3  # rad/s
+ACCELERATION_DIFFERENCE = 1e-2  # rad/s^2
+# Terms that follow the time of the recording are brought to the middle with few samples.
+STATIC_RATE = 16.0  # Hz
+# A rate at which the reflex' response and a step of 10 ms are sampled well.
+RESPONSE_RATE = 2048.0  # Hz
+# Movements before those that count: depression and other memory of the reflex have settled.
+SETTLING_TIME = 4.0  # s
+# Movements that count: enough steps for a mean over their random levels and pauses.
+TRAIN_TIME = 24.0  # s
+# After the last step the reflex' torque dies away (delays up to 0.2 s, slow muscles of 5 rad/s).
+DECAY_TIME = 1.5  # s
+# The band of slow responses below the reflex' and above the drift of voluntary torque.
+EFFECTIVE_BAND = (0.5, 5.0)  # Hz
+# Pauses of the train, relative to the mean pause: no periodicity that a term could lock to.
+PAUSE_RANGE = (0.7, 1.3)
+TRAIN_SEED = 2018
+# Reflex arcs that answer something else than the velocity of the calf's stretch.
+OTHER_ARCS = frozenset({"antagonist_reflex", "position_reflex"})
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where the impedance of a model is stated; all about one recording or one memory.
+
+    Attributes
+    ----------
+    position
+        Mean angle of the plate [rad].
+    torque
+        Mean measured torque [N.m]; a compliant fixation turns the foot back by it.
+    activation
+        Background torque of the muscles [N.m]. None: the level of the model's voluntary torque,
+        and where it has none, the mean torque.
+    time
+        Middle of the recording [s] since its start; terms that drift are stated there.
+    step
+        Size of the recorded steps [rad].
+    rise
+        Duration of a step's edge [s].
+    pause
+        Mean time between edges [s].
+    """
+
+    position: float = 0.0
+    torque: float = 0.0
+    activation: float | None = None
+    time: float = 30.0
+    step: float = 0.04
+    rise: float = 0.024
+    pause: float = 0.35
+
+
+@dataclass(frozen=True)
+class Impedance:
+    """Impedance of a joint at an operating point.
+
+    Attributes
+    ----------
+    K
+        Elastic tangent stiffness [N.m/rad].
+    B
+        Viscosity [N.m.s/rad], mean of both directions.
+    I
+        Inertia [kg.m^2] of what moves with the foot.
+    G
+        Reflex gain: area of the impulse response to stretch velocity [N.m.s/rad].
+    K_effective
+        In-phase stiffness between 0.5 and 5 Hz [N.m/rad], without inertia and velocity reflex.
+    """
+
+    K: float
+    B: float
+    I: float
+    G: float
+    K_effective: float
+
+
+def impedance(model: Model, at: OperatingPoint | None = None) -> Impedance:
+    """State K, B, I, G and the effective stiffness of a model.
+
+    Parameters
+    ----------
+    model
+        Any list of terms; a parameter that is an array counts with its mean.
+    at
+        The operating point; None: the middle of a minute at rest, with the paper's pulses.
+
+    Returns
+    -------
+    Impedance
+        The values in SI units.
+    """
+    at = at or OperatingPoint()
+    K, B, I = tangent(model, at)
+    return Impedance(K, B, I, reflex_gain(model, at), effective_stiffness(model, at))
+
+
+def tangent(model: Model, at: OperatingPoint) -> tuple[float, float, float]:
+    """Tangent stiffness [N.m/rad], viscosity [N.m.s/rad] and inertia [kg.m^2] of the joint.
+
+    Parameters
+    ----------
+    model
+        Any list of terms.
+    at
+        The operating point.
+
+    Returns
+    -------
+    tuple[float, float, float]
+        K, B and I by central differences of the elastic, viscous and inertial terms.
+    """
+    entries = [
+        entry
+        for entry in model.entries
+        if entry.term.place is Place.INTRINSIC
+        and entry.term.belongs_to is Owner.SUBJECT
+        and not entry.term.has_memory
+    ]
+    foot, activation = _foot_position(model, at), _activation(model, at)
+
+    def torque(x: float, v: float, a: float) -> float:
+        return _static_torque(entries, foot + x, v, a, activation, at.time)
+
+    slopes = []
+    for axis, size in enumerate((ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE, ACCELERATION_DIFFERENCE)):
+        step = np.zeros(3)
+        step[axis] = size
+        slopes.append((torque(*step) - torque(*-step)) / (2.0 * size))
+    return slopes[0], slopes[1], slopes[2]
+
+
+def reflex_gain(model: Model, at: OperatingPoint) -> float:
+    """Area of the reflex' impulse response to stretch velocity [N.m.s/rad].
+
+    Over a train of steps of the recorded size: the reflex torque's integral over time divided by
+    the angle through which the calf was stretched. For the paper's reflex this is G itself; a
+    threshold, a saturation or a depression lowers it as it lowers the torque of that recording.
+
+    Parameters
+    ----------
+    model
+        Any list of terms; 0 where it has no reflex.
+    at
+        The operating point.
+    """
+    reflexes = [
+        entry
+        for entry in model.entries
+        if entry.term.place is Place.REFLEX_INPUT
+        or (entry.term.place is Place.REFLEX_DYNAMICS and entry.term.name not in OTHER_ARCS)
+    ]
+    if not any(entry.term.place is Place.REFLEX_DYNAMICS for entry in reflexes):
+        return 0.0
+    motion = _train(at)
+    motion[0] += _foot_position(model, at) - at.position
+    # The same train that ends after settling: what is left of its last responses is taken off.
+    first = motion.copy()
+    settled = round(SETTLING_TIME * RESPONSE_RATE)
+    first[0, settled:] = first[0, settled]
+    first[1:, settled:] = 0.0
+    activation = np.full(motion.shape[1], _activation(model, at))
+    impulses = []
+    for train in (motion, first):
+        signals = Signals(RESPONSE_RATE, train[0], train[1], train[2], activation)
+        impulses.append(np.sum(_torque_along(reflexes, signals, at.time)))
+    stretches = [np.sum(np.maximum(train[1], 0.0)) for train in (motion, first)]
+    return float((impulses[0] - impulses[1]) / (stretches[0] - stretches[1]))
+
+
+def effective_stiffness(model: Model, at: OperatingPoint) -> float:
+    """In-phase stiffness that steps of the recorded size meet between 0.5 and 5 Hz [N.m/rad].
+
+    The torque of all terms of the subject along a train of steps, without the velocity reflex,
+    which G states, and without inertia, regressed on the plate's angle within the band.
+
+    Parameters
+    ----------
+    model
+        Any list of terms; a compliant fixation gives way as in the recording.
+    at
+        The operating point.
+    """
+    without = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
+    entries = [
+        entry
+        for entry in model.entries
+        if entry.term.belongs_to is Owner.SUBJECT
+        and (entry.term.place not in without or entry.term.name == "position_reflex")
+    ]
+    position, velocity, acceleration = _train(at)
+    activation = np.full(len(position), _activation(model, at))
+    signals = Signals(RESPONSE_RATE, position, velocity, acceleration, activation)
+    torque = _torque_along(entries, signals, at.time)
+    inertia = sum(_mean(entry.values["I"]) for entry in entries if entry.term.name == "inertia")
+    counted = slice(round(SETTLING_TIME * RESPONSE_RATE), None)
+    torque = (torque - inertia * acceleration)[counted]
+    window = np.hanning(len(torque))
+    x = np.fft.rfft(window * (position[counted] - position[counted].mean()))
+    t = np.fft.rfft(window * (torque - torque.mean()))
+    frequency = np.fft.rfftfreq(len(torque), 1.0 / RESPONSE_RATE)
+    band = (frequency >= EFFECTIVE_BAND[0]) & (frequency <= EFFECTIVE_BAND[1])
+    return float(np.sum((t * x.conj()).real[band]) / np.sum(np.abs(x[band]) ** 2))
+
+
+def _static_torque(
+    entries: list[Entry], x: float, v: float, a: float, activation: float, time: float
+) -> float:
+    """Torque [N.m] of memoryless terms at a constant state, `time` seconds into the run."""
+    n = max(1, round(time * STATIC_RATE) + 1)
+    total = 0.0
+    for entry in entries:
+        held = [np.full(n, value) for value in (x, v, a, activation)]
+        signals = Signals(STATIC_RATE, held[0], held[1], held[2], held[3])
+        columns = entry.term.torque(signals, _means(entry.values), entry.term.start(STATIC_RATE))
+        total += sum(
+            _mean(entry.values[symbol]) * float(column[-1]) for symbol, column in columns.items()
+        )
+    return total
+
+
+def _activation(model: Model, at: OperatingPoint) -> float:
+    if at.activation is not None:
+        return at.activation
+    if model.has("voluntary_torque"):
+        return _mean(model.entry("voluntary_torque").values["level"])
+    return at.torque
+
+
+def _foot_position(model: Model, at: OperatingPoint) -> float:
+    """Mean angle of the foot [rad]: the plate's, less what a fixation gives way under the load."""
+    for entry in model.entries:
+        if isinstance(entry.term, CompliantCoupling):
+            stiffness, _ = entry.term.linearised(_means(entry.values))
+            return at.position - at.torque / stiffness
+    return at.position
+
+
+def _train(at: OperatingPoint) -> np.ndarray:
+    """Position, velocity, acceleration of the plate, shape (3, n): steps up and down at random
+    times about the mean angle; quintic edges.
+    """
+    random = np.random.default_rng(TRAIN_SEED)
+    knots = [np.array([at.position - 0.5 * at.step, 0.0, 0.0])]
+    parts = []
+    rise = max(2, round(at.rise * RESPONSE_RATE))
+    length, level = 0, -1.0
+    needed = round((SETTLING_TIME + TRAIN_TIME) * RESPONSE_RATE)
+    while length < needed:
+        pause = max(1, round(at.pause * random.uniform(*PAUSE_RANGE) * RESPONSE_RATE) - rise)
+        rest = np.repeat(knots[-1][:, None], pause, axis=1)
+        level = -level
+        knots.append(np.array([at.position + 0.5 * level * at.step, 0.0, 0.0]))
+        edge = quintic_upsample(np.array(knots[-2:]), rise, rise / RESPONSE_RATE)
+        parts += [rest, edge]
+        length += pause + rise
+    parts.append(np.repeat(knots[-1][:, None], round(DECAY_TIME * RESPONSE_RATE), axis=1))
+    return np.concatenate(parts, axis=1)
+
+
+def _torque_along(entries: list[Entry], signals: Signals, time: float) -> np.ndarray:
+    """Torque [N.m] of the terms, shape (n,); drifts are at `time` [s] in the train's middle."""
+    held = copy.deepcopy(entries)
+    for entry in held:
+        entry.values = _means(entry.values)
+    run = Model(held).start(signals.rate)
+    run.advance_clock(time - SETTLING_TIME - 0.5 * TRAIN_TIME)
+    return run.torque(signals)
+
+
+def _means(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {symbol: _mean(value) for symbol, value in values.items()}
+
+
+def _mean(value: Any) -> float:
+    return float(np.mean(value))

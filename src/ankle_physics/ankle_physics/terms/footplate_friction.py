@@ -1,0 +1,32 @@
+"""Dry friction of the plate's bearing: ``torque = F * tanh(v_plate / v0)``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
+
+
+class FootplateFriction(Term):
+    """Friction between plate and frame, as a calibration with the plate empty finds it.
+
+    It acts on the plate's velocity; a recording with a foot strapped on rigidly cannot tell it
+    from `coulomb_friction`.
+    """
+
+    name = "footplate_friction"
+    place = Place.COUPLING
+    belongs_to = Owner.RIG
+    sentence = "The bearing of the footplate opposes every movement with a constant torque."
+    parameters = (
+        Parameter(
+            "F", "N.m", 0.0, 10.0, 0.2, "bearings and seals of ankle rigs: below 2 N.m", linear=True
+        ),
+        Parameter(
+            "v0", "rad/s", 0.01, 0.3, 0.03, "a few times the velocity noise of the paper's encoder"
+        ),
+    )
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        return {"F": np.tanh(signals.velocity / float(values["v0"]))}
