@@ -22,6 +22,7 @@ from impedance_estimator.offline.recorded_estimates import estimate_bag
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Excluded, Hold, find_holds
 from session_recorder.bag_reader import BagReader
+from session_recorder.loss import account_of_bag
 from session_recorder.message_definitions import typestore
 
 SUBJECT_KEY = "subject"
@@ -91,7 +92,7 @@ def read_session(
         raise AnalysisError(
             f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state"
         )
-    notes = list(bag.problems)
+    notes = [f"{path}: {sentence}" for sentence in account_of_bag(bag).sentences()]
     recorded = (
         []
         if recompute

@@ -204,13 +204,30 @@ class BagReader:
             ):
                 yield channels[channel_id], log_time, data
 
-    def readable_messages(self) -> Iterator[tuple[str, int, int, bytes]]:
-        """Every message outside damaged chunks: (topic, log time [ns], publish time [ns], CDR
-        bytes); `problems` grows on the way.
+    def readable_messages(
+        self, topics: Collection[str] | None = None
+    ) -> Iterator[tuple[str, int, int, bytes]]:
+        """Every message outside damaged chunks, in the order of the file; `problems` grows on the
+        way.
+
+        Parameters
+        ----------
+        topics
+            Names; None for all.
+
+        Yields
+        ------
+        Iterator[tuple[str, int, int, bytes]]
+            (topic, log time [ns], publish time [ns], CDR bytes)
         """
         for file in self._files:
             known = len(file.problems)
-            for log_time, publish_time, channel_id, data in file.without_damage(file.channels):
+            wanted = [
+                key
+                for key, channel in file.channels.items()
+                if topics is None or channel.topic in topics
+            ]
+            for log_time, publish_time, channel_id, data in file.without_damage(wanted):
                 yield file.channels[channel_id].topic, log_time, publish_time, data
             self.problems += file.problems[known:]
 

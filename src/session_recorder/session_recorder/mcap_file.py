@@ -314,6 +314,8 @@ class McapFile:
         wanted = frozenset(channels)
         with self.path.open("rb") as stream:
             for piece in self._pieces:
+                if piece.index and wanted.isdisjoint(piece.index):
+                    continue
                 try:
                     records = self._read(stream, piece, wanted)
                 except DAMAGE as error:

@@ -2,16 +2,16 @@
 
 | topic | direction | type | what |
 | --- | --- | --- | --- |
-| every topic, or those of `topics` | in | any | stored as received, with the QoS of its publishers |
-| /diagnostics | out | DiagnosticArray | ready, messages, missing samples and messages, free disk |
+| every topic, or `topics` | in | any | stored as received, with its publishers' QoS |
+| /diagnostics | out | DiagnosticArray | ready, messages, missing samples, free disk |
 | TOPIC/_worked_off | out | String | how far a replay may go on (see `ankle_node.node`) |
 
 The log line ``ready: recording into PATH`` and ``ready`` = True in the diagnostics say that every
 topic known so far is connected. The laboratory's topics are connected before they have a publisher,
 so that no first block is lost; any other one when it appears. Log time is the time of reception, or
 the simulated time under `use_sim_time`; publish time is the publisher's stamp. Parameters:
-`session_recorder.parameters`.
-"""  # noqa: E501
+`session_recorder.parameters`. What is missing is counted by `session_recorder.loss`.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from datetime import datetime
 
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_node.node import BLOCK_QOS, ERROR, OK, WARN, WORKED_OFF, AnkleNode, MessageInfo, run
@@ -56,7 +57,6 @@ class RecordNode(AnkleNode):
         self._named = [name.strip() for name in self.text("topics").split(",") if name.strip()]
         self._connected: dict[str, str] = {}
         self._refused: set[str] = set()
-        self._publisher_counts: dict[str, int] = {}
         self._quiet_looks = 0
         self._ready = False
         self._began = time.monotonic()
@@ -83,7 +83,7 @@ class RecordNode(AnkleNode):
             ):
                 continue
             offers = self.get_publishers_info_by_topic(topic)
-            self._publisher_counts[topic] = len(offers)
+            self._set_publishers(topic, offers)
             if not offers:
                 continue
             if topic not in self._connected:
@@ -131,7 +131,7 @@ class RecordNode(AnkleNode):
             return
         if topic not in self.recording.bag.topics:
             offers = self.get_publishers_info_by_topic(topic)
-            self._publisher_counts[topic] = len(offers)
+            self._set_publishers(topic, offers)
             profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)
             self.recording.add_topic(
                 topic, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
@@ -141,13 +141,24 @@ class RecordNode(AnkleNode):
             if self._simulated_time
             else info["received_timestamp"] or time.time_ns()
         )
-        # Counted by each publisher for itself, so of no use where there are several.
-        sequence = (
-            info["publication_sequence_number"] if self._publisher_counts.get(topic) == 1 else None
-        )
         for sentence in self.recording.write(
-            topic, received, message, info["source_timestamp"] or None, sequence
+            topic,
+            received,
+            message,
+            info["source_timestamp"] or None,
+            info["publication_sequence_number"],
         ):
+            self._warn(topic, sentence)
+
+    def _set_publishers(self, topic: str, offers: Sequence[TopicEndpointInfo]) -> None:
+        if self.recording is None:
+            return
+        publishers = {
+            str(offer.endpoint_gid): f"{offer.node_namespace.rstrip('/')}/{offer.node_name}"
+            for offer in offers
+        }
+        sentence = self.recording.set_publishers(topic, publishers)
+        if sentence is not None:
             self._warn(topic, sentence)
 
     def _warn(self, topic: str, sentence: str) -> None:
@@ -161,8 +172,10 @@ class RecordNode(AnkleNode):
         self.recording.bag.flush()
         free = self.recording.free_space()
         self.count("messages", self.recording.bag.count)
-        self.count("missing samples", sum(self.recording.missing.values()))
-        self.count("lost messages", sum(self.recording.lost.values()))
+        for topic, sentence in self.recording.settle().items():
+            self._warn(topic, sentence)
+        self.count("missing samples", self.recording.account.missing)
+        self.count("lost messages", self.recording.account.missing_messages)
         self.count("free disk [MB]", round(free))
         if free < self.number("min_free_disk"):
             sentence = (

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from rosbags.interfaces import Qos
 
-from ankle_interfaces.block import MESSAGE_TYPE, TIME_COLUMN, unpack
-from ankle_interfaces.continuity import Continuity
-from ankle_interfaces.errors import BlockError
+from ankle_interfaces.block import MESSAGE_TYPE
 from session_recorder.bag_writer import BagWriter
-
-# Fewer samples in a block are an event or a result (an onset, an estimate), which has no sampling
-# rate to keep.
-SAMPLED_BLOCK = 4
+from session_recorder.loss import LOST_MESSAGES_KEY, LossAccount, MessageNumbers
 
 
 class Recording:
@@ -31,24 +27,19 @@ class Recording:
     ----------
     bag
         Its writer.
-    lost
-        Messages that the middleware lost, by topic.
+    account
+        What is missing so far.
     warnings
         What went wrong, with the time [s since the start].
     """
 
     def __init__(self, path: Path | str) -> None:
         self.bag = BagWriter(path)
-        self.lost: dict[str, int] = {}
+        self.account = LossAccount()
         self.warnings: list[str] = []
-        self._streams: dict[str, Continuity] = {}
-        self._sequences: dict[str, int] = {}
+        self._numbers: dict[str, MessageNumbers] = {}
+        self._mixed: set[str] = set()
         self._began = time.monotonic()
-
-    @property
-    def missing(self) -> dict[str, int]:
-        """Samples missing so far in each sampled topic."""
-        return {topic: stream.missing for topic, stream in self._streams.items() if stream.blocks}
 
     @property
     def duration(self) -> float:
@@ -64,8 +55,28 @@ class Recording:
             See `BagWriter.add_topic`.
         """
         self.bag.add_topic(topic, message_type, qos)
-        if message_type == MESSAGE_TYPE:
-            self._streams.setdefault(topic, Continuity())
+
+    def set_publishers(self, topic: str, publishers: Mapping[str, str]) -> str | None:
+        """State who publishes a topic now.
+
+        Parameters
+        ----------
+        publishers
+            Name of the node by the publisher's identity.
+
+        Returns
+        -------
+        str | None
+            A sentence where a topic of samples has more than one publisher, the first time.
+        """
+        self._numbers.setdefault(topic, MessageNumbers()).set_publishers(publishers)
+        if len(publishers) < 2 or topic not in self.account.topics or topic in self._mixed:
+            return None
+        self._mixed.add(topic)
+        names = ", ".join(sorted(publishers.values()))
+        sentence = f"{len(publishers)} nodes publish it ({names}); their samples are mixed"
+        self.note(f"{topic}: {sentence}")
+        return sentence
 
     def write(
         self,
@@ -95,34 +106,38 @@ class Recording:
             See `BagWriter.write`.
         """
         self.bag.write(topic, stamp_ns, message, publish_ns)
-        found = self._check_sequence(topic, sequence) + self._check_samples(topic, message)
+        found = []
+        if self.bag.topics[topic].type == MESSAGE_TYPE:
+            found = self.account.add(topic, message, stamp_ns)
+        if sequence is not None and topic not in self.account.topics:
+            numbers = self._numbers.setdefault(topic, MessageNumbers())
+            numbers.add(sequence, time.monotonic())
         for sentence in found:
             self.note(f"{topic}: {sentence}")
         return found
 
-    def _check_sequence(self, topic: str, sequence: int | None) -> list[str]:
-        if sequence is None:
-            return []
-        lost = sequence - self._sequences.get(topic, sequence) - 1
-        self._sequences[topic] = sequence
-        if (
-            lost <= 0
-        ):  # the first message, the next one, or the first of a publisher that started again
-            return []
-        self.lost[topic] = self.lost.get(topic, 0) + lost
-        return [f"{lost} message(s) lost on the way before number {sequence}"]
+    def settle(self, final: bool = False) -> dict[str, str]:
+        """Decide which messages without samples were lost; call it once in a while.
 
-    def _check_samples(self, topic: str, message: bytes) -> list[str]:
-        stream = self._streams.get(topic)
-        if stream is None:
-            return []
-        try:
-            block = unpack(message)
-        except BlockError as error:
-            return [str(error)] if stream.blocks else []
-        if len(block.data) < SAMPLED_BLOCK or block.columns[0] != TIME_COLUMN:
-            return []
-        return [finding.message for finding in stream.check(block.data)]
+        Parameters
+        ----------
+        final
+            Decide on everything, because nothing more will come.
+
+        Returns
+        -------
+        dict[str, str]
+            A sentence for each topic of which more messages are now known to be lost.
+        """
+        found = {}
+        for topic, numbers in self._numbers.items():
+            lost = numbers.settle(math.inf if final else time.monotonic())
+            if numbers.lost:
+                self.account.lost_messages[topic] = numbers.lost
+            if lost:
+                found[topic] = f"{lost} message(s) were lost on the way to the recorder"
+                self.note(f"{topic}: {found[topic]}")
+        return found
 
     def note(self, sentence: str) -> None:
         """Store a sentence with the bag."""
@@ -134,12 +149,13 @@ class Recording:
 
     def summary(self) -> str:
         """One line: messages, topics, duration, missing samples, path."""
-        where = ", ".join(f"{topic} {count}" for topic, count in self.missing.items() if count)
+        missing = {topic: held.missing for topic, held in self.account.topics.items()}
+        where = ", ".join(f"{topic} {count}" for topic, count in missing.items() if count)
         return (
             f"recorded {self.bag.count} messages of {len(self.bag.topics)} topics in "
             f"{self.duration:.1f} s, "
-            f"{sum(self.missing.values())} samples missing{f' ({where})' if where else ''}, "
-            f"{sum(self.lost.values())} messages lost: {self.bag.path}"
+            f"{self.account.missing} samples missing{f' ({where})' if where else ''}, "
+            f"{self.account.missing_messages} messages lost: {self.bag.path}"
         )
 
     def close(self) -> None:
@@ -150,10 +166,14 @@ class Recording:
         BagError
             The disk refuses.
         """
-        self.bag.custom_data["missing_samples"] = str(sum(self.missing.values()))
-        self.bag.custom_data["lost_messages"] = str(sum(self.lost.values()))
-        for topic, count in self.missing.items():
-            self.bag.custom_data[f"missing_samples {topic}"] = str(count)
+        self.settle(final=True)
+        custom = self.bag.custom_data
+        custom["missing_samples"] = str(self.account.missing)
+        custom["lost_messages"] = str(self.account.missing_messages)
+        for topic, held in self.account.topics.items():
+            custom[f"missing_samples {topic}"] = str(held.missing)
+        for topic, count in self.account.lost_messages.items():
+            custom[f"{LOST_MESSAGES_KEY}{topic}"] = str(count)
         if self.warnings:
-            self.bag.custom_data["warnings"] = "\n".join(self.warnings)
+            custom["warnings"] = "\n".join(self.warnings)
         self.bag.close()

@@ -9,9 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from ankle_interfaces.block import pack
 from session_recorder.bag_reader import BagReader
-from session_recorder.recording import Recording
 from session_recorder.recovery import recover
 
 pytestmark = pytest.mark.live
@@ -291,16 +289,3 @@ for topic, types in node.get_topic_names_and_types():
     lines = output.split("\n")[:-1]
     assert len(lines) >= 7
     assert all(line.endswith(" True") for line in lines), output
-
-
-def test_messages_lost_on_the_way_are_counted(tmp_path, block):
-    recording = Recording(tmp_path / "bag")
-    recording.add_topic("/impedance/estimate", "std_msgs/msg/Float64MultiArray", ())
-    for sequence in (5, 6, 9, 1, 2):
-        found = recording.write(
-            "/impedance/estimate", sequence, pack(block(0, size=1)), None, sequence
-        )
-        assert bool(found) == (sequence == 9)
-    recording.close()
-    assert "0 samples missing, 2 messages lost" in recording.summary()
-    assert BagReader(tmp_path / "bag").custom_data["lost_messages"] == "2"

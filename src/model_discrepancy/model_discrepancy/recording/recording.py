@@ -16,6 +16,7 @@ from ankle_interfaces.errors import BlockError, UnitError
 from model_discrepancy.errors import DiagnosisError
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
+from session_recorder.loss import account_of_bag
 
 SAMPLES_TOPIC = "/ankle/samples"
 REFERENCE_TOPIC = "/perturbation/reference"
@@ -117,7 +118,7 @@ class Recording:
             samples = require_columns(converted, ("position[rad]", "torque[N.m]"), SAMPLES_TOPIC)
         except (BlockError, UnitError) as error:
             raise DiagnosisError(f"{path}: {error}") from None
-        notes = [*bag.problems, *notes]
+        notes = [*account_of_bag(bag).sentences(), *notes]
         faults: list[str] = []
         clock = samples.time
         if len(clock) < 2:
@@ -131,7 +132,7 @@ class Recording:
         columns = [samples.column("position[rad]"), samples.column("torque[N.m]")]
         if converted.has("velocity[rad/s]"):
             columns.append(converted.column("velocity[rad/s]"))
-        grid, values = _on_grid(clock, np.column_stack(columns), rate, notes, faults)
+        grid, values = _on_grid(clock, np.column_stack(columns), rate, faults)
         return cls(
             rate=rate,
             position=values[:, 0],
@@ -149,11 +150,9 @@ class Recording:
 
 
 def _on_grid(
-    clock: np.ndarray, values: np.ndarray, rate: float, notes: list[str], faults: list[str]
+    clock: np.ndarray, values: np.ndarray, rate: float, faults: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples on an equally spaced clock; gaps are bridged linearly and noted, long ones are a
-    fault.
-    """
+    """Samples on an equally spaced clock; gaps are bridged linearly, long ones are a fault."""
     steps = np.diff(clock)
     backwards = int(np.sum(steps <= 0))
     if backwards:
@@ -171,9 +170,8 @@ def _on_grid(
     )
     # A reflex response lasts about 0.4 s: a longer hole cannot be bridged, and 2 % of holes spoil
     # the filters.
-    (
-        faults if np.diff(clock).max() > 0.4 or lost > 0.02 * (clock[-1] - clock[0]) else notes
-    ).append(sentence)
+    if np.diff(clock).max() > 0.4 or lost > 0.02 * (clock[-1] - clock[0]):
+        faults.append(sentence)
     grid = np.arange(clock[0], clock[-1] + 0.25 / rate, 1.0 / rate)
     return grid, np.column_stack([np.interp(grid, clock, column) for column in values.T])
 

@@ -1,0 +1,478 @@
+"""The account of loss: which samples and messages a recording lacks, where and since when.
+
+The recorder keeps it while it writes, and `account_of_bag` makes it again from a bag, with the same
+numbers. Every report takes its sentences about loss from here.
+
+Samples are counted by their own time: a step of more than one and a half sampling intervals is a
+gap, a sample whose time lies in a gap came late and fills it, a sample whose time is there already
+is repeated. Other messages carry no time of their own; they are counted by their publisher's
+numbers, where the topic has one publisher only, because the numbers do not say whose they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from ankle_interfaces.block import MESSAGE_TYPE, TIME_COLUMN, Block, unpack
+from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
+from ankle_interfaces.errors import BlockError
+from session_recorder.bag_reader import BagReader
+
+MIN_SAMPLED_BLOCK = 4
+"""Samples. A smaller block is an event or a result (an onset, an estimate), which has no sampling
+rate to keep."""
+MAX_LATENESS = 5.0
+"""[s] A queue of 64 blocks holds one second, so a block comes at most a few seconds late. Time that
+runs back further is a clock that was set, or a source that started again."""
+MAX_END_SPREAD = 2.0
+"""[s] The nodes of a graph stop within this time. A measured signal that ends earlier than the
+others was interrupted."""
+MEASURED = ("ankle/samples", "emg/samples")
+"""Ends of the names of the topics that a measurement cannot do without."""
+SHOWN_GAPS = 5
+"""Gaps that a sentence names one by one; the longest ones."""
+MIXED_SHARE = 0.05
+"""Share of steps back in time per block from which two sources in one topic are likely. A busy
+network reorders fewer than one block in a hundred."""
+MIN_MIXED_STEPS = 10
+"""Fewest steps back in time that tell two sources from a few late blocks."""
+SETTLING_TIME = 2.0
+"""[s] How long a jump in the message numbers waits for a verdict. A second publisher is known to
+the graph within a second; the messages of both look like loss until then."""
+LOST_MESSAGES_KEY = "lost_messages "
+"""Start of the keys in a bag's custom data that state lost messages, followed by the topic."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass
+class Gap:
+    """Samples that are missing between two others.
+
+    Attributes
+    ----------
+    start, end
+        Times of the samples around it [s].
+    missing
+        Samples that are still missing in it.
+    """
+
+    start: float
+    end: float
+    missing: int
+
+
+@dataclass
+class SampleAccount:
+    """What happened to the samples of one topic.
+
+    Attributes
+    ----------
+    rate
+        Sampling rate [Hz], from the first block; None before.
+    samples
+        Samples with a time of their own, late ones included.
+    gaps
+        Where samples are missing, in the order in which they were found.
+    late
+        Samples that came after later ones and fill a gap.
+    repeated
+        Samples whose time is there already.
+    clock_steps
+        (time before [s], how far time was set back [s]) of each step back by more than
+        `MAX_LATENESS`.
+    undated
+        Samples whose time is not finite.
+    not_finite
+        NaN or infinite values by column.
+    blocks
+        Blocks seen.
+    first, last
+        Times of the first and the latest sample [s]; None before any.
+    """
+
+    rate: float | None = None
+    samples: int = 0
+    gaps: list[Gap] = field(default_factory=list)
+    late: int = 0
+    repeated: int = 0
+    clock_steps: list[tuple[float, float]] = field(default_factory=list)
+    undated: int = 0
+    not_finite: dict[str, int] = field(default_factory=dict)
+    blocks: int = 0
+    first: float | None = None
+    last: float | None = None
+    _steps_back: int = 0
+
+    @property
+    def missing(self) -> int:
+        """Samples that are missing in all gaps."""
+        return sum(gap.missing for gap in self.gaps)
+
+    @property
+    def missing_time(self) -> float:
+        """Length of what is missing [s]."""
+        return self.missing / self.rate if self.rate else 0.0
+
+    @property
+    def mixed(self) -> bool:
+        """Whether time runs back so often that two sources are likely to publish the topic."""
+        return self._steps_back >= max(MIN_MIXED_STEPS, MIXED_SHARE * self.blocks)
+
+    def add(self, block: Block) -> list[str]:
+        """Count a block.
+
+        Parameters
+        ----------
+        block
+            Its first column is the time [s].
+
+        Returns
+        -------
+        list[str]
+            A sentence for each thing that is wrong with this block; mostly empty.
+        """
+        self.blocks += 1
+        news = self._count_values(block)
+        time = block.time
+        dated = np.isfinite(time)
+        if not dated.all():
+            self.undated += int(np.count_nonzero(~dated))
+            news.append(f"{np.count_nonzero(~dated)} samples have no finite time")
+            time = time[dated]
+        if self.rate is None:
+            try:
+                self.rate = sampling_rate(time)
+            except ValueError as error:
+                return [*news, str(error)]
+        if not len(time):
+            return news
+        if self.first is None or self.last is None:
+            self.first = float(time[0])
+            self.last = float(time[0]) - 1.0 / self.rate
+        steps = np.diff(time, prepend=self.last) * self.rate
+        breaks = np.flatnonzero(~(np.abs(steps - 1.0) <= STEP_TOLERANCE))
+        if not len(breaks):
+            self._continue(time)
+            return news
+        bounds = sorted({0, *breaks.tolist(), len(time)})
+        for start, stop in pairwise(bounds):
+            news += self._add_run(time[start:stop])
+        return news
+
+    def _count_values(self, block: Block) -> list[str]:
+        values = block.data[:, 1:]
+        if np.isfinite(values).all():
+            return []
+        news = []
+        for name, column in zip(block.columns[1:], values.T, strict=True):
+            bad = int(np.count_nonzero(~np.isfinite(column)))
+            if bad:
+                self.not_finite[name] = self.not_finite.get(name, 0) + bad
+                news.append(f"{bad} of {len(column)} samples of {name} are NaN or infinite")
+        return news
+
+    def _continue(self, time: np.ndarray) -> None:
+        self.samples += len(time)
+        self.last = float(time[-1])
+
+    def _add_run(self, time: np.ndarray) -> list[str]:
+        """Count samples that follow each other, after a step that is not one interval."""
+        assert self.rate is not None
+        assert self.last is not None
+        step = (time[0] - self.last) * self.rate
+        if step > 1.0 + STEP_TOLERANCE:
+            gap = Gap(self.last, float(time[0]), round(step) - 1)
+            self.gaps.append(gap)
+            self._continue(time)
+            return [
+                f"{gap.missing} samples ({gap.missing / self.rate:.3f} s) missing before t = "
+                f"{time[0]:.6f} s"
+            ]
+        if step > STEP_TOLERANCE:
+            self._continue(time)
+            return []
+        self._steps_back += 1
+        back = self.last - float(time[0])
+        if back > MAX_LATENESS:
+            self.clock_steps.append((self.last, back))
+            self._continue(time)
+            return [f"time was set back by {back:.3f} s at t = {self.clock_steps[-1][0]:.6f} s"]
+        return self._add_late(time)
+
+    def _add_late(self, time: np.ndarray) -> list[str]:
+        assert self.rate is not None
+        assert self.last is not None
+        half = STEP_TOLERANCE / self.rate
+        late = 0
+        gaps: list[Gap] = []
+        for gap in self.gaps:
+            inside = time[(time > gap.start + half) & (time < gap.end - half)]
+            late += len(inside)
+            gaps += self._left_of(gap, inside) if len(inside) else [gap]
+        self.gaps = gaps
+        new = time[time > self.last + half]
+        repeated = len(time) - late - len(new)
+        self.late += late
+        self.samples += late
+        self.repeated += repeated
+        if len(new):
+            self._continue(new)
+        news = []
+        if late:
+            news.append(f"{late} samples came late, from t = {time[0]:.6f} s, and fill a gap")
+        if repeated:
+            news.append(f"{repeated} samples from t = {time[0]:.6f} s are there already")
+        return news
+
+    def _left_of(self, gap: Gap, inside: np.ndarray) -> list[Gap]:
+        """What remains of a gap when samples that follow each other fill a part of it."""
+        assert self.rate is not None
+        ends = ((gap.start, float(inside[0])), (float(inside[-1]), gap.end))
+        parts = [Gap(start, end, round((end - start) * self.rate) - 1) for start, end in ends]
+        return [part for part in parts if part.missing > 0]
+
+    def sentences(self, topic: str, origin: float) -> list[str]:
+        """What is wrong, with numbers and places.
+
+        Parameters
+        ----------
+        topic
+            Named in each sentence.
+        origin
+            Time [s] from which places are counted.
+        """
+        told = []
+        gaps = sorted(self.gaps, key=lambda gap: -gap.missing)
+        if gaps:
+            places = "; ".join(
+                f"{gap.missing} at {gap.start - origin:.3f} s" for gap in gaps[:SHOWN_GAPS]
+            )
+            more = f"; and {len(gaps) - SHOWN_GAPS} shorter ones" if len(gaps) > SHOWN_GAPS else ""
+            told.append(
+                f"{topic}: {self.missing} samples ({self.missing_time:.3f} s) are missing in "
+                f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}: {places}{more}"
+            )
+        if self.late:
+            told.append(f"{topic}: {self.late} samples came late and are in their place")
+        if self.repeated:
+            told.append(f"{topic}: {self.repeated} samples have a time that is there already")
+        for at, back in self.clock_steps[:SHOWN_GAPS]:
+            told.append(f"{topic}: time was set back by {back:.3f} s at {at - origin:.3f} s")
+        if self.undated:
+            told.append(f"{topic}: {self.undated} samples have no finite time")
+        for column, count in self.not_finite.items():
+            told.append(f"{topic}: {count} samples of {column} are NaN or infinite")
+        if self.mixed:
+            told.append(
+                f"{topic}: time runs back {self._steps_back} times in {self.blocks} blocks, as "
+                "when two nodes publish the topic"
+            )
+        return told
+
+
+class MessageNumbers:
+    """Messages of one topic, counted by their publisher's numbers.
+
+    Numbers of several publishers cannot be told apart, so a topic that ever had more than one is
+    not judged; a jump in the numbers therefore waits until the graph would show a second one.
+
+    Attributes
+    ----------
+    lost
+        Messages that are lost for certain.
+    """
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._last: int | None = None
+        self._publishers: frozenset[str] = frozenset()
+        self._several = False
+        self._waiting: list[tuple[float, int]] = []
+
+    def set_publishers(self, publishers: Collection[str]) -> None:
+        """State who publishes the topic now, by any names that identify a publisher."""
+        now = frozenset(publishers)
+        if len(now) > 1:
+            self._several = True
+        if now and self._publishers and now != self._publishers:
+            # Another publisher counts anew; what the change itself looked like is no loss.
+            self._last = None
+            self._waiting.clear()
+        self._publishers = now or self._publishers
+
+    def add(self, number: int, now: float) -> None:
+        """Count a message.
+
+        Parameters
+        ----------
+        number
+            What its publisher counted it as.
+        now
+            [s] of any clock that only goes forward.
+        """
+        jump = 0 if self._last is None else number - self._last - 1
+        if jump > 0:
+            self._waiting.append((now, jump))
+        self._last = number
+
+    def settle(self, now: float) -> int:
+        """Decide on jumps that waited for `SETTLING_TIME`.
+
+        Parameters
+        ----------
+        now
+            As for `add`; infinite decides on all.
+
+        Returns
+        -------
+        int
+            Messages that are now known to be lost and were not before.
+        """
+        if self._several:
+            self._waiting.clear()
+            return 0
+        due = sum(jump for at, jump in self._waiting if now - at >= SETTLING_TIME)
+        self._waiting = [(at, jump) for at, jump in self._waiting if now - at < SETTLING_TIME]
+        self.lost += due
+        return due
+
+
+class LossAccount:
+    """What a recording lacks, over all its topics.
+
+    Attributes
+    ----------
+    topics
+        The account of each sampled topic.
+    lost_messages
+        Messages of other topics that were lost on the way to the recorder, by topic.
+    problems
+        What is wrong with the bag itself, as after a killed recorder, one sentence each.
+    """
+
+    def __init__(self) -> None:
+        self.topics: dict[str, SampleAccount] = {}
+        self.lost_messages: dict[str, int] = {}
+        self.problems: list[str] = []
+        self._last_log: dict[str, int] = {}
+
+    def add(self, topic: str, message: bytes, log_time_ns: int) -> list[str]:
+        """Count a message of a topic of blocks.
+
+        Parameters
+        ----------
+        message
+            Its CDR bytes.
+        log_time_ns
+            When it was recorded [ns].
+
+        Returns
+        -------
+        list[str]
+            A sentence for each thing that is wrong with it; mostly empty.
+        """
+        try:
+            block = unpack(message)
+        except BlockError as error:
+            return [str(error)] if topic in self.topics else []
+        if len(block.data) < MIN_SAMPLED_BLOCK or block.columns[0] != TIME_COLUMN:
+            return []
+        self._last_log[topic] = log_time_ns
+        return self.topics.setdefault(topic, SampleAccount()).add(block)
+
+    @property
+    def missing(self) -> int:
+        """Samples that are missing in all topics."""
+        return sum(account.missing for account in self.topics.values())
+
+    @property
+    def missing_messages(self) -> int:
+        """Messages of other topics that were lost."""
+        return sum(self.lost_messages.values())
+
+    @property
+    def origin(self) -> float:
+        """Time [s] of the first sample of all topics, from which sentences count."""
+        return min(
+            (account.first for account in self.topics.values() if account.first is not None),
+            default=0.0,
+        )
+
+    def sentences(self) -> list[str]:
+        """What is lost, with number, topic and place; empty for a whole recording.
+
+        Places are seconds after the recording's first sample. Estimates that are NaN because they
+        are not valid are no loss.
+        """
+        told = list(self.problems)
+        for topic, account in self.topics.items():
+            told += [
+                sentence
+                for sentence in account.sentences(topic, self.origin)
+                if "impedance/" not in topic or "NaN" not in sentence
+            ]
+        told += self._early_ends()
+        told += [
+            f"{topic}: {count} message(s) were lost on the way to the recorder"
+            for topic, count in self.lost_messages.items()
+            if count
+        ]
+        return told
+
+    def _early_ends(self) -> list[str]:
+        if not self._last_log:
+            return []
+        end = max(self._last_log.values())
+        return [
+            f"{topic}: ends {(end - log) * 1e-9:.1f} s before the recording's last sample"
+            for topic, log in self._last_log.items()
+            if topic.endswith(MEASURED) and (end - log) * 1e-9 > MAX_END_SPREAD
+        ]
+
+    def figures(self) -> dict[str, dict[str, float]]:
+        """Counts by topic, for tables and JSON."""
+        return {
+            topic: {
+                "samples": account.samples,
+                "missing": account.missing,
+                "gaps": len(account.gaps),
+                "late": account.late,
+                "repeated": account.repeated,
+                "rate[Hz]": account.rate or float("nan"),
+            }
+            for topic, account in self.topics.items()
+        }
+
+
+def account_of_bag(bag: BagReader, progress: Progress | None = None) -> LossAccount:
+    """Count what a bag lacks.
+
+    Parameters
+    ----------
+    bag
+        An open bag; a damaged one too. Damaged chunks become problems.
+    progress
+        Called with the fraction that is read.
+
+    Returns
+    -------
+    LossAccount
+        The numbers that the recorder had at its end.
+    """
+    account = LossAccount()
+    sampled = {name for name, topic in bag.topics.items() if topic.type == MESSAGE_TYPE}
+    total = max(1, sum(bag.topics[name].count for name in sampled))
+    for done, (topic, log_time, _, message) in enumerate(bag.readable_messages(sampled)):
+        account.add(topic, message, log_time)
+        if progress and done % 1000 == 0:
+            progress(done / total)
+    account.problems = list(dict.fromkeys(bag.problems))
+    for key, value in bag.custom_data.items():
+        if key.startswith(LOST_MESSAGES_KEY) and value.isdigit():
+            account.lost_messages[key.removeprefix(LOST_MESSAGES_KEY)] = int(value)
+    return account
