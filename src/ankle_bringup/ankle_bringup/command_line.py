@@ -1,28 +1,155 @@
-"""The `ankle` command: every verb is a thin door to a package that also works without it."""
+"""The `ankle` command. Each verb is one file in `ankle_bringup.verbs` and is found there."""
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import pkgutil
 import sys
+from collections.abc import Callable
+from functools import wraps
+from importlib.metadata import version
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
-from ankle_bringup import bag_verbs, discrepancy_verbs, graph_verbs, rig_verbs, study_verbs
+from ankle_bringup import verbs
+
+HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
+_SHARED_OPTIONS = {
+    "json": typer.Option("--json", help="Print the result as JSON, and nothing else."),
+    "quiet": typer.Option("--quiet", "-q", help="Print errors only."),
+}
+
+
+def verb_names() -> dict[str, str]:
+    """The verbs: the word on the command line, and the module that has it."""
+    modules = sorted(module.name for module in pkgutil.iter_modules(verbs.__path__))
+    return {module.rstrip("_").replace("_", "-"): module for module in modules}
+
+
+class VerbGroup(TyperGroup):
+    """A group whose commands are the modules of `ankle_bringup.verbs`; a module is imported when
+    its verb is used or listed.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The verbs in alphabetical order."""
+        return [*verb_names()]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a verb; None where there is no such verb."""
+        module = verb_names().get(cmd_name)
+        return None if module is None else load_verb(cmd_name, module)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments name."""
+        # The suggestion for a mistyped verb is made from this table; the modules fill it on demand.
+        self.commands = dict.fromkeys(verb_names())  # type: ignore[assignment]
+        return super().resolve_command(ctx, args)
+
+
+def load_verb(name: str, module: str) -> Any:
+    """The command that a module of `ankle_bringup.verbs` describes.
+
+    Parameters
+    ----------
+    name
+        The word on the command line.
+    module
+        Name of the module. It has `verb`: a function, or a `typer.Typer` with several. It may have
+        `CONTEXT`, settings of the command's context.
+    """
+    loaded = importlib.import_module(f"{verbs.__name__}.{module}")
+    described = loaded.verb
+    app = typer.Typer(
+        help=loaded.__doc__,
+        add_completion=False,
+        rich_markup_mode=None,
+        context_settings=HELP_OPTIONS,
+    )
+    if isinstance(described, typer.Typer):
+        app.callback(no_args_is_help=True)(lambda: None)
+        parts = [(part.name, part.callback) for part in described.registered_commands]
+    else:
+        parts = [(name, described)]
+    context = {**HELP_OPTIONS, **getattr(loaded, "CONTEXT", {})}
+    for word, function in parts:
+        app.command(word, context_settings=context)(with_shared_options(function))
+    command = get_command(app)
+    command.name = name
+    return command
+
+
+def with_shared_options(function: Any) -> Callable[..., Any]:
+    """A verb's function with `--quiet`, and with `--json` where it returns its result."""
+    signature = inspect.signature(function, eval_str=True)
+    names = ["quiet"] if signature.return_annotation is None else ["json", "quiet"]
+    shared = [
+        inspect.Parameter(
+            f"shared_{name}",
+            inspect.Parameter.KEYWORD_ONLY,
+            default=False,
+            annotation=Annotated[bool, _SHARED_OPTIONS[name]],
+        )
+        for name in names
+    ]
+
+    @wraps(function)
+    def call(**arguments: Any) -> None:
+        from ankle_bringup.terminal import as_json, console
+
+        as_data = arguments.pop("shared_json", False)
+        console.quiet = arguments.pop("shared_quiet", False) or as_data
+        try:
+            result = function(**arguments)
+        finally:
+            console.quiet = False
+        if as_data:
+            print(as_json(result))
+
+    del call.__wrapped__  # type: ignore[attr-defined]
+    parameters = [*signature.parameters.values(), *shared]
+    call.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    call.__annotations__ = {p.name: p.annotation for p in parameters}
+    return call
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"ankle {version('ankle_bringup')}")
+        raise typer.Exit()
+
 
 app = typer.Typer(
     name="ankle",
-    help="Software of an ankle-perturbation laboratory: run it, record it, estimate joint "
-    "impedance from it.",
+    cls=VerbGroup,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    # Plain help: units in square brackets are no markup.
+    rich_markup_mode=None,
+    context_settings=HELP_OPTIONS,
 )
-for room in (graph_verbs, rig_verbs, bag_verbs, discrepancy_verbs, study_verbs):
-    app.add_typer(room.verbs)
+
+
+@app.callback()
+def ankle(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Software of an ankle-perturbation laboratory: run it, record it, estimate joint impedance
+    from it.
+
+    'ankle VERB --help' describes a verb, with an example.
+    """
 
 
 def main() -> None:
-    """Run the command; errors that a user can act on are one line on stderr and exit code 1."""
+    """Run the command; an error that a user can act on is one line on stderr and exit code 1."""
     try:
         app()
     except (ValueError, RuntimeError, OSError) as error:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.live import Live
-from rich.markup import escape
 from rich.table import Table
 
 from ankle_bringup import demo_pictures
@@ -209,7 +208,6 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
         console.print(
             f"No real trials in {trials}. {WHERE_REAL_TRIALS_COME_FROM} Then: ankle demo --trials "
             "FOLDER. Going on without.",
-            markup=False,
         )
         result.add("real trials", "none here", f"looked in {trials}")
         return
@@ -281,7 +279,7 @@ def summary(out: Path, result: Result, console: Console) -> None:
         for name, meaning in MEANINGS.items():
             quantity, unit = name.rstrip("]").split("[")
             columns.add_row(
-                escape(f"{quantity} [{unit}]"),
+                f"{quantity} [{unit}]",
                 *(f"{median[name]:.3g}" for median in result.trials.values()),
                 meaning,
             )

@@ -23,7 +23,10 @@ from typing import Any
 import yaml
 
 from ankle_bringup.errors import GraphError
+from ankle_bringup.executables import declared_parameters, find_executable
+from ankle_bringup.suggestion import require_known
 
+OF_EVERY_NODE = ("use_sim_time",)  # rclpy declares it
 _NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when"}
 
 
@@ -50,6 +53,22 @@ class NodeDescription:
             arguments += ["-r", f"{source}:={target}"]
         return arguments
 
+    def require_declared(self) -> None:
+        """Refuse parameters that the node does not declare.
+
+        Raises
+        ------
+        GraphError
+            The node has no parameter of a name; has a suggestion and the known names.
+        """
+        declared = declared_parameters(
+            find_executable(self.package, self.executable), self.parameters
+        )
+        if declared is None:
+            return
+        for parameter in self.parameters:
+            require_known(f"parameter of {self.name}", parameter, [*declared, *OF_EVERY_NODE])
+
 
 @dataclass(frozen=True)
 class Graph:
@@ -64,23 +83,25 @@ class Graph:
         Raises
         ------
         GraphError
-            Another form, or a node that the graph lacks.
+            Another form, or a node or a parameter that does not exist.
         """
         nodes = {node.name: node for node in self.nodes}
+        changed = set()
         for setting in settings:
             target, equals, text = setting.partition("=")
+            # A parameter's name may have dots of its own, as in "session.protocol".
             name, dot, parameter = target.partition(".")
             if not (equals and dot and parameter):
                 raise GraphError(
                     f"'{setting}' is not 'node.parameter=value', as in 'ankle_sim.K=80.0'"
                 )
-            if name not in nodes:
-                raise GraphError(
-                    f"'{setting}': the graph has no node '{name}'; it has {', '.join(nodes)}"
-                )
+            require_known(f"node of this graph (in '{setting}')", name, nodes)
             nodes[name] = replace(
                 nodes[name], parameters={**nodes[name].parameters, parameter: yaml.safe_load(text)}
             )
+            changed.add(name)
+        for name in changed:
+            nodes[name].require_declared()
         return replace(self, nodes=tuple(nodes.values()))
 
     def with_options(self, options: Iterable[str]) -> Graph:

@@ -1,4 +1,4 @@
-"""The nodes of a graph as processes: started together, watched, stopped by their own process ids."""  # noqa: E501
+"""The nodes of a graph as processes: started together, watched, stopped by their process ids."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import contextlib
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import TracebackType
 
-from ankle_bringup.errors import GraphError, RunError
+from ankle_bringup.errors import RunError
+from ankle_bringup.executables import become, node_command
 from ankle_bringup.graph import Graph, NodeDescription
 
 # A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that
@@ -21,34 +20,10 @@ from ankle_bringup.graph import Graph, NodeDescription
 STOP_STEPS = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 2.0))
 
 
-def node_command(package: str, executable: str) -> list[str]:
-    """The command that runs an executable of a package with this Python, without the `ros2`
-    command.
-
-    Raises
-    ------
-    GraphError
-        No such package or executable; names those that exist.
-    """
-    try:
-        entries = [
-            entry
-            for entry in distribution(package).entry_points
-            if entry.group == "console_scripts"
-        ]
-    except PackageNotFoundError:
-        raise GraphError(f"no package '{package}' in this installation") from None
-    for entry in entries:
-        if entry.name == executable:
-            return [
-                sys.executable,
-                "-c",
-                f"import sys; from {entry.module} import {entry.attr}; sys.exit({entry.attr}())",
-            ]
-    raise GraphError(
-        f"package '{package}' has no executable '{executable}'; it has "
-        f"{', '.join(e.name for e in entries) or 'none'}"
-    )
+def become_node(package: str, executable: str, **parameters: object) -> None:
+    """Replace this process by a node with these parameters."""
+    description = NodeDescription(package, executable, executable, parameters)
+    become(node_command(package, executable) + description.ros_arguments())
 
 
 class Processes:

@@ -1,50 +1,132 @@
-"""What every verb of the `ankle` command says and asks alike: one console, one way to show
-progress.
+"""What every verb of the `ankle` command shows and asks alike: one console, one way to show
+progress, the options that several verbs share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+import json
+import math
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-console = Console()
+from ankle_bringup.errors import RunError
+
+# Square brackets are units here, as in "position[rad]", and never markup.
+console = Console(markup=False, highlight=False)
 
 Out = Annotated[
     Path,
-    typer.Option("--out", "-o", help="Where to write. An existing place is never overwritten."),
+    typer.Option("--out", "-o", help="Where to write. Replaced only with --overwrite."),
+]
+StudyOut = Annotated[
+    Path,
+    typer.Option("--out", "-o", help="Folder of the study. An interrupted study goes on there."),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is at --out.")]
+Algorithm = Annotated[
+    str, typer.Option(help="Estimator: 'ankle run impedance_estimator impedance_estimator --help'.")
+]
+CORES = os.cpu_count() or 1
+Workers = Annotated[int, typer.Option(help="Processes on this machine.")]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Address of a running Dask scheduler, instead of --workers.")
 ]
 
 
-@contextmanager
-def progress(what: str) -> Iterator:
-    """A progress bar, and a function that takes the done share from 0 to 1."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeRemainingColumn(),
+def clear_folder(out: Path, overwrite: bool, mark: str) -> None:
+    """Make sure that a folder of results can be written anew.
+
+    Parameters
+    ----------
+    out
+        The folder; it need not exist.
+    overwrite
+        Whether an earlier result may be replaced.
+    mark
+        A file that each result of this kind has, such as ``verdict.json``. A folder without it is
+        something else and is never removed.
+
+    Raises
+    ------
+    RunError
+        The folder is not empty, and it may not be or must not be replaced.
+    """
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    if not overwrite:
+        raise RunError(f"{out} is not empty; give another --out, or replace it with --overwrite")
+    if not (out / mark).exists():
+        raise RunError(
+            f"{out} is not replaced: it has no '{mark}', so it is no earlier result of this verb"
+        )
+    shutil.rmtree(out)
+
+
+def _bar(*columns: Any) -> Progress:
+    shown = Console(stderr=True, markup=False, quiet=console.quiet)
+    # The text of a step is data, too: "K[N.m/rad]" must stay as it is.
+    text = TextColumn("{task.description}", markup=False)
+    return Progress(
+        text, BarColumn(), TaskProgressColumn(), *columns, console=shown, transient=True
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar; gives a function that takes the done share, from 0 to 1."""
+    with _bar(TimeRemainingColumn()) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
 @contextmanager
-def steps() -> Iterator:
-    """A progress bar for work of several steps, and a function that takes a step's name and its
-    done share from 0 to 1.
+def steps() -> Iterator[Callable[[str, float], None]]:
+    """Show a progress bar for work of several steps; gives a function that takes the name of the
+    step and the done share of the whole, from 0 to 1.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with _bar() as bar:
         task = bar.add_task("starting", total=1.0)
         yield lambda what, share: bar.update(task, description=what, completed=share)
+
+
+@contextmanager
+def working(what: str) -> Iterator[Callable[[str], None]]:
+    """Show that work of unknown length goes on; gives a function that takes the present step."""
+    with Console(stderr=True, markup=False, quiet=console.quiet).status(f"{what} ...") as status:
+        yield lambda step: status.update(f"{what}: {step}")
+
+
+def as_json(result: Any) -> str:
+    """The result of a verb as JSON text; numbers that are not finite become null.
+
+    Parameters
+    ----------
+    result
+        Mappings, sequences, dataclasses, NumPy numbers and arrays, paths, and what JSON has itself.
+    """
+    return json.dumps(_plain(result), ensure_ascii=False, indent=2)
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _plain({f.name: getattr(value, f.name) for f in dataclasses.fields(value)})
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # an array or a number of NumPy
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, (bool, int, str)) or value is None:
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    return [_plain(item) for item in value]

@@ -3,8 +3,9 @@
 import pytest
 
 from ankle_bringup.errors import GraphError, RunError
+from ankle_bringup.executables import node_command
 from ankle_bringup.graph import Graph, NodeDescription, known_graphs, load_graph
-from ankle_bringup.processes import Processes, node_command
+from ankle_bringup.processes import Processes
 
 pytestmark = pytest.mark.live
 

@@ -1,4 +1,4 @@
-"""Verbs of a rig behind the actuator driver: operate it, and switch faults of its emulator."""
+"""Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ import typer
 
 from ankle_bringup.terminal import console
 
-verbs = typer.Typer()
-rig = typer.Typer(
-    no_args_is_help=True,
-    help="Operate the rig: arm, start, stop, disarm, reset-fault, state; faults of its emulator.",
-)
-verbs.add_typer(rig, name="rig")
+verb = typer.Typer()
 
 
 def _operate(command: str) -> None:
@@ -24,10 +19,10 @@ def _operate(command: str) -> None:
         done, sentence = trigger(node, "ankle_actuator_driver", command)
     if not done:
         raise RunError(sentence)
-    console.print(sentence, markup=False)
+    console.print(sentence)
 
 
-@rig.command()
+@verb.command()
 def arm() -> None:
     """Let the drive hold the plate, at zero velocity.
 
@@ -36,7 +31,7 @@ def arm() -> None:
     _operate("arm")
 
 
-@rig.command()
+@verb.command()
 def start() -> None:
     """Let the plate follow the perturbation; needs an armed rig.
 
@@ -45,7 +40,7 @@ def start() -> None:
     _operate("start")
 
 
-@rig.command()
+@verb.command()
 def stop() -> None:
     """Bring the plate to rest and switch the drive off, from any state. The button at the rig is
     faster than a command.
@@ -55,7 +50,7 @@ def stop() -> None:
     _operate("stop")
 
 
-@rig.command()
+@verb.command()
 def disarm() -> None:
     """Switch the drive off.
 
@@ -64,7 +59,7 @@ def disarm() -> None:
     _operate("disarm")
 
 
-@rig.command("reset-fault")
+@verb.command("reset-fault")
 def reset_fault() -> None:
     """Leave a fault whose cause is gone; the rig has to be armed again.
 
@@ -73,7 +68,7 @@ def reset_fault() -> None:
     _operate("reset_fault")
 
 
-@rig.command()
+@verb.command()
 def state(
     seconds: Annotated[float, typer.Option(help="How long to wait for an answer.")] = 5.0,
 ) -> None:
@@ -92,10 +87,10 @@ def state(
             f"nobody said anything on '{RIG_STATE}' within {seconds:g} s: no actuator driver "
             "runs, or it is not active"
         )
-    console.print(text, markup=False)
+    console.print(text)
 
 
-@rig.command()
+@verb.command()
 def faults(
     switches: Annotated[
         str, typer.Argument(help="As 'drop=0.1,freeze=1'; 'none' switches all off.")
@@ -110,4 +105,4 @@ def faults(
     from ankle_actuator_driver.settings import DEVICE_PORT
     from rig_emulator.fault_switches import switch_faults
 
-    console.print(switch_faults(switches, address, port or DEVICE_PORT), markup=False)
+    console.print(switch_faults(switches, address, port or DEVICE_PORT))

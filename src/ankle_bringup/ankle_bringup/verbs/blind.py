@@ -1,0 +1,33 @@
+"""`ankle blind`: the diagnosis on concealed recordings of another engine."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ankle_bringup.terminal import CORES, Scheduler, StudyOut, Workers, console
+
+
+def verb(
+    cases: Annotated[int, typer.Option(help="Recordings to conceal and to diagnose.")] = 100,
+    seed: Annotated[int, typer.Option(help="Draws subjects, effects and noise.")] = 1,
+    out: StudyOut = Path("blind_study"),
+    workers: Workers = CORES,
+    scheduler: Scheduler = None,
+) -> None:
+    """Diagnose recordings of an independent rig whose truth is sealed; then open the seal and
+    score.
+
+    Writes result.md, the verdicts and, at the end, the truth of each case.
+
+    Example: ankle blind --cases 100 --seed 7 --out blind_study
+    """
+    from simulation_study.blind.study import blind
+
+    diagnose = [sys.executable, "-m", "ankle_bringup.command_line", "diagnose"]
+    command = [*diagnose, "{bag}", "--out", "{out}"]
+    blind(cases, seed, out, command, workers, scheduler=scheduler, console=console)
+    console.print((out / "result.md").read_text())

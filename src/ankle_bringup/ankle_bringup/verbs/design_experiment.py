@@ -1,0 +1,53 @@
+"""`ankle design-experiment`: what to measure next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+
+
+def verb(
+    verdict: Annotated[Path, typer.Argument(help="verdict.json of a diagnosis, or its folder.")],
+    out: Out = Path("design"),
+    overwrite: Overwrite = False,
+) -> dict[str, Any]:
+    """Propose the perturbation that tells the rivals of a verdict apart.
+
+    Writes design.yaml, a parameter file of the perturbation generator, and design.png.
+
+    Example: ankle design-experiment session_diagnosis --out design
+    """
+    from model_discrepancy.tools.experiment_design import LISTED, design_experiment
+
+    clear_folder(out, overwrite, "design.yaml")
+    with working("designing") as step:
+        found = design_experiment(verdict, progress=step)
+    found.save(out)
+    proposals = [
+        {
+            "perturbation": proposal.candidate.title,
+            "hardest pair": " / ".join(name.replace("_", " ") for name in proposal.pair),
+            "excess error [%]": f"{100 * proposal.excess:.1f}",
+            "minutes": f"{proposal.minutes:.2g}",
+        }
+        for proposal in found.proposals[:LISTED]
+    ]
+    if proposals:
+        table = Table(*proposals[0])
+        for proposal in proposals:
+            table.add_row(*proposal.values())
+        console.print(table)
+    for sentence in [found.sentence, *found.other]:
+        console.print(sentence)
+    if proposals:
+        console.print(f"written to {out.resolve()}")
+    return {
+        "out": out.resolve(),
+        "proposals": proposals,
+        "sentences": [found.sentence, *found.other],
+    }

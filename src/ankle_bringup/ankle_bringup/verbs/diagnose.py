@@ -1,0 +1,41 @@
+"""`ankle diagnose`: which physics a model leaves out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+
+
+def verb(
+    bag: Annotated[Path, typer.Argument(help="A bag with ankle/samples.")],
+    out: Out = Path("diagnosis"),
+    model: Annotated[
+        Path | None,
+        typer.Option(help="A model file as the baseline, instead of the paper's model refitted."),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> dict[str, Any]:
+    """Find where the joint model fails on a recording, and which physics was left out.
+
+    Writes report.html, verdict.json and the augmented model.yaml, which ankle_sim loads.
+
+    Example: ankle diagnose session --out session_diagnosis
+    """
+    import json
+
+    from model_discrepancy.diagnose import diagnose
+
+    clear_folder(out, overwrite, "verdict.json")
+    with working("diagnosing") as step:
+        found = diagnose(bag, out, model, progress=step)
+    console.print(f"verdict: {found.verdict.verdict}", style="bold")
+    for effect in found.verdict.effects:
+        console.print(f"- {effect['sentence']}")
+    for reason in found.verdict.reasons:
+        console.print(f"  {reason}")
+    console.print(f"report: {(out / 'report.html').resolve()}")
+    return {"out": out.resolve(), **json.loads((out / "verdict.json").read_text())}

@@ -1,0 +1,32 @@
+"""`ankle table2`: the paper's simulation study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ankle_bringup.terminal import CORES, Scheduler, StudyOut, Workers, console
+
+
+def verb(
+    out: StudyOut = Path("table2_study"),
+    seed: Annotated[int, typer.Option(help="Draws K, G, perturbations and noise.")] = 1,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="8 runs instead of 100, 5 seeds instead of 20.")
+    ] = False,
+    workers: Workers = CORES,
+    scheduler: Scheduler = None,
+) -> None:
+    """Make table II of van 't Veld and others 2018 again: six combinations of signal-model and
+    algorithm, the paper's numbers beside ours.
+
+    Writes table2.md, table2.csv, figure6.png and figure7.png.
+
+    Example: ankle table2 --quick --out table2_study
+    """
+    from simulation_study.table2_report import reproduce_table2
+
+    console.print(reproduce_table2(out, seed, quick, workers, scheduler, console), soft_wrap=True)
+    console.print(f"written to {out.resolve()}")

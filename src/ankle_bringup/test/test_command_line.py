@@ -1,0 +1,203 @@
+"""The `ankle` command: every verb through its app, the options that all share, mistakes by name."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from ankle_bringup import verbs
+from ankle_bringup.command_line import app, load_verb, main, verb_names
+from ankle_bringup.errors import GraphError, RunError
+from ankle_bringup.graph import load_graph
+from ankle_bringup.terminal import as_json, clear_folder
+
+RATE = 1000
+
+
+def ankle(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def extra_verb(tmp_path, monkeypatch):
+    """A folder of verbs beside those of the package."""
+    monkeypatch.setattr(verbs, "__path__", [*verbs.__path__, str(tmp_path)])
+
+    def add(name, text):
+        (tmp_path / f"{name}.py").write_text(text)
+
+    yield add
+    for file in tmp_path.glob("*.py"):
+        sys.modules.pop(f"{verbs.__name__}.{file.stem}", None)
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A short recording as CSV: an ankle of 100 N.m/rad and 1 N.m.s/rad under a multisine."""
+    t = np.arange(4 * RATE) / RATE
+    frequencies = np.array([0.7, 1.9, 4.3])[:, None]
+    phase = 2 * np.pi * frequencies * t
+    position = 0.02 * np.sin(phase).sum(axis=0)
+    velocity = 0.02 * (2 * np.pi * frequencies * np.cos(phase)).sum(axis=0)
+    rows = np.column_stack([t, position, 100 * position + velocity])
+    path = tmp_path / "trial.csv"
+    np.savetxt(path, rows, delimiter=",", header="time,angle,moment", comments="")
+    return path
+
+
+COLUMNS = ("-c", "t[s]=time", "-c", "position[rad]=angle", "-c", "torque[N.m]=moment")
+
+
+@pytest.mark.parametrize(("name", "module"), verb_names().items())
+def test_every_verb_has_help_with_an_example_and_the_shared_options(name, module):
+    result = ankle(name, "--help")
+    assert result.exit_code == 0, result.output
+    command = load_verb(name, module)
+    if hasattr(command, "commands"):
+        for word, part in command.commands.items():
+            assert f"Example: ankle {name} {word}" in " ".join(part.help.split())
+    elif name != "run":
+        assert f"Example: ankle {name}" in " ".join(result.output.split())
+        assert "--quiet" in result.output
+
+
+def test_options_have_the_same_name_in_every_verb():
+    for name, module in verb_names().items():
+        for parameter in getattr(load_verb(name, module), "params", []):
+            if parameter.name == "out":
+                assert "--out" in parameter.opts, name
+                assert "-o" in parameter.opts, name
+            assert parameter.name not in ("force_overwrite", "replace", "output"), name
+
+
+@pytest.mark.parametrize(
+    "name", ["estimate", "emg", "import", "export", "diagnose", "compare", "resimulate", "validate"]
+)
+def test_what_writes_a_result_knows_overwrite(name):
+    options = {o for p in load_verb(name, verb_names()[name]).params for o in p.opts}
+    assert "--overwrite" in options
+
+
+def test_units_in_brackets_stay_in_the_help():
+    assert "[Hz]" in ankle("import", "--help").output
+    assert "'t[s]=time'" in ankle("import", "--help").output
+    assert "position[rad]" in ankle("import", "--help").output
+
+
+def test_the_version_is_that_of_the_package():
+    assert ankle("--version").output.split()[0] == "ankle"
+
+
+def test_a_verb_is_one_file(extra_verb):
+    extra_verb(
+        "double_it",
+        'def verb(number: float) -> dict[str, float]:\n    """Double.\n\n'
+        '    Example: ankle double-it 2\n    """\n    return {"twice[1]": 2 * number}\n',
+    )
+    assert "double-it" in ankle("--help").output
+    result = ankle("double-it", 2.5, "--json")
+    assert json.loads(result.output) == {"twice[1]": 5.0}
+
+
+def test_quiet_keeps_results_off_the_terminal(extra_verb):
+    extra_verb(
+        "speak",
+        "from ankle_bringup.terminal import console\n"
+        'def verb() -> None:\n    """Speak."""\n    console.print("position[rad]")\n',
+    )
+    assert ankle("speak").output.strip() == "position[rad]"
+    assert ankle("speak", "--quiet").output == ""
+    assert ankle("speak").output.strip() == "position[rad]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "suggestion"),
+    [
+        (("estimat",), "estimate"),
+        (("estimate", "bag", "--overwritten"), "--overwrite"),
+        (("estimate", "bag", "--ot", "x"), "--out"),
+        (("rig", "stopp"), "stop"),
+    ],
+)
+def test_a_mistyped_verb_or_option_is_refused_with_a_suggestion(arguments, suggestion):
+    result = ankle(*arguments)
+    assert result.exit_code == 2
+    assert suggestion in result.output
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("ankle_simm.K=80.0", "did you mean 'ankle_sim'"),
+        ("impedance_estimator.algoritm=CE", "did you mean 'algorithm'"),
+        ("perturbation_generator.amplitud=1.0", "did you mean 'amplitude'"),
+    ],
+)
+def test_a_mistyped_setting_is_refused_with_a_suggestion(setting, words):
+    with pytest.raises(GraphError, match=words):
+        load_graph("simulated").with_settings([setting])
+
+
+def test_bad_input_is_one_line_on_stderr(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["ankle", "estimate", str(tmp_path / "nothing")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert [line for line in lines if line.startswith("error: ")] == lines[-1:]
+
+
+def test_help_behind_a_node_describes_it_and_starts_nothing():
+    result = ankle("run", "impedance_estimator", "impedance_estimator", "--help")
+    assert result.exit_code == 0, result.output
+    assert "/impedance/estimate" in result.output
+    assert "algorithm" in result.output
+    listed = ankle("run", "--help").output
+    assert "perturbation_generator" in listed
+
+
+def test_a_recording_goes_in_and_out_and_is_not_replaced_unasked(table, tmp_path):
+    bag = tmp_path / "bag"
+    into = ("import", table, "--out", bag, *COLUMNS, "--torque-sign", "rig", "--json")
+    assert json.loads(ankle(*into).output)["out"] == str(bag)
+    again = ankle(*into)
+    assert again.exit_code == 1
+    assert str(bag) in str(again.exception)
+    assert ankle(*into, "--overwrite").exit_code == 0
+    written = ankle("export", bag, "--out", tmp_path / "csv", "--json")
+    files = json.loads(written.output)["written"]
+    assert any("ankle" in file for file in files)
+
+
+def test_only_an_earlier_result_is_replaced(tmp_path):
+    folder = tmp_path / "result"
+    clear_folder(folder, False, "verdict.json")
+    folder.mkdir()
+    (folder / "thesis.txt").write_text("years of work")
+    with pytest.raises(RunError, match="--overwrite"):
+        clear_folder(folder, False, "verdict.json")
+    with pytest.raises(RunError, match="no earlier result"):
+        clear_folder(folder, True, "verdict.json")
+    (folder / "verdict.json").write_text("{}")
+    clear_folder(folder, True, "verdict.json")
+    assert not folder.exists()
+
+
+def test_json_has_no_numbers_that_json_lacks():
+    text = as_json({"K[N.m/rad]": np.float64("nan"), "a": np.arange(2), "t": (1, 2.5)})
+    assert json.loads(text) == {"K[N.m/rad]": None, "a": [0, 1], "t": [1, 2.5]}
+
+
+def test_the_help_loads_no_numerics():
+    program = (
+        "import sys; from ankle_bringup.command_line import app; "
+        "app(['--help'], standalone_mode=False); "
+        "print({'numpy', 'scipy', 'numba', 'rclpy', 'matplotlib'} & set(sys.modules))"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert shown.stdout.strip().endswith("set()")
