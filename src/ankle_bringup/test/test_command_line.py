@@ -201,3 +201,24 @@ def test_the_help_loads_no_numerics():
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
     )
     assert shown.stdout.strip().endswith("set()")
+
+
+def test_import_without_columns_proposes_the_line_and_yes_follows_it(tmp_path):
+    t = np.arange(10 * RATE) / RATE
+    steps = np.repeat(np.random.default_rng(1).uniform(-0.02, 0.02, 50), 200)
+    position = np.convolve(steps, np.hanning(20) / np.hanning(20).sum(), "same")
+    velocity = np.gradient(position, t)
+    torque = 0.0137 * np.gradient(velocity, t) + 0.6 * velocity + 90 * position
+    source = tmp_path / "trial.csv"
+    header = "Time (s),Ankle Angle (deg),Torque (Nm)"
+    rows = np.column_stack([t, np.degrees(position), -torque])
+    np.savetxt(source, rows, delimiter=",", header=header, comments="")
+    shown = ankle("import", source, "--out", tmp_path / "bag")
+    assert isinstance(shown.exception, RunError)
+    assert "--column 't[s]=Time (s)'" in shown.output
+    assert "--torque-sign subject" in shown.output
+    assert not (tmp_path / "bag").exists()
+    done = ankle("import", source, "--out", tmp_path / "bag", "--yes")
+    assert done.exit_code == 0, done.output
+    assert "units and sign fit: inertia 0.0137" in done.output
+    assert "next: ankle estimate" in done.output

@@ -368,8 +368,8 @@ def test_what_an_edf_file_contradicts_is_refused(edf, tmp_path):
     )
     for columns, words in (
         ({"SOL[mV]": "SOL"}, "'SOL[mV]' is stated in mV, the file declares 'SOL' in uV"),
-        ({"SOL[uV]": "soleus"}, "has no signal 'soleus'; it holds t, SOL, TA, TA, GL"),
-        ({"TA[uV]": "TA"}, "has more than one signal 'TA'"),
+        ({"SOL[uV]": "soleus"}, "has no column 'soleus'; it holds t, SOL, TA:1, TA:2, GL"),
+        ({"TA[uV]": "TA"}, "has more than one column 'TA'"),
         ({"SOL[uV]": "SOL", "GL[uV]": "GL"}, "different sampling rates: SOL 2048 Hz, GL 100 Hz"),
     ):
         with pytest.raises(ImportRefused, match=re.escape(words)):

@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import Overwrite, console, progress
+
+if TYPE_CHECKING:
+    from session_recorder.importing import ImportReport, Proposal
 
 
 def verb(
-    source: Annotated[Path, typer.Argument(help="A .csv, .txt, .npz, .mat, .edf or .bdf file.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The new bag.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A text file (.csv, .txt, .tsv, .dat, .lvm), .xlsx, .parquet, .npz, .mat (all "
+            "versions), .h5, .edf, .bdf, .c3d or .tdms."
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The new bag; else named after the file.")
+    ] = None,
     column: Annotated[
         list[str],
         typer.Option(
-            "--column", "-c", help="What a column is: 'name[unit]=column'. Repeat for each."
+            "--column",
+            "-c",
+            help="What a column is: 'name[unit]=column'. Repeat for each. Without any, a mapping "
+            "is proposed.",
         ),
-    ],
+    ] = [],  # noqa: B006
     torque_sign: Annotated[
         str | None,
         typer.Option(
@@ -29,10 +45,20 @@ def verb(
     rate: Annotated[
         float | None, typer.Option(help="Sampling rate [Hz]; needed without a time column.")
     ] = None,
+    resample: Annotated[
+        float | None,
+        typer.Option(
+            help="Interpolate irregular samples onto an even grid of this rate [Hz]; 0 takes their "
+            "mean rate."
+        ),
+    ] = None,
     missing: Annotated[
         str,
         typer.Option(help="Samples that are not finite: 'nan' keeps them, 'gap' leaves them out."),
     ] = "nan",
+    accept: Annotated[
+        bool, typer.Option("--yes", "-y", help="Import as proposed, without asking.")
+    ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Import in spite of contradictions; the bag says so.")
     ] = False,
@@ -41,33 +67,88 @@ def verb(
     """Import a recording into a bag; wrong units and signs are recognised from the data and
     refused.
 
+    Without --column it says what the columns are likely to be, why, and which line imports them.
+
     Example: ankle import trial.npz -o trial -c 't[s]=time' -c 'position[rad]=position' -c
     'torque[N.m]=torque' --torque-sign subject
     """
-    from ankle_bringup.errors import GraphError
-    from session_recorder.importing import import_recording
+    from session_recorder.importing import import_recording, propose, read_table
 
-    stated = {}
-    for text in column:
-        name, equals, source_column = text.partition("=")
-        if not equals:
-            raise GraphError(
-                f"--column '{text}' is not 'name[unit]=column', as in 'position[deg]=angle'"
-            )
-        stated[name] = source_column
+    target = out or Path(source.stem)
+    stated = dict(_statement(text) for text in column)
+    with progress(f"reading {source}") as share:
+        table = read_table(source)
+        table.rate = rate or table.rate
+        share(1.0)
+        proposal = None if stated else propose(table)
+    if proposal is not None:
+        stated = dict(proposal.columns)
+        torque_sign = torque_sign or proposal.torque_sign
+        rate = rate or proposal.rate
+        resample = proposal.resample if resample is None else resample
+        _show(proposal, source, target)
+        if not accept and not _agreed():
+            raise RunError("nothing is imported yet: type the line above, or add --yes")
     with progress(f"importing {source}") as share:
         report = import_recording(
-            source,
-            out,
+            table,
+            target,
             stated,
             torque_sign=torque_sign,
             rate=rate,
+            resample=resample,
             missing=missing,
             force=force,
             overwrite=overwrite,
             progress=share,
         )
+    _summarise(report)
+    return {
+        "out": target.resolve(),
+        "samples": report.samples,
+        "duration[s]": report.duration,
+        "rate[Hz]": report.rate,
+        "columns": report.columns,
+        "notes": report.warnings,
+    }
+
+
+def _statement(text: str) -> tuple[str, str]:
+    name, equals, column = text.partition("=")
+    if not equals:
+        raise RunError(f"--column '{text}' is not 'name[unit]=column', as in 'position[deg]=angle'")
+    return name, column
+
+
+def _show(proposal: Proposal, source: Path, out: Path) -> None:
+    console.print(f"{source} is likely to hold:")
+    for name, held in proposal.columns.items():
+        console.print(f"  {name} in column '{held}'")
+    for sentence in proposal.reasons:
+        console.print(f"because: {sentence}")
+    for sentence in proposal.doubts:
+        console.print(f"in doubt: {sentence}")
+    console.print("The line to type:")
+    console.print(f"  {proposal.command(source, out)}", soft_wrap=True)
+
+
+def _agreed() -> bool:
+    return sys.stdin.isatty() and typer.confirm("Import like this?")
+
+
+def _summarise(report: ImportReport) -> None:
     for sentence in report.warnings:
         console.print(f"note: {sentence}")
-    console.print(f"written to {out.resolve()}")
-    return {"out": out.resolve(), "notes": report.warnings}
+    console.print(f"{report.samples} samples, {report.duration:.1f} s at {report.rate:.6g} Hz")
+    for topic, columns in report.columns.items():
+        console.print(f"  {topic}: {', '.join(columns)}")
+    if report.ignored:
+        console.print(f"not imported: {', '.join(report.ignored)}")
+    if report.intrinsic is not None:
+        console.print(
+            f"units and sign fit: inertia {report.intrinsic.inertia:.3g} ± "
+            f"{report.intrinsic.inertia_error:.1g} kg.m^2, stiffness "
+            f"{report.intrinsic.stiffness:.3g} N.m/rad between 5 and 40 Hz"
+        )
+    console.print(f"written to {report.bag.resolve()}")
+    console.print(f"next: ankle estimate {report.bag} --out {report.bag}_estimates", soft_wrap=True)

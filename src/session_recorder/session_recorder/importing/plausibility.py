@@ -202,9 +202,22 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
     return contradictions
 
 
-def check_velocity(rate: float, position: np.ndarray, velocity: np.ndarray) -> list[str]:
-    """Contradictions between a velocity [rad/s] and the derivative of position [rad], shape (n,)
-    each.
+def velocity_gain(
+    rate: float, position: np.ndarray, velocity: np.ndarray
+) -> tuple[float, float] | None:
+    """How a velocity follows the derivative of a position.
+
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz].
+    position, velocity
+        Shape (n,) each.
+
+    Returns
+    -------
+    tuple[float, float] | None
+        Gain and correlation; None where nothing moves.
     """
     cross = own = other = 0.0
     for x, v in segments(rate, position, velocity):
@@ -215,8 +228,18 @@ def check_velocity(rate: float, position: np.ndarray, velocity: np.ndarray) -> l
             other + float(v @ v),
         )
     if own == 0:
+        return None
+    return cross / own, cross / np.sqrt(own * other) if other else 0.0
+
+
+def check_velocity(rate: float, position: np.ndarray, velocity: np.ndarray) -> list[str]:
+    """Contradictions between a velocity [rad/s] and the derivative of position [rad], shape (n,)
+    each.
+    """
+    found = velocity_gain(rate, position, velocity)
+    if found is None:
         return []
-    gain, correlation = cross / own, cross / np.sqrt(own * other) if other else 0.0
+    gain, correlation = found
     if correlation < -LEAST_CORRELATION:
         return [
             "velocity has the opposite sign of the derivative of position (correlation "

@@ -1,5 +1,4 @@
-"""Recordings of other systems into bags: CSV, NPZ, MAT, EDF and BDF, in SI, with this project's
-signs.
+"""Recordings of other systems into bags, in SI and with this project's signs.
 
 The user states for every column its name and unit, the sampling rate or a time column, and the sign
 of torque. What the data contradict is refused with the reason (`plausibility`), or, when forced,
@@ -15,21 +14,22 @@ from pathlib import Path
 import numpy as np
 
 from ankle_interfaces.block import TIME_COLUMN, Block
-from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity, sampling_rate
+from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity
 from ankle_interfaces.errors import UnitError
 from ankle_interfaces.units import split_column, to_si
 from session_recorder.bag_writer import BagWriter
-from session_recorder.edf_tables import edf_units
 from session_recorder.errors import ImportRefused
-from session_recorder.mcap_file import Progress
-from session_recorder.plausibility import (
+from session_recorder.importing.laboratory_units import known_unit
+from session_recorder.importing.plausibility import (
     Intrinsic,
     check_intrinsic,
     check_ranges,
     check_velocity,
     intrinsic,
 )
-from session_recorder.tables import read_table
+from session_recorder.importing.sampling import judge_times, resample_columns
+from session_recorder.importing.tables import Table, read_table
+from session_recorder.mcap_file import Progress
 
 # Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the
 # subject exerts.
@@ -64,6 +64,8 @@ class ImportReport:
         Of each topic.
     samples
         Imported.
+    duration
+        From the first to the last sample [s].
     rate
         Sampling rate [Hz].
     warnings
@@ -77,6 +79,7 @@ class ImportReport:
     bag: Path
     columns: dict[str, tuple[str, ...]]
     samples: int
+    duration: float
     rate: float
     warnings: tuple[str, ...]
     ignored: tuple[str, ...]
@@ -95,12 +98,13 @@ class _Signals:
 
 
 def import_recording(
-    source: Path | str,
+    source: Path | str | Table,
     bag: Path | str,
     columns: Mapping[str, str],
     *,
     torque_sign: str | None = None,
     rate: float | None = None,
+    resample: float | None = None,
     missing: str = "nan",
     force: bool = False,
     overwrite: bool = False,
@@ -111,7 +115,7 @@ def import_recording(
     Parameters
     ----------
     source
-        A ``.csv``, ``.txt``, ``.npz``, ``.mat``, ``.edf`` or ``.bdf`` file.
+        A file of one of the kinds of `tables.READERS`, or a table that was read from one.
     bag
         The directory to create.
     columns
@@ -123,6 +127,9 @@ def import_recording(
         opposite); needed with a torque column.
     rate
         Sampling rate [Hz]; needed without a time column, compared with it otherwise.
+    resample
+        Rate [Hz] of an even grid onto which the samples are interpolated; 0 takes their mean rate.
+        Needed where the time column is irregular.
     missing
         What becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
     force
@@ -139,13 +146,19 @@ def import_recording(
     BagError
         The bag cannot be written.
     """
+    columns = {_spelled(name): column for name, column in columns.items()}
     stated = {name: _meaning(name) for name in columns}
     _check_statement(stated, torque_sign, rate, missing)
-    table, ignored = read_table(source, list(dict.fromkeys(columns.values())))
+    _check_grid(resample)
+    table = source if isinstance(source, Table) else read_table(source)
+    source = table.source
+    chosen = table.choose(list(dict.fromkeys(columns.values())))
+    ignored = [name for name in table.names if name not in chosen]
     if progress:
         progress(0.3)
-    signals = _convert(columns, stated, table, TORQUE_SIGNS[torque_sign or "rig"], rate)
-    signals.contradictions += _check_units(columns, edf_units(Path(source)))
+    signals = _convert(columns, stated, chosen, TORQUE_SIGNS[torque_sign or "rig"], rate, resample)
+    signals.warnings[:0] = table.notes
+    signals.contradictions += _check_units(columns, table.units)
     found = _check_signals(signals, torque_sign or "rig")
     if signals.contradictions and not force:
         raise ImportRefused(f"{source}: " + "; ".join(signals.contradictions))
@@ -168,8 +181,21 @@ def import_recording(
         )
     names = {topic: tuple(held) for topic, held in signals.columns.items()}
     return ImportReport(
-        writer.path, names, written, signals.rate, tuple(signals.warnings), tuple(ignored), found
+        writer.path,
+        names,
+        written,
+        float(signals.time[-1] - signals.time[0]),
+        signals.rate,
+        tuple(signals.warnings),
+        tuple(ignored),
+        found,
     )
+
+
+def _spelled(name: str) -> str:
+    """A stated name with its unit in the project's spelling: ``torque[Nm]`` as ``torque[N.m]``."""
+    quantity, bracket, unit = name.strip().rstrip("]").partition("[")
+    return f"{quantity.strip()}[{known_unit(unit) or unit}]" if bracket else name
 
 
 def _meaning(name: str) -> tuple[str, str, float]:
@@ -234,12 +260,21 @@ def _check_statement(
         )
 
 
+def _check_grid(resample: float | None) -> None:
+    if resample is not None and resample != 0 and not RATE_RANGE[0] <= resample <= RATE_RANGE[1]:
+        raise ImportRefused(
+            f"resampling to {resample:g} Hz is refused; allowed: {RATE_RANGE[0]:g} to "
+            f"{RATE_RANGE[1]:g} Hz, or 0 for the mean rate of the samples"
+        )
+
+
 def _convert(
     columns: Mapping[str, str],
     stated: Mapping[str, tuple[str, str, float]],
     table: Mapping[str, np.ndarray],
     sign: float,
     rate: float | None,
+    resample: float | None,
 ) -> _Signals:
     signals = _Signals(np.empty(0), rate or 0.0, {})
     for name, (topic, column, factor) in stated.items():
@@ -252,6 +287,8 @@ def _convert(
     if length < 2:
         raise ImportRefused(f"{length} sample(s); a recording has at least 2")
     if len(signals.time):
+        _keep_dated(signals)
+        _make_even(signals, resample)
         _check_time(signals, rate)
     else:
         signals.time = np.arange(length) / signals.rate
@@ -277,19 +314,56 @@ def _check_units(columns: Mapping[str, str], declared: Mapping[str, str]) -> lis
     return found
 
 
-def _check_time(signals: _Signals, stated_rate: float | None) -> None:
+def _keep_dated(signals: _Signals) -> None:
     finite = np.isfinite(signals.time)
-    if not finite.all():
-        signals.warnings.append(f"{int((~finite).sum())} samples have no time and are left out")
-        signals.time = signals.time[finite]
-        signals.columns = {
-            topic: {name: v[finite] for name, v in held.items()}
-            for topic, held in signals.columns.items()
-        }
+    if finite.all():
+        return
+    signals.warnings.append(f"{int((~finite).sum())} samples have no time and are left out")
+    signals.time = signals.time[finite]
+    signals.columns = {
+        topic: {name: v[finite] for name, v in held.items()}
+        for topic, held in signals.columns.items()
+    }
+
+
+def _make_even(signals: _Signals, resample: float | None) -> None:
+    """Put irregular or rounded times onto an even grid; the rate is that of the time column."""
     try:
-        signals.rate = sampling_rate(signals.time)
+        sampling = judge_times(signals.time)
     except ValueError as error:
         raise ImportRefused(f"time column: {error}") from None
+    signals.rate = sampling.rate
+    likely = RATE_RANGE[0] <= sampling.rate <= RATE_RANGE[1]
+    if sampling.kind == "rounded" and resample is None and likely:
+        signals.time = signals.time[0] + np.arange(len(signals.time)) / sampling.rate
+        signals.warnings.append(sampling.sentence)
+        return
+    if sampling.kind == "irregular" and resample is None and likely:
+        raise ImportRefused(
+            f"time column: {sampling.sentence}. Estimators need even steps: add --resample "
+            f"{sampling.rate:.6g} (interpolates along lines; pauses stay gaps)"
+        )
+    if resample is None:
+        return
+    signals.rate = resample or sampling.rate
+    flat = {(topic, name): v for topic, held in signals.columns.items() for name, v in held.items()}
+    before = len(signals.time)
+    grid, columns, left_out = resample_columns(
+        signals.time, {"\n".join(key): values for key, values in flat.items()}, signals.rate
+    )
+    signals.time = grid
+    signals.columns = {topic: {} for topic in signals.columns}
+    for key, values in columns.items():
+        topic, name = key.split("\n")
+        signals.columns[topic][name] = values
+    signals.warnings.append(
+        f"{sampling.sentence or 'the sampling is regular'}; resampled from {before} samples to "
+        f"{len(grid)} at {signals.rate:.6g} Hz"
+        + (f", {left_out} in pauses left out" if left_out else "")
+    )
+
+
+def _check_time(signals: _Signals, stated_rate: float | None) -> None:
     if not RATE_RANGE[0] <= signals.rate <= RATE_RANGE[1]:
         raise ImportRefused(
             f"the time column steps by {1 / signals.rate:g} s, a rate of {signals.rate:g} Hz; "

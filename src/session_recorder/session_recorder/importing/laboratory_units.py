@@ -1,0 +1,88 @@
+"""Units as laboratories spell them, and the units in the names of columns."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+from ankle_interfaces.units import KNOWN_UNITS
+
+# Spellings by the project's unit; compared without blanks, and without case where no two units
+# differ by case alone.
+_SPELLINGS = {
+    "s": ("sec", "secs", "second", "seconds", "sek", "sekunden", "seconden", "secondes"),
+    "ms": ("msec", "msecs", "millisecond", "milliseconds"),
+    "us": ("usec", "microsecond", "microseconds"),
+    "rad": ("radian", "radians", "radiant", "radialen", "radians"),
+    "mrad": ("milliradian", "milliradians"),
+    "deg": ("degree", "degrees", "degs", "graden", "degrés", "altgrad"),
+    "rad/s": ("rad/sec", "rads-1", "rad.s-1", "rads^-1", "rad.s^-1", "radians/s", "rps"),
+    "deg/s": ("deg/sec", "degs-1", "deg.s-1", "deg.s^-1", "degrees/s", "degrees/sec", "dps"),
+    "rad/s^2": ("rad/s2", "rad/s/s", "rad/sec^2", "rad/s**2"),
+    "deg/s^2": ("deg/s2", "deg/s/s", "deg/sec^2", "deg/s**2"),
+    "N.m": ("Nm", "N-m", "Nmeter", "newtonmeter", "newton-meter", "newtonmeters", "newtonmetre"),
+    "mN.m": ("mNm", "mN-m"),
+    "N.mm": ("Nmm", "N-mm"),
+    "N.cm": ("Ncm", "N-cm"),
+    "kN.m": ("kNm", "kN-m"),
+    "V": ("volt", "volts"),
+    "mV": ("millivolt", "millivolts"),
+    "uV": ("microvolt", "microvolts"),
+}
+_CASE_MATTERS = {"mV", "mN.m", "mNm", "mN-m", "N.m", "Nm", "N-m", "mrad", "ms", "s", "V"}
+
+
+def _key(text: str) -> str:
+    """A spelling without what does not distinguish units."""
+    text = unicodedata.normalize("NFKC", text).strip().strip("()[]{}<>").strip()
+    for sign, plain in (("μ", "u"), ("µ", "u"), ("°", "deg"), ("º", "deg"), ("˚", "deg")):
+        text = text.replace(sign, plain)
+    text = re.sub(r"\s*[·⋅∙•×*]\s*", ".", text)
+    return re.sub(r"\s+", "", text)
+
+
+_BY_SPELLING = {_key(unit): unit for unit in KNOWN_UNITS if unit not in ("1", "%")}
+for _unit, _spellings in _SPELLINGS.items():
+    _BY_SPELLING.update({_key(spelling): _unit for spelling in _spellings})
+_BY_LOWER = {key.lower(): unit for key, unit in _BY_SPELLING.items() if key not in _CASE_MATTERS}
+_BY_LOWER.update({"nm": "N.m", "n.m": "N.m", "n-m": "N.m"})
+
+_IN_BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\(\[\{<](?P<unit>[^()\[\]{}<>]*)[\)\]\}>]\s*$")
+_BEHIND = re.compile(r"^(?P<name>.+?)(?:\s*,\s*|\s*/\s*|\s+in\s+|[\s_]+)(?P<unit>\S+)\s*$")
+
+
+def known_unit(text: str) -> str | None:
+    """The project's spelling of a unit.
+
+    Parameters
+    ----------
+    text
+        As a laboratory writes it: ``Nm``, ``N*m``, ``deg/sec``, ``°``, ``[µV]``.
+
+    Returns
+    -------
+    str | None
+        As ``N.m``; None where it is no unit that is known.
+    """
+    key = _key(text)
+    return _BY_SPELLING.get(key) or _BY_LOWER.get(key.lower())
+
+
+def split_header(name: str) -> tuple[str, str | None]:
+    """Split a column's name into what it says and its unit.
+
+    Parameters
+    ----------
+    name
+        As ``Time (s)``, ``Torque_Nm``, ``Angle, deg``, ``Pos/rad``.
+
+    Returns
+    -------
+    tuple[str, str | None]
+        The name without unit, and the project's spelling of the unit; None without one.
+    """
+    for pattern in (_IN_BRACKETS, _BEHIND):
+        match = pattern.match(name.strip())
+        if match and (unit := known_unit(match["unit"])) is not None:
+            return match["name"].strip(), unit
+    return name.strip(), None

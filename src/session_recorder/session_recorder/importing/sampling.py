@@ -1,0 +1,143 @@
+"""Whether the times of a file are evenly spaced, rounded, or irregular; and an even grid where they
+are not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
+from ankle_interfaces.resampling import regular_grid
+
+MAX_IRREGULAR_SHARE = 0.01
+"""Share of the steps that may be off without being whole numbers of intervals; a late sample once
+in a while is a fault of the recording, more is its nature."""
+MAX_BRIDGED = 5.0
+"""Median intervals that resampling bridges by a line; a longer pause stays a gap."""
+GAP_TOLERANCE = 0.2
+"""Part of an interval by which a gap may differ from a whole number of intervals."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a column of times is spaced.
+
+    Attributes
+    ----------
+    kind
+        ``regular`` (gaps allowed), ``rounded`` (even, but written with few digits) or
+        ``irregular``.
+    rate
+        Sampling rate [Hz]; for irregular times the mean rate outside pauses.
+    sentence
+        What is odd, with numbers; empty for regular times.
+    """
+
+    kind: str
+    rate: float
+    sentence: str = ""
+
+
+def judge_times(time: np.ndarray) -> Sampling:
+    """Judge a column of times.
+
+    Parameters
+    ----------
+    time
+        [s], finite, shape (n,).
+
+    Raises
+    ------
+    ValueError
+        Fewer than two times, or time does not increase at all.
+    """
+    if len(time) < 2:
+        raise ValueError(f"{len(time)} sample(s) do not tell a sampling rate")
+    steps = np.diff(time)
+    if np.all(steps <= 0):
+        raise ValueError(f"time does not increase: median step {float(np.median(steps)):g} s")
+    rounded = _rounded(time, steps)
+    if rounded is not None:
+        return rounded
+    rate = sampling_rate(time)
+    counts = steps * rate
+    nearest = np.maximum(np.round(counts), 1.0)
+    off = np.abs(counts - nearest) > np.where(nearest == 1.0, STEP_TOLERANCE, GAP_TOLERANCE)
+    off &= steps > 0
+    uneven = np.std(counts[(counts > 0) & (counts < MAX_BRIDGED)]) > GAP_TOLERANCE / 2
+    if off.mean() <= MAX_IRREGULAR_SHARE and not uneven:
+        return Sampling("regular", rate)
+    short = steps[(steps > 0) & (counts < MAX_BRIDGED)]
+    mean = 1.0 / float(np.mean(short))
+    lowest, highest = np.percentile(short, [1.0, 99.0])
+    return Sampling(
+        "irregular",
+        float(round(mean)) if mean > 100 else mean,
+        f"the sampling is irregular: steps of {1e3 * lowest:.3g} to {1e3 * highest:.3g} ms, on "
+        f"average {1e3 / mean:.3g} ms",
+    )
+
+
+def _rounded(time: np.ndarray, steps: np.ndarray) -> Sampling | None:
+    """Even times that were written with few digits: all lie within one digit of a line."""
+    different, counts = np.unique(np.round(steps, 9), return_counts=True)
+    if not 2 <= len(different) <= 3 or np.any(steps < 0):
+        return None
+    digit = float(np.min(np.diff(different)))
+    step = float((time[-1] - time[0]) / (len(time) - 1))
+    if np.sort(counts)[-2] < MAX_IRREGULAR_SHARE * len(steps) or digit > MAX_BRIDGED * step:
+        return None  # a gap or two, not rounding
+    line = time[0] + step * np.arange(len(time))
+    if np.max(np.abs(time - line)) > 1.01 * digit or digit < 0.02 * step:
+        return None
+    # The ends are rounded as well; a rate that is whole within what they leave open is meant.
+    rate = 1.0 / step
+    open_ = 2.0 * digit / (time[-1] - time[0])
+    if abs(round(rate) / rate - 1.0) <= max(open_, 1e-4):
+        rate = float(round(rate))
+    return Sampling(
+        "rounded",
+        rate,
+        f"times are rounded to {1e3 * digit:.3g} ms; the samples are taken as evenly spaced at "
+        f"{rate:.6g} Hz",
+    )
+
+
+def resample_columns(
+    time: np.ndarray, columns: dict[str, np.ndarray], rate: float
+) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
+    """Columns on an even grid, by lines between neighbouring samples.
+
+    Parameters
+    ----------
+    time
+        [s], shape (n,); where it runs back, samples are put into order.
+    columns
+        Shape (n,) each.
+    rate
+        Of the grid [Hz].
+
+    Returns
+    -------
+    tuple[np.ndarray, dict[str, np.ndarray], int]
+        Times of shape (k,), columns of shape (k,), and how many grid points were left out because
+        they lie in a pause.
+    """
+    order = np.argsort(time, kind="stable")
+    keep = np.concatenate([[True], np.diff(time[order]) > 0])
+    chosen = order[keep]
+    grid, values = regular_grid(
+        time[chosen], np.column_stack([column[chosen] for column in columns.values()]), rate
+    )
+    own = time[chosen]
+    behind = np.clip(np.searchsorted(own, grid, side="right"), 1, len(own) - 1)
+    pause = (own[behind] - own[behind - 1]) * rate > MAX_BRIDGED
+    on_sample = np.minimum(np.abs(own[behind] - grid), np.abs(own[behind - 1] - grid)) * rate < 0.5
+    kept = ~pause | on_sample
+    return (
+        grid[kept],
+        {name: values[kept, k] for k, name in enumerate(columns)},
+        int(np.count_nonzero(~kept)),
+    )
