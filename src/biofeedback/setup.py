@@ -10,7 +10,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    package_data={package_name: ["pages/*", "config/*.yaml"]},
+    package_data={package_name: ["pages/*", "pages/texts/*", "config/*.yaml"]},
     install_requires=["setuptools"],
     # colcon test runs pytest where this names it.
     extras_require={"test": ["pytest"]},

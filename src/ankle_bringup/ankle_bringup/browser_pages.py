@@ -13,28 +13,39 @@ import webbrowser
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import Graph
 from ankle_bringup.processes import Processes
-from biofeedback.parameters import HOST, PORT, TOKEN
+from biofeedback.parameters import CERTIFICATE, HOST, PORT, TOKEN
+from biofeedback.web.access import subject_token
 
 # s; other nodes of a graph compile at their first start and leave little of a small computer
 START_PATIENCE = 120.0
 
 
 def page_addresses(graph: Graph) -> tuple[str, str] | None:
-    """Addresses of the subject's and the operator's page; None where the graph has no biofeedback
-    node.
+    """Addresses of the subject's and the operator's page, without tokens; None where the graph has
+    no biofeedback node.
     """
     for node in graph.nodes:
         if node.package == "biofeedback":
-            host, port, token = (
+            host, port, certificate = (
                 node.parameters.get(parameter.name, parameter.default)
-                for parameter in (HOST, PORT, TOKEN)
+                for parameter in (HOST, PORT, CERTIFICATE)
             )
-            base, query = (
-                f"http://{host if host != '0.0.0.0' else '127.0.0.1'}:{port}",
-                f"?token={token}" if token else "",
-            )
-            return f"{base}/{query}", f"{base}/operator{query}"
+            scheme = "https" if certificate else "http"
+            base = f"{scheme}://{host if host != '0.0.0.0' else '127.0.0.1'}:{port}"
+            return f"{base}/", f"{base}/operator"
     return None
+
+
+def _entrances(graph: Graph, addresses: tuple[str, str]) -> tuple[str, ...]:
+    """What a browser opens: behind # a token stays in the browser and out of every log."""
+    token = next(
+        str(node.parameters.get(TOKEN.name, TOKEN.default))
+        for node in graph.nodes
+        if node.package == "biofeedback"
+    )
+    if not token:
+        return addresses
+    return tuple(f"{addresses[0]}enter#{secret}" for secret in (subject_token(token), token))
 
 
 def free_port() -> int:
@@ -73,11 +84,11 @@ def wait_until_served(port: int, processes: Processes) -> None:
 
 
 def show_pages(graph: Graph) -> None:
-    """Open the pages in the browser as soon as they are served, where this computer has a display."""  # noqa: E501
+    """Open the pages in the browser once they are served, where this computer has a display."""
     addresses = page_addresses(graph)
     if addresses is None or not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return
-    port = int(addresses[0].split("?")[0].rstrip("/").rpartition(":")[2])
+    port = int(addresses[0].rstrip("/").rpartition(":")[2])
 
     def wait_and_open() -> None:
         deadline = time.monotonic() + START_PATIENCE
@@ -85,7 +96,7 @@ def show_pages(graph: Graph) -> None:
             if time.monotonic() > deadline:
                 return
             time.sleep(0.5)
-        for address in addresses:
+        for address in _entrances(graph, addresses):
             webbrowser.open(address)
 
     threading.Thread(target=wait_and_open, daemon=True).start()

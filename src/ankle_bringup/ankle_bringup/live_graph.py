@@ -15,6 +15,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -28,10 +29,20 @@ ANSWER_SECONDS = 5.0
 
 
 @contextmanager
-def observer(name: str = "ankle_observer") -> Iterator[Node]:
-    """A node that only looks; discovery stays on this host unless the environment says otherwise."""  # noqa: E501
+def observer(name: str = "ankle_observer", own_signals: bool = False) -> Iterator[Node]:
+    """A node that only looks; discovery stays on this host unless the environment says otherwise.
+
+    Parameters
+    ----------
+    name
+        Beginning of the node's name.
+    own_signals
+        Whether the caller handles signals: rclpy would end the node at the first one.
+    """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init()
+    rclpy.init(
+        signal_handler_options=SignalHandlerOptions.NO if own_signals else SignalHandlerOptions.ALL
+    )
     node = rclpy.create_node(f"{name}_{os.getpid()}")
     try:
         yield node

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
+import rclpy
+from rclpy.client import Client
+from rclpy.node import Node
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from ankle_bringup.browser_pages import page_addresses, show_pages
 from ankle_bringup.graph import Graph
@@ -20,6 +27,11 @@ from ankle_bringup.processes import Processes
 from ankle_node.node import WORKED_OFF_QOS
 
 RIG_STATE = "/rig/state"
+DRIVER = "ankle_actuator_driver"
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, `kill`, and the end of the terminal or of the connection to this computer."""
+STOP_PATIENCE = 1.0
+"""[s] for the driver to confirm its stop; it acts before it answers, within 0.1 s."""
 
 
 def status_table(
@@ -65,27 +77,66 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         console.print(
             f"subject's screen: {addresses[0]}   operator's page: {addresses[1]}", soft_wrap=True
         )
-    with observer() as node, Processes(graph, logs) as processes:
+    with (
+        ending_by_signal(),
+        observer(own_signals=True) as node,
+        Processes(graph, logs) as processes,
+    ):
+        drivers = [
+            node.create_client(Trigger, f"/{one.name}/stop")
+            for one in graph.nodes
+            if one.package == DRIVER
+        ]
         show_pages(graph)
         monitor = LiveMonitor(node)
         rig: list[str] = []
 
-        def hear(message: Any) -> None:
+        def receive_state(message: Any) -> None:
             rig.append(str(message.data))
 
-        node.create_subscription(String, RIG_STATE, hear, WORKED_OFF_QOS)
+        node.create_subscription(String, RIG_STATE, receive_state, WORKED_OFF_QOS)
         began = time.monotonic()
-        with Live(status_table(monitor, None, rig), console=console, refresh_per_second=4) as live:
-            try:
+        try:
+            with Live(
+                status_table(monitor, None, rig), console=console, refresh_per_second=4
+            ) as live:
                 while not (seconds and time.monotonic() - began > seconds):
                     if processes.ended("perturbation_generator"):
                         console.print("the perturbation is over")
                         break
                     monitor.spin(0.25)
-                    live.update(
-                        status_table(
-                            monitor, began + seconds - time.monotonic() if seconds else None, rig
-                        )
-                    )
-            except KeyboardInterrupt:
+                    left = began + seconds - time.monotonic() if seconds else None
+                    live.update(status_table(monitor, left, rig))
+        except KeyboardInterrupt:
+            with contextlib.suppress(OSError):  # the terminal may be gone
                 console.print("stopping ...")
+        finally:
+            stop_rig(node, drivers)
+
+
+@contextlib.contextmanager
+def ending_by_signal() -> Iterator[None]:
+    """Turn the first of `ENDING_SIGNALS` into KeyboardInterrupt; later ones change nothing.
+
+    Whatever follows, bringing the plate to rest and ending the nodes in order, is not interrupted.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        for one in ENDING_SIGNALS:
+            signal.signal(one, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, end) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def stop_rig(node: Node, drivers: Sequence[Client]) -> None:
+    """Stop the rig's drivers before any node is ended, and wait until they confirm it."""
+    calls = [client.call_async(Trigger.Request()) for client in drivers]
+    deadline = time.monotonic() + STOP_PATIENCE
+    while not all(call.done() for call in calls) and time.monotonic() < deadline:
+        rclpy.spin_once(node, timeout_sec=0.02)

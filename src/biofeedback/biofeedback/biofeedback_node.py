@@ -2,30 +2,37 @@
 
 | topic | direction | type | what |
 | --- | --- | --- | --- |
-| /impedance/estimate | in | Float64MultiArray | t[s],K[N.m/rad],G[N.m.s/rad],valid[1]: the cursor |
-| /ankle/samples | in | Float64MultiArray | t[s],position[rad],velocity[rad/s],torque[N.m]: the subject's torque, traces |
-| /emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V]: traces |
+| impedance/estimate | in | Float64MultiArray | t[s],K[N.m/rad],G[N.m.s/rad],valid[1]: the cursor |
+| ankle/samples | in | Float64MultiArray | t[s],position[rad],velocity[rad/s],torque[N.m] |
+| emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V]: traces |
 | /diagnostics | in, out | DiagnosticArray | health, recording, free disk; own frames and pages |
-| /rig/state | in | String | state of the rig's driver |
-| /session/event | out | String | holds, targets, start, pause, stop, faults, notes (`ankle_node.session_event`) |
+| rig/state | in | String | state of the rig's driver |
+| rig/operator_alive | out | String | 10 Hz while an operator's page is alive: id of the session |
+| session/event | out | String | holds, targets, start, pause, stop, faults, notes |
 
 Services that it calls: `arm`, `start`, `stop`, `reset_fault` of the rig's driver
 (std_srvs/Trigger), parameters of `ankle_sim`.
-Pages: `biofeedback.web.server`. The graph's messages are taken by the executor's thread; pages,
-commands and the session belong to the server's thread, and `LiveSignals` is what both touch.
+
+Threads: the executor takes the graph's messages; `SessionRunner` has the session and its clock;
+`RigServices` the calls to the rig; the pages' server and the file with the progress have one each.
+`LiveSignals` and `SessionRunner.view` are what they share.
 Parameters: `biofeedback.parameters`.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 
 import asyncio
+import gc
 import threading
 import time
+from collections import deque
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
 
 from ankle_interfaces.block import Block
@@ -39,58 +46,76 @@ from biofeedback.live_signals import LiveSignals
 from biofeedback.session import saved_session
 from biofeedback.session.protocol import load_protocol
 from biofeedback.session.rig_services import RigServices
-from biofeedback.session.session_program import Session
-from biofeedback.session.simulated_subject import SimulatedPerson
-from biofeedback.web.access import Access, is_loopback
-from biofeedback.web.presenter import Desk
+from biofeedback.session.runner import SessionRunner
+from biofeedback.session.session_program import ARMED, RUNNING, Session
+from biofeedback.session.simulated_subject import SimulatedSubject
+from biofeedback.web.access import Access, is_loopback, tls_context
+from biofeedback.web.presenter import Presenter
 from biofeedback.web.server import Server
 from emg_driver.muscles import MUSCLES, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from impedance_estimator.estimator import ESTIMATE_TOPIC
 
 SAMPLES = "/ankle/samples"
 ESTIMATE = ("K[N.m/rad]", "G[N.m.s/rad]", "valid[1]")
-LOOK_PERIOD = 1.0  # s; how soon a rig or a simulated subject that starts later is seen
+LOOK_PERIOD = 1.0  # s; how soon a simulated subject that starts later is seen
 SAVE_PERIOD = 1.0  # s; what a crash may cost of a step's clock
 START_PATIENCE = 10.0  # s
 # A recorder hears a node that was started anew only once the two have found each other: events wait
 # for it, with the times they have.
 DISCOVERY, LONGEST_DISCOVERY = 2.0, 10.0  # s; with a reader, without one
+EVENTS_PERIOD = 0.2  # s; how often events that wait for a reader are tried again
 EVENTS_KEPT = 100  # for a recorder that is slow to read; a session has a few hundred events in all
+STOP_PATIENCE = 1.0  # s; for the rig to confirm the stop of a node that ends
 
 
 class BiofeedbackNode(AnkleNode):
-    """Wires topics to signals and the desk to its pages."""
+    """Wires topics to signals, and the session to rig and pages."""
 
     def __init__(self) -> None:
         super().__init__("biofeedback", declared.PARAMETERS)
-        host, token = self.text("host"), self.text("token")
-        access = Access(host, token)
+        host = self.text("host")
+        self._access = Access(host, self.text("token"))
+        self._tls = tls_context(self.text("certificate"), self.text("key"))
         session = Session(load_protocol(self.text("protocol")))
         self._signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
-        self._rig, self._person = RigServices(self, self.text("rig")), SimulatedPerson(self)
+        self._rig, self._subject = RigServices(self, self.text("rig")), SimulatedSubject(self)
         self._events = self.create_publisher(String, EVENT_TOPIC, EVENTS_KEPT)
-        self._desk = Desk(
+        self._unsent: deque[SessionEvent] = deque()
+        self._unlogged: deque[SessionEvent] = deque()
+        self._happened = self.create_guard_condition(self._send_events)
+        self._runner = SessionRunner(
             session,
             self._signals,
             self._rig,
-            self._person,
-            self._publish,
-            self.number("cursor_frequency"),
+            self._subject,
+            self._record,
+            self.now,
+            self._keep_progress,
+        )
+        presenter = Presenter(
+            self._signals, self.number("cursor_frequency"), self.text("language")
         )
         self._server = Server(
-            self._desk, self._signals, access, self.now, self.number("frame_rate"), self._beat
+            self._runner,
+            presenter,
+            self._access,
+            self.now,
+            self.number("frame_rate"),
+            self._tls,
         )
-        self._began, self._unsent = time.monotonic(), list[SessionEvent]()
+        self._began = time.monotonic()
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
         self._serving = threading.Event()
-        self._state_file = Path()
+        self._progress: saved_session.ProgressWriter | None = None
         self._saved, self._saved_at = session.saved(), time.monotonic()
         self._thread = threading.Thread(
             target=self._serve, args=(host, int(self.number("port"))), name="pages", daemon=True
         )
-        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_PERIOD, self._look, clock=steady)
+        self.create_timer(EVENTS_PERIOD, self._send_events, clock=steady)
         self._look()
         self._ankle = self.block_subscription(SAMPLES, (), self._take_samples)
         self.block_subscription(ESTIMATE_TOPIC, ESTIMATE, self._take_estimates)
@@ -98,6 +123,8 @@ class BiofeedbackNode(AnkleNode):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 50)
         self._thread.start()
         if not self._serving.wait(START_PATIENCE) or self._failure is not None:
+            self._runner.close()
+            self._rig.close()
             raise self._failure or OSError(f"the pages were not there within {START_PATIENCE:g} s")
 
     def _serve(self, host: str, port: int) -> None:
@@ -115,43 +142,52 @@ class BiofeedbackNode(AnkleNode):
             raise self._failure
 
     def _ready(self, port: int) -> None:
-        self._state_file = (
-            Path(self.text("state_file"))
-            if self.text("state_file")
-            else saved_session.default_path(port)
-        )
-        self._resume()
-        host, token = self.text("host"), self.text("token")
+        named = self.text("state_file")
+        path = Path(named) if named else saved_session.default_path(port)
+        self._progress = saved_session.ProgressWriter(path, self._warn_of_progress)
+        self._resume(path)
+        self._runner.start()
+        host = self.text("host")
+        scheme = "https" if self._tls is not None else "http"
         shown = host if is_loopback(host) else f"{host} (or this computer's name)"
-        query = f"?token={token}" if token else ""
-        self.get_logger().info(
-            f"subject's screen: http://{shown}:{port}/{query}   operator's page: "
-            f"http://{shown}:{port}/operator{query}"
-        )
+        base = f"{scheme}://{shown}:{port}"
+        self.get_logger().info(f"subject's screen: {base}/   operator's page: {base}/operator")
+        if self._access.needs_token:
+            links = path.with_name(path.name + ".links")
+            saved_session.write_private(
+                links,
+                "".join(
+                    f"{role}: {base}/enter#{token}\n"
+                    for role, token in self._access.tokens().items()
+                ),
+            )
+            self.get_logger().info(f"the addresses with their tokens are in {links}")
+        # What was loaded until now stays for good: collections that go through all of it would
+        # hold every thread up for tens of milliseconds, a stop too.
+        gc.collect()
+        gc.freeze()
         self._serving.set()
 
-    def _resume(self) -> None:
+    def _resume(self, path: Path) -> None:
         try:
-            found = saved_session.load(self._state_file, time.time(), self.number("resume_within"))
+            found = saved_session.load(path, time.time(), self.number("resume_within"))
             if found is not None and (
                 found.get("state") not in ("idle", "finished") or found.get("index")
             ):
-                self._desk.happened(self._desk.session.resume(found, self.now()))
+                self._runner.resume(found)
                 self.get_logger().info(
-                    f"going on with the session in {self._state_file}: {found['state']}, step "
+                    f"continuing the session in {path}: {found['state']}, step "
                     f"{found['index'] + 1}"
                 )
         except CommandError as error:
             self.get_logger().warning(str(error))
             self.health("saved session", WARN, str(error))
 
-    def _beat(self) -> None:
-        """Send what waits, and keep progress on disk: at each step, and once a second while the
-        clock runs.
-        """
-        if self._unsent:
-            self._send_events()
-        present = self._desk.session.saved()
+    def _warn_of_progress(self, reason: str) -> None:
+        self.health("saved session", WARN, reason)
+
+    def _keep_progress(self, present: dict[str, Any]) -> None:
+        """Keep progress on disk: at each step, and once a second while the clock runs."""
         timeless = {"elapsed": 0.0, "clock": 0.0}
         stepped = {**present, **timeless} != {**self._saved, **timeless}
         if not stepped and (
@@ -159,29 +195,28 @@ class BiofeedbackNode(AnkleNode):
         ):
             return
         self._saved, self._saved_at = present, time.monotonic()
-        try:
-            saved_session.save(self._state_file, present, time.time())
-        except OSError as error:
-            self.health("saved session", WARN, f"progress is not kept: {error}")
+        if self._progress is not None:
+            self._progress.keep(present)
 
-    def _publish(self, event: SessionEvent) -> None:
-        self.get_logger().info(event.line())
+    def _record(self, event: SessionEvent) -> None:
+        """Hand an event of the session's thread to the executor's."""
+        self._unlogged.append(event)
         self._unsent.append(event)
-        self._send_events()
+        self._happened.trigger()
 
     def _send_events(self) -> None:
-        """What is unsent, as soon as the readers are there."""
+        """Log events, and publish them as soon as the readers are there."""
+        while self._unlogged:
+            self.get_logger().info(self._unlogged.popleft().line())
         running = time.monotonic() - self._began
         if running > LONGEST_DISCOVERY or (
             running > DISCOVERY and self._events.get_subscription_count()
         ):
-            for event in self._unsent:
-                self._events.publish(String(data=event.line()))
-            self._unsent.clear()
+            while self._unsent:
+                self._events.publish(String(data=self._unsent.popleft().line()))
 
     def _look(self) -> None:
-        self._rig.look()
-        self._person.look()
+        self._subject.look()
         self.count("frames made late", self._server.late_frames)
         self.count("pages closed for what they sent", self._server.closed_for_cause)
 
@@ -215,11 +250,25 @@ class BiofeedbackNode(AnkleNode):
                 status.name, status.level[0], status.message, figures, time.monotonic()
             )
 
+    def work_off(self, executor: SingleThreadedExecutor) -> None:
+        """Stop the rig first when this node is ended in the middle of a session."""
+        if self._runner.view.state in (ARMED, RUNNING):
+            self._runner.stop("the screens were ended")
+            deadline = time.monotonic() + STOP_PATIENCE
+            while self._rig.waits_for_stop and time.monotonic() < deadline:
+                executor.spin_once(timeout_sec=0.02)
+        super().work_off(executor)
+
     def destroy_node(self) -> None:
-        """Closes the pages first."""
+        """Close the pages, then the session, then the way to the rig."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stopped.set)
             self._thread.join(timeout=5.0)
+        self._runner.close()
+        self._send_events()
+        if self._progress is not None:
+            self._progress.close()
+        self._rig.close()
         super().destroy_node()
 
 

@@ -105,7 +105,17 @@ class LiveSignals:
             self.traces["estimate"].feed(rows[:, 0], shown)
 
     def feed_samples(self, samples: np.ndarray, rate: float, heard: float) -> None:
-        """Samples of the rig, shape (n, 4): t [s], position [rad], velocity [rad/s], torque [N.m]."""  # noqa: E501
+        """Take in samples of the rig.
+
+        Parameters
+        ----------
+        samples
+            Shape (n, 4): t [s], position [rad], velocity [rad/s], torque [N.m].
+        rate
+            Sampling rate [Hz].
+        heard
+            Monotonic time of arrival [s].
+        """
         if not len(samples):
             return
         with self._lock:

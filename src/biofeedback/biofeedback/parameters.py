@@ -26,7 +26,25 @@ PORT = Quantity(
 TOKEN = Quantity(
     "token",
     default="",
-    description="At least 16 characters; pages are then opened with ?token=... once.",
+    description=(
+        "Of the operator, at least 16 characters; entered once at /enter. The subject's screen has "
+        "one of its own, in the file of addresses that the node writes."
+    ),
+    start_only=True,
+)
+CERTIFICATE = Quantity(
+    "certificate",
+    default="",
+    description="PEM file of the laboratory's TLS certificate; empty: HTTP.",
+    start_only=True,
+)
+KEY = Quantity(
+    "key", default="", description="PEM file of the certificate's private key.", start_only=True
+)
+LANGUAGE = Quantity(
+    "language",
+    default="en",
+    description="Of the subject's screen: en, nl, de or fr.",
     start_only=True,
 )
 PROTOCOL = Quantity(
@@ -50,8 +68,7 @@ RESUME_WITHIN = Quantity(
     86400.0,
     900.0,
     description=(
-        "A session that was saved longer ago is not gone on with: a crash is noticed within "
-        "minutes, "
+        "A session that was saved longer ago is not continued: a crash is noticed within minutes, "
         "the next subject comes later."
     ),
     start_only=True,
@@ -96,6 +113,9 @@ PARAMETERS = (
     HOST,
     PORT,
     TOKEN,
+    CERTIFICATE,
+    KEY,
+    LANGUAGE,
     PROTOCOL,
     STATE_FILE,
     RESUME_WITHIN,

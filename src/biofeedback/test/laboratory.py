@@ -1,20 +1,26 @@
-"""A laboratory without ROS: the served desk, signals that a test makes, a rig that remembers what
-it was told.
+"""A laboratory without ROS: the served session, signals that a test makes, a rig that keeps what it
+was asked for.
 """
 
 import asyncio
+import datetime
+import ipaddress
 import math
 import threading
 import time
 
 import numpy as np
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
 
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
 from biofeedback.session.protocol import load_protocol
+from biofeedback.session.runner import SessionRunner
 from biofeedback.session.session_program import Session
 from biofeedback.web.access import Access
-from biofeedback.web.presenter import Desk
+from biofeedback.web.presenter import Presenter
 from biofeedback.web.server import Server
 from emg_driver.muscles import MUSCLES
 
@@ -45,49 +51,72 @@ def short_protocol(folder, baseline=1, reach=1, hold=2):
 
 
 class FakeRig:
+    """Keeps what it was asked for; `answers` can be taken away."""
+
     def __init__(self):
-        self.present = True
-        self.told = []
+        self.present, self.several = True, False
+        self.requests, self.stopped_at, self.heartbeats = [], [], []
         self.refuses = self.state = ""
+        self.answers = asyncio.Event()
+        self.answers.set()
+        self.unconfirmed = []
+
+    @property
+    def problem(self):
+        if self.several:
+            return "2 rig drivers are in this graph (a, b)"
+        return "" if self.present else "no rig driver in this graph"
 
     def describe(self):
         return {
             "name": "test_rig" if self.present else None,
-            "problem": "" if self.present else "no rig driver in this graph",
+            "problem": self.problem,
             "state": self.state,
+            "stop_unconfirmed": self.unconfirmed,
         }
 
     async def call(self, action):
-        self.told.append(action)
+        self.requests.append(action)
+        while not self.answers.is_set():
+            await asyncio.sleep(0.01)
         if self.refuses:
             raise CommandError(f"test_rig refuses to {action}: {self.refuses}")
 
-    def tell(self, action):
-        self.told.append(action)
+    def stop(self):
+        self.stopped_at.append(time.monotonic())
+        self.requests.append("stop")
+
+    def announce_operator(self, session_id):
+        self.heartbeats.append((time.monotonic(), session_id))
 
 
-class FakePerson:
+class FakeSubject:
     def __init__(self):
         self.values = {"cocontraction": 0.3, "excitability": 0.5, "push": 0.0}
 
     def describe(self):
         return dict(self.values)
 
-    async def tell(self, values):
+    async def set(self, values):
         self.values.update(values)
 
 
 class Laboratory:
     """Serves in a thread of its own and streams what `K`, `G`, `torque`, `valid` say, in real time,
-    until told otherwise.
+    until it is closed.
     """
 
-    def __init__(self, protocol, host="127.0.0.1", token="", port=0):
+    def __init__(self, protocol, host="127.0.0.1", token="", port=0, tls=None):
         self.signals = LiveSignals(emg_names=MUSCLES)
-        self.rig, self.person, self.events = FakeRig(), FakePerson(), []
+        self.rig, self.subject, self.events = FakeRig(), FakeSubject(), []
         self.session = Session(protocol)
-        self.desk = Desk(self.session, self.signals, self.rig, self.person, self.events.append)
-        self.server = Server(self.desk, self.signals, Access(host, token), time.time)
+        self.runner = SessionRunner(
+            self.session, self.signals, self.rig, self.subject, self.events.append, time.time
+        )
+        self.presenter = Presenter(self.signals)
+        self.server = Server(
+            self.runner, self.presenter, Access(host, token), time.time, tls=tls
+        )
         self.K, self.G, self.torque, self.valid = 80.0, 8.0, 0.0, True
         self.streaming = True
         self._ready, self._stop = threading.Event(), threading.Event()
@@ -97,6 +126,7 @@ class Laboratory:
             threading.Thread(target=self._serve, args=(host, port)),
             threading.Thread(target=self._stream),
         ]
+        self.runner.start()
         for thread in self._threads:
             thread.start()
         assert self._ready.wait(10.0)
@@ -151,6 +181,33 @@ class Laboratory:
         self._loop.call_soon_threadsafe(self._stopped.set)
         for thread in self._threads:
             thread.join(10.0)
+        self.runner.close()
+
+
+def own_certificate(folder):
+    """A certificate of 127.0.0.1 and its key, as a laboratory would give them."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "laboratory")])
+    now = datetime.datetime.now(datetime.UTC)
+    made = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - datetime.timedelta(days=1))
+        .not_valid_after(now + datetime.timedelta(days=1))
+        .add_extension(
+            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), False
+        )
+        .sign(key, hashes.SHA256())
+    )
+    certificate, private = folder / "certificate.pem", folder / "key.pem"
+    certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    private.write_bytes(
+        key.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
+        )
+    )
+    return certificate, private
 
 
 def until(condition, what, seconds=30.0):

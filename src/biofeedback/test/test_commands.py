@@ -7,8 +7,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from biofeedback.errors import AccessError, CommandError, MalformedMessageError
-from biofeedback.web.access import Access
-from biofeedback.web.operator_commands import BURST, COMMANDS, RATE, Command, RateLimit, parse
+from biofeedback.web.access import Access, tls_context
+from biofeedback.session.commands import BURST, COMMANDS, RATE, Command, RateLimit, parse
+
+TOKEN = "a-long-enough-token"
 
 
 def test_a_command():
@@ -92,13 +94,45 @@ def test_the_rate_of_a_page_is_limited_and_recovers():
 def test_another_address_needs_a_token(host):
     with pytest.raises(AccessError, match="token of at least 16"):
         Access(host, "short")
-    assert (
-        Access(host, "a-long-enough-token").refusal(
-            "pc7:8765", "http://pc7:8765", "a-long-enough-token"
-        )
-        is None
-    )
-    assert "token" in Access(host, "a-long-enough-token").refusal("pc7:8765", None, "guess")
+    assert Access(host, TOKEN).refusal("pc7:8765", "http://pc7:8765") is None
+    assert Access(host, TOKEN).roles("") == ()
+
+
+def test_a_token_opens_a_role_by_a_random_cookie_that_does_not_contain_it():
+    access = Access("0.0.0.0", TOKEN)
+    assert access.enter("guess" * 5) is None
+    role, cookie = access.enter(TOKEN)
+    assert role == "operator"
+    assert TOKEN not in cookie
+    assert access.roles(cookie) == ("subject", "operator")
+    assert access.roles(TOKEN) == ()
+    assert Access("0.0.0.0", TOKEN).roles(cookie) == ()  # a restart ends every login
+
+
+def test_the_subjects_token_opens_the_subjects_screen_only():
+    access = Access("0.0.0.0", TOKEN)
+    role, cookie = access.enter(access.tokens()["subject"])
+    assert role == "subject"
+    assert access.roles(cookie) == ("subject",)
+    assert access.tokens()["subject"] != TOKEN
+    assert len(access.tokens()["subject"]) >= 16
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_a_page_that_another_site_opens_is_refused(site):
+    access = Access("127.0.0.1", "")
+    assert "another web site has opened" in access.refusal("127.0.0.1:8765", None, site)
+    for own in ("none", "same-origin", None):
+        assert access.refusal("127.0.0.1:8765", None, own) is None
+
+
+@pytest.mark.parametrize(
+    ("certificate", "key", "words"),
+    [("a.pem", "", "both parameters"), ("nothing.pem", "nothing.key", "there is no such file")],
+)
+def test_tls_settings_that_cannot_work_are_refused(certificate, key, words):
+    with pytest.raises(AccessError, match=words):
+        tls_context(certificate, key)
 
 
 @pytest.mark.parametrize(
@@ -115,5 +149,5 @@ def test_another_address_needs_a_token(host):
     ],
 )
 def test_other_web_sites_are_kept_out_of_the_loopback_address(host, origin, words):
-    refusal = Access("127.0.0.1", "").refusal(host, origin, "")
+    refusal = Access("127.0.0.1", "").refusal(host, origin)
     assert refusal is None if words is None else words in refusal

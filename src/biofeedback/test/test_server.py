@@ -1,18 +1,20 @@
-"""The server against clients that no page is: malformed, flooding, silent, not reading, strangers."""  # noqa: E501
+"""The server against clients that no page is: malformed, flooding, silent, strangers."""
 
 import asyncio
 import json
 import os
 import socket
+import ssl
 import time
 from itertools import pairwise
 
 import aiohttp
 import pytest
-from laboratory import Laboratory, short_protocol, until
+from laboratory import Laboratory, own_certificate, short_protocol
 
 from biofeedback.errors import AccessError
 from biofeedback.session.protocol import PAPER, load_protocol
+from biofeedback.web.access import subject_token, tls_context
 from biofeedback.web.connection_limit import LIMIT
 
 pytestmark = pytest.mark.live
@@ -41,6 +43,19 @@ async def of_kind(page, kind, **wanted):
             content.get(key) == value for key, value in wanted.items()
         ):
             return content
+
+
+async def operator(session, laboratory):
+    """An operator's page in command."""
+    page = await session.ws_connect(laboratory.url("/ws?role=operator"))
+    await page.send_json({"id": 0, "command": "claim"})
+    assert (await of_kind(page, "answer", id=0))["ok"]
+    return page
+
+
+async def say(page, number, name, **fields):
+    await page.send_json({"id": number, "command": name, **fields})
+    return await of_kind(page, "answer", id=number)
 
 
 async def closing(page):
@@ -89,8 +104,8 @@ def test_who_sends_what_no_page_sends_is_disconnected_alone(laboratory, kind):
                 break
         assert await closing(bad) in (1008, 1009, 1006)
         await goes_on(good)
-        await good.send_json({"id": 1, "command": "arm"})
-        assert (await of_kind(good, "answer"))["ok"]
+        assert (await say(good, 1, "claim"))["ok"]
+        assert (await say(good, 2, "arm"))["ok"]
 
     talk(laboratory, scenario)
     assert laboratory.session.state == "armed"
@@ -124,18 +139,35 @@ def test_a_busy_page_gets_the_newest_frame_not_old_ones(laboratory):
     assert max(later - earlier for earlier, later in pairwise(numbers)) > 20
 
 
-def test_a_subjects_page_has_nothing_to_say(laboratory):
+@pytest.mark.parametrize("command", ["arm", "start", "claim", "set_target", "next"])
+def test_a_subjects_page_cannot_command(laboratory, command):
     async def scenario(session):
         page = await session.ws_connect(laboratory.url("/ws?role=subject"))
-        await page.send_json({"id": 1, "command": "stop"})
+        await page.send_json({"id": 1, "command": command})
         assert await closing(page) == 1008
 
     talk(laboratory, scenario)
+    assert laboratory.rig.requests == []
+
+
+def test_a_page_that_is_not_in_command_may_only_stop_and_note(laboratory):
+    async def scenario(session):
+        one = await operator(session, laboratory)
+        other = await session.ws_connect(laboratory.url("/ws?role=operator"))
+        assert "another page is in command" in (await say(other, 1, "arm"))["error"]
+        assert (await say(other, 2, "note", text="seen"))["ok"]
+        assert (await say(other, 3, "stop"))["ok"]
+        assert (await say(other, 4, "claim"))["ok"]
+        assert not (await say(one, 5, "arm"))["ok"]
+        assert (await say(other, 6, "arm"))["ok"]
+
+    talk(laboratory, scenario)
+    assert laboratory.rig.requests == ["stop", "arm"]
 
 
 def test_a_refused_value_is_answered_and_the_page_stays(laboratory):
     async def scenario(session):
-        page = await session.ws_connect(laboratory.url("/ws?role=operator"))
+        page = await operator(session, laboratory)
         await page.send_json({"id": 5, "command": "set_target", "torque[N.m]": 400})
         answer = await of_kind(page, "answer")
         assert answer == {
@@ -235,19 +267,74 @@ def test_a_token_opens_another_address_and_nothing_else_does(tmp_path):
         Laboratory(short_protocol(tmp_path), host="0.0.0.0", token="short")
     laboratory = Laboratory(short_protocol(tmp_path), host="0.0.0.0", token=token)
 
+    async def enter(session, text):
+        async with session.post(
+            laboratory.url("/enter"), data={"token": text}, allow_redirects=False
+        ) as answer:
+            return answer.status, answer.headers.get("Set-Cookie", "").split(";")[0]
+
     async def scenario(session):
-        async with session.get(laboratory.url("/")) as answer:
+        for path in ("/", "/operator", f"/operator?token={token}"):
+            async with session.get(laboratory.url(path), allow_redirects=False) as answer:
+                assert (answer.status, answer.headers["Location"]) == (302, "/enter")
+        async with session.post(laboratory.url("/stop")) as answer:
             assert answer.status == 403
-        with pytest.raises(aiohttp.WSServerHandshakeError):
-            await session.ws_connect(laboratory.url("/ws?role=operator"))
-        async with session.get(laboratory.url(f"/operator?token={token}")) as answer:
-            assert answer.status == 200
-        # The page's own requests carry the cookie (a browser also keeps one of an address;
-        # aiohttp's jar does not).
-        cookie = {"Cookie": f"ankle_token={token}"}
-        await of_kind(
-            await session.ws_connect(laboratory.url("/ws?role=operator"), headers=cookie), "state"
+        for cookie in ("", f"ankle_session={token}"):
+            with pytest.raises(aiohttp.WSServerHandshakeError):
+                await session.ws_connect(
+                    laboratory.url("/ws?role=operator"), headers={"Cookie": cookie}
+                )
+        assert (await enter(session, "wrong"))[0] == 403
+        status, cookie = await enter(session, token)
+        assert status == 303
+        assert token not in cookie
+        page = await session.ws_connect(
+            laboratory.url("/ws?role=operator"), headers={"Cookie": cookie}
         )
+        await of_kind(page, "state")
+        _, cookie = await enter(session, subject_token(token))
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await session.ws_connect(
+                laboratory.url("/ws?role=operator"), headers={"Cookie": cookie}
+            )
+        page = await session.ws_connect(
+            laboratory.url("/ws?role=subject"), headers={"Cookie": cookie}
+        )
+        await of_kind(page, "state")
+
+    try:
+        talk(laboratory, scenario)
+    finally:
+        laboratory.close()
+
+
+def test_no_page_may_be_framed_or_opened_by_another_site(laboratory):
+    async def scenario(session):
+        for path in ("/", "/operator", "/enter"):
+            async with session.get(laboratory.url(path)) as answer:
+                assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+                assert answer.headers["X-Frame-Options"] == "DENY"
+                assert answer.headers["Cross-Origin-Opener-Policy"] == "same-origin"
+            async with session.get(
+                laboratory.url(path), headers={"Sec-Fetch-Site": "cross-site"}
+            ) as answer:
+                assert answer.status == 403
+
+    talk(laboratory, scenario)
+
+
+def test_the_laboratorys_certificate_serves_the_pages_encrypted(tmp_path):
+    certificate, key = own_certificate(tmp_path)
+    laboratory = Laboratory(
+        short_protocol(tmp_path), tls=tls_context(str(certificate), str(key))
+    )
+    context = ssl.create_default_context(cafile=certificate)
+
+    async def scenario(session):
+        url = laboratory.url("/ws?role=subject").replace("http:", "https:")
+        await of_kind(await session.ws_connect(url, ssl=context), "state")
+        with pytest.raises(aiohttp.ClientError):
+            await session.get(laboratory.url("/"))
 
     try:
         talk(laboratory, scenario)
@@ -262,21 +349,15 @@ def test_two_operators_at_once_see_one_state(laboratory):
 
     async def scenario(session):
         pages = [await session.ws_connect(laboratory.url("/ws?role=operator")) for _ in range(2)]
-        await asyncio.gather(*(page.send_json({"id": 1, "command": "arm"}) for page in pages))
-        answers = [await of_kind(page, "answer") for page in pages]
-        assert sorted(answer["ok"] for answer in answers) == [False, True]
-        await asyncio.gather(
-            *(
-                page.send_json({"id": 2, "command": "set_target", "torque[N.m]": value})
-                for page, value in zip(pages, (-1, -2), strict=True)
-            )
-        )
+        await asyncio.gather(*(page.send_json({"id": 1, "command": "claim"}) for page in pages))
         for page in pages:
             assert (await of_kind(page, "answer"))["ok"]
+        await asyncio.gather(*(page.send_json({"id": 2, "command": "arm"}) for page in pages))
+        answers = [await of_kind(page, "answer", id=2) for page in pages]
+        assert sorted(answer["ok"] for answer in answers) == [False, True]
         states = []
         for page in pages:
-            await page.send_json({"id": 3, "command": "note", "text": "done"})
-            await of_kind(page, "answer")
+            await say(page, 3, "note", text="done")
         for page in pages:
             state = await of_kind(page, "state")
             while [entry["event"] for entry in state["log"]].count("note") < 2:
@@ -285,30 +366,25 @@ def test_two_operators_at_once_see_one_state(laboratory):
         return states
 
     one, other = talk(laboratory, scenario)
-    assert one["target"] == other["target"]
-    assert one["target"]["torque"] in (-1.0, -2.0)
     assert one["session"] == other["session"]
+    assert one["session"]["state"] == "armed"
+    assert laboratory.rig.requests == ["arm"]
 
 
 def test_the_rig_decides_and_is_stopped_in_every_case(laboratory):
     async def scenario(session):
-        page = await session.ws_connect(laboratory.url("/ws?role=operator"))
-
-        async def say(number, name):
-            await page.send_json({"id": number, "command": name})
-            return await of_kind(page, "answer", id=number)
-
+        page = await operator(session, laboratory)
         laboratory.rig.refuses = "emergency stop is pressed"
-        refused = await say(1, "arm")
+        refused = await say(page, 1, "arm")
         assert refused["error"] == "test_rig refuses to arm: emergency stop is pressed"
         assert laboratory.session.state == "idle"
         laboratory.rig.refuses = ""
-        assert (await say(2, "arm"))["ok"]
-        assert (await say(3, "start"))["ok"]
-        assert (await say(4, "stop"))["ok"]
+        assert (await say(page, 2, "arm"))["ok"]
+        assert (await say(page, 3, "start"))["ok"]
+        assert (await say(page, 4, "stop"))["ok"]
 
     talk(laboratory, scenario)
-    assert laboratory.rig.told == ["arm", "arm", "start", "stop"]
+    assert laboratory.rig.requests == ["arm", "arm", "start", "stop"]
     assert laboratory.session.state == "idle"
 
 
@@ -318,36 +394,36 @@ def test_the_rig_decides_and_is_stopped_in_every_case(laboratory):
 )
 def test_a_session_stops_when_its_rig_does(laboratory, event, words):
     async def scenario(session):
-        page = await session.ws_connect(laboratory.url("/ws?role=operator"))
-        for number, name in enumerate(("arm", "start")):
-            await page.send_json({"id": number, "command": name})
-            await of_kind(page, "answer")
+        page = await operator(session, laboratory)
+        for number, name in enumerate(("arm", "start"), start=1):
+            assert (await say(page, number, name))["ok"]
+
+        laboratory.rig.state = "running"
+        watching = asyncio.create_task(of_kind(page, "never"))
+        await asyncio.sleep(2.0)
+        assert laboratory.session.state == "running"
+        if event == "fault":
+            laboratory.rig.state = "fault: encoder stuck"
+        else:
+            laboratory.rig.present = False
+        while laboratory.session.state != "idle":
+            await asyncio.sleep(0.02)
+        watching.cancel()
 
     laboratory.rig.state = "armed"
     laboratory.session.protocol = load_protocol(PAPER)
     talk(laboratory, scenario)
-    laboratory.rig.state = "running"
-    time.sleep(2.0)
-    assert laboratory.session.state == "running"
-    if event == "fault":
-        laboratory.rig.state = "fault: encoder stuck"
-    else:
-        laboratory.rig.present = False
-    until(lambda: laboratory.session.state == "idle", "the stop")
     stopped = next(one for one in laboratory.events if one.event == "session stopped")
     assert words in stopped.details["reason"]
 
 
 def test_a_break_stops_the_rig_by_itself(laboratory):
     async def scenario(session):
-        page = await session.ws_connect(laboratory.url("/ws?role=operator"))
-        for number, name in enumerate(("arm", "start")):
-            await page.send_json({"id": number, "command": name})
-            await of_kind(page, "answer")
-        until(lambda: laboratory.session.state == "paused", "the break", 60.0)
+        page = await operator(session, laboratory)
+        for number, name in enumerate(("arm", "start"), start=1):
+            assert (await say(page, number, name))["ok"]
+        while (await of_kind(page, "state"))["session"]["state"] != "paused":
+            pass
+        assert laboratory.rig.requests == ["arm", "start", "stop"]
 
     talk(laboratory, scenario)
-    until(
-        lambda: laboratory.rig.told == ["arm", "start", "stop"],
-        f"the stop in {laboratory.rig.told}",
-    )

@@ -1,15 +1,18 @@
 // The operator's page. It keeps no state of its own: everything shown is what the node said last, so two pages always agree.
 
 import { Connection } from "./connection.js";
-import { clock, Screen, STALE } from "./screen.js";
+import { Chords, HeldButton } from "./deliberate.js";
+import { clock, STALE } from "./screen.js";
+import { warning } from "./tones.js";
 import { Traces } from "./traces.js";
+import { View } from "./view.js";
 
 const by = (id) => document.getElementById(id);
 const put = (element, text) => element.textContent !== text && (element.textContent = text);
 const SKY = "#56b4e9", ORANGE = "#e69f00", GREEN = "#00b384", YELLOW = "#f0e442", PINK = "#d98cb8", VERMILLION = "#ff7a33";
 const FEW_MEGABYTES = 2000; // about two hours of the laboratory's topics; below, the disk is shown as a warning
 
-const screen = new Screen(by("screen"));
+const view = new View(by("preview"), { id: "screen", units: true, silence: () => connection?.silence ?? Infinity, language: "en" });
 const traces = new Traces(by("traces"), [
   { title: "Torque", unit: "N·m, measured", group: "ankle", names: ["torque"], colours: [SKY], least: 2 },
   { title: "Angle", unit: "degrees", group: "ankle", names: ["angle"], colours: [YELLOW], least: 1 },
@@ -25,12 +28,12 @@ function marks(symbol) {
 
 let alarmUntil = 0;
 let last = null;
+let inCommand = false, wantsCommand = false;
 
 const connection = new Connection("operator", {
   frame(frame) {
-    screen.frame = frame;
+    view.frame(frame);
     traces.now = frame.now;
-    screen.request();
     showFrame(frame);
   },
   state: showState,
@@ -38,16 +41,27 @@ const connection = new Connection("operator", {
   answer(answer) {
     if (!answer.ok) alarm(answer.error, 6000);
   },
+  command(message) {
+    inCommand = message.yours;
+    if (last) showButtons(last);
+  },
+  // A page that was in command takes it again after a lost connection, unless another one has it now.
+  opened: () => wantsCommand && !last?.pages.in_command && connection.command("claim"),
+  stop(what) {
+    by("undelivered").hidden = what === "confirmed";
+    put(by("undelivered"), what === "confirmed" ? "" : "STOP COULD NOT BE DELIVERED YET. Use the emergency stop. It is sent as soon as the connection is back.");
+    if (what !== "confirmed") warning();
+  },
   lost() {
     traces.forget();
+    view.show();
     showLink();
   },
 });
-screen.silence = () => connection.silence;
 
 setInterval(() => {
   showLink();
-  if (connection.silence > STALE) screen.request();
+  if (connection.silence > STALE) view.show();
   traces.request(); // also when nothing comes: the gap grows
   if (alarmUntil && performance.now() > alarmUntil) {
     alarmUntil = 0;
@@ -91,7 +105,8 @@ function share({ kind, hold_share: [valid, inside] }) {
 }
 
 function showState(state) {
-  last = screen.state = traces.state = state;
+  last = traces.state = state;
+  view.state(state);
   const { session, target, recording } = state;
   put(by("title"), session.title);
   const kinds = { running: "good", armed: "warn", paused: "warn", idle: "", finished: "" };
@@ -109,28 +124,35 @@ function showState(state) {
   pill(by("rig"), state.rig.name ? `rig: ${rigState}` : "✕ no rig driver", !state.rig.name ? "warn" : rigState.startsWith("fault") ? "bad" : "good");
   by("rig").title = state.rig.problem;
   put(by("version"), `state ${state.version}; open pages: ${state.pages.operator} operator, ${state.pages.subject} subject`);
-  showButtons(session, state.rig);
+  showButtons(state);
+  showUnconfirmed(state.rig);
   showForms(state, target);
-  showPerson(state.person);
+  showSubject(state.subject);
   showNodes(state);
   showLog(state.log);
-  screen.request();
 }
 
-function showButtons(session, rig) {
-  const running = session.state === "running";
+// A stop that a driver has not confirmed is louder than anything else on the page.
+function showUnconfirmed(rig) {
+  if (!rig.stop_unconfirmed.length) return;
+  alarm(`STOP NOT CONFIRMED by ${rig.stop_unconfirmed.join(", ")}. Use the emergency stop.`, 3000);
+  warning();
+}
+
+// STOP is never disabled.
+function showButtons({ session, rig, pages }) {
+  const running = session.state === "running", holding = running && session.kind === "hold";
   const able = {
-    arm: ["idle", "paused"].includes(session.state), start: session.state === "armed", pause: running, stop: session.state !== "finished",
-    start_hold: running && ["reach", "hold"].includes(session.kind), next: running, reset_fault: rig.name !== null,
+    arm: ["idle", "paused"].includes(session.state), start: session.state === "armed", pause: running,
+    start_hold: running && session.kind === "reach", end_hold: holding, next: running, reset_fault: rig.name !== null,
     restart: ["idle", "paused", "finished"].includes(session.state),
   };
   for (const button of document.querySelectorAll("button[data-command]")) {
-    const name = button.id === "hold" ? "start_hold" : button.dataset.command;
-    button.disabled = !able[name];
+    const name = button.dataset.command;
+    if (name !== "stop") button.disabled = !inCommand || !able[name];
   }
-  const holding = running && session.kind === "hold";
-  by("hold").dataset.command = holding ? "end_hold" : "start_hold";
-  by("hold").firstChild.textContent = holding ? "End hold " : "Start hold ";
+  by("claim").hidden = inCommand;
+  put(by("claim"), pages.in_command ? "Take over command" : "Take command");
 }
 
 const fine = (value) => (value === null || value === undefined ? "" : String(Number(value.toPrecision(4))));
@@ -153,13 +175,13 @@ function showForms(state, target) {
   fill(by("axis"), { x_upper: state.axes.x[1], "y_lower[N.m]": state.axes.y[0], "y_upper[N.m]": state.axes.y[1] });
 }
 
-function showPerson(person) {
-  by("person").hidden = !person;
-  if (!person) return;
-  for (const input of by("person").querySelectorAll("input")) {
+function showSubject(subject) {
+  by("simulated-subject").hidden = !subject;
+  if (!subject) return;
+  for (const input of by("simulated-subject").querySelectorAll("input")) {
     const held = (document.activeElement === input && input.dataset.dragged) || (wanted && input.name in wanted);
-    if (!held) input.value = person[input.name];
-    put(input.nextElementSibling, input.name === "push" ? `${person.push.toFixed(1)} N·m` : person[input.name].toFixed(2));
+    if (!held) input.value = subject[input.name];
+    put(input.nextElementSibling, input.name === "push" ? `${subject.push.toFixed(1)} N·m` : subject[input.name].toFixed(2));
   }
 }
 
@@ -190,9 +212,34 @@ function showLog(log) {
   }));
 }
 
-for (const button of document.querySelectorAll("button[data-command]")) {
-  button.addEventListener("click", () => connection.command(button.dataset.command));
+// What moves the foot or ends a hold has to be held; the other buttons act at once.
+const HELD = { a: "arm", s: "start", p: "pause", n: "next", e: "end_hold", r: "reset_fault", new: "restart" };
+const tooShort = () => alarm("keep the button pressed for a second", 2500);
+const chords = {};
+for (const [key, name] of Object.entries(HELD)) {
+  chords[key] = new HeldButton(document.querySelector(`button[data-command="${name}"]`), () => connection.command(name), tooShort);
 }
+new Chords(chords);
+document.querySelector('button[data-command="start_hold"]').addEventListener("click", () => connection.command("start_hold"));
+// Stops when the pointer goes down, not when it comes up.
+document.querySelector('button[data-command="stop"]').addEventListener("pointerdown", () => connection.stop());
+by("claim").addEventListener("click", () => {
+  wantsCommand = true;
+  connection.command("claim");
+});
+
+function showView(simple) {
+  document.body.classList.toggle("simple", simple);
+  by("simple").setAttribute("aria-pressed", String(simple));
+  put(by("simple"), simple ? "Expert view" : "Simple view");
+  traces.fit();
+}
+by("simple").addEventListener("click", () => {
+  const simple = !document.body.classList.contains("simple");
+  localStorage.setItem("view", simple ? "simple" : "expert");
+  showView(simple);
+});
+showView(localStorage.getItem("view") === "simple");
 
 for (const form of [by("target"), by("axis")]) {
   form.addEventListener("input", (event) => (event.target.dataset.touched = "1"));
@@ -219,32 +266,33 @@ by("note").addEventListener("submit", (event) => {
 });
 
 let wanted = null; // what sliders say and was not sent yet: a state that comes in between must not take its place
-by("person").addEventListener("input", ({ target }) => {
+by("simulated-subject").addEventListener("input", ({ target }) => {
   target.dataset.dragged = "1";
   // Ten a second while a slider is dragged, the last position always.
   if (!wanted) {
     wanted = {};
     setTimeout(() => {
-      connection.command("person", wanted);
+      connection.command("subject", wanted);
       wanted = null;
     }, 100);
   }
   wanted[target.name] = Number(target.value);
 });
-by("person").addEventListener("change", ({ target }) => delete target.dataset.dragged);
+by("simulated-subject").addEventListener("change", ({ target }) => delete target.dataset.dragged);
 
-const KEYS = { a: "arm", s: "start", p: "pause", n: "next", r: "reset_fault", " ": "stop", escape: "stop" };
-
+// Single keys move nothing and end nothing, except that two of them stop.
 addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   const key = event.key.toLowerCase();
   const typing = ["INPUT", "SELECT", "TEXTAREA"].includes(document.activeElement?.tagName) && document.activeElement.type !== "range";
-  if (typing && key !== "escape") return;
-  if (key === "h") by("hold").disabled || connection.command(by("hold").dataset.command);
+  if (key === "escape" || (key === " " && !typing)) {
+    event.preventDefault(); // Space must not press the button that was clicked last as well
+    if (!event.repeat) connection.stop();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat || typing) return;
+  if (key === "h") by("start-hold").disabled || connection.command("start_hold");
   else if (key === "o") window.open("/", "subject");
   else if (key === "t") by("target").elements["torque[N.m]"].select();
-  else if (KEYS[key]) connection.command(KEYS[key]);
-  else return;
-  // Space must not press the button that was clicked last as well.
+  else if (key !== "enter") return;
   event.preventDefault();
 });

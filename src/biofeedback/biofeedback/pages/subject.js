@@ -1,33 +1,57 @@
-// The subject's screen: full-screen with F, nothing else to operate.
+// The subject's screen. F makes it full-screen, M switches sound, any stop key stops; there is nothing else to operate.
 
 import { Connection } from "./connection.js";
-import { Screen, STALE } from "./screen.js";
+import { STALE } from "./screen.js";
+import { hit, warning } from "./tones.js";
+import { View } from "./view.js";
 
-const screen = new Screen(document.getElementById("screen"));
-const words = document.getElementById("words");
+const STOP_KEYS = [" ", "escape"];
+const alarm = document.getElementById("undelivered");
+let sound = false, hits = null, leaving = false;
+
+const view = new View(document.getElementById("view"), {
+  id: "screen",
+  silence: () => connection?.silence ?? Infinity,
+  language: new URLSearchParams(location.search).get("language"),
+});
 
 const connection = new Connection("subject", {
-  frame: (frame) => {
-    screen.frame = frame;
-    screen.request();
+  frame: (frame) => view.frame(frame),
+  state(state) {
+    if (sound && hits !== null && state.session.hits > hits) hit();
+    hits = state.session.hits;
+    view.state(state);
   },
-  state: (state) => {
-    screen.state = state;
-    if (words.textContent !== state.session.instruction) words.textContent = state.session.instruction;
-    screen.request();
+  lost: () => view.show(),
+  stop(what) {
+    alarm.hidden = what === "confirmed";
+    alarm.textContent = alarm.hidden ? "" : `⚠ ${view.texts?.undelivered ?? "STOP"}`;
+    if (!alarm.hidden) warning();
   },
-  lost: () => screen.request(),
 });
-screen.silence = () => connection.silence;
 // Nothing comes: the screen itself must say so.
-setInterval(() => connection.silence > STALE && screen.request(), 100);
+setInterval(() => connection.silence > STALE && view.show(), 100);
 
 addEventListener("keydown", (event) => {
-  if (event.key.toLowerCase() !== "f" || event.ctrlKey || event.metaKey) return;
-  if (document.fullscreenElement) document.exitFullscreen();
+  const key = event.key.toLowerCase();
+  if (STOP_KEYS.includes(key)) {
+    event.preventDefault();
+    if (!event.repeat) connection.stop();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  if (key === "m") sound = !sound;
+  if (key !== "f") return;
+  leaving = Boolean(document.fullscreenElement);
+  if (leaving) document.exitFullscreen();
   else document.documentElement.requestFullscreen().catch(() => {});
 });
-// A display that goes dark in the middle of a block is a broken-off session.
+// A browser keeps Esc for itself in full-screen: who leaves it that way wants to stop.
+document.addEventListener("fullscreenchange", () => {
+  if (!document.fullscreenElement && !leaving) connection.stop();
+  leaving = false;
+});
+// A display that goes dark in the middle of a block interrupts the session.
 const keepAwake = () => document.visibilityState === "visible" && navigator.wakeLock?.request("screen").catch(() => {});
 document.addEventListener("visibilitychange", keepAwake);
 keepAwake();

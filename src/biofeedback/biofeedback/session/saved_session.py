@@ -1,10 +1,12 @@
-"""The session on disk, so that a restarted node goes on where it was."""
+"""The session's progress on disk, so that a restarted node continues where it was."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+import threading
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,7 @@ def default_path(port: int) -> Path:
 
 
 def save(path: Path, content: Mapping[str, Any], now: float) -> None:
-    """Write a state; a reader sees the old one or the new one, never half of it, also after the
-    power went off.
+    """Write a state; after a crash or a loss of power the file holds the old or the new one.
 
     Parameters
     ----------
@@ -41,8 +42,9 @@ def save(path: Path, content: Mapping[str, Any], now: float) -> None:
 
 
 def load(path: Path, now: float, longest: float) -> dict[str, Any] | None:
-    """The saved state; None where there is none, or it is older than `longest` [s]: then it is of
-    an earlier session.
+    """Give the saved state; None where there is none, or it is older than `longest` [s].
+
+    An older one belongs to an earlier session.
 
     Raises
     ------
@@ -60,3 +62,67 @@ def load(path: Path, now: float, longest: float) -> dict[str, Any] | None:
             "anew"
         ) from None
     return content if 0.0 <= age <= longest else None
+
+
+def write_private(path: Path, text: str) -> None:
+    """Write a file that only its owner may read, whatever it was before.
+
+    Raises
+    ------
+    OSError
+        The disk refuses.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w") as stream:
+        stream.write(text)
+
+
+class ProgressWriter:
+    """Writes the newest progress in a thread of its own: a slow disk delays nothing but the file.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    on_failure
+        Called with the reason where the disk refuses.
+    clock
+        Gives wall time [s].
+    """
+
+    def __init__(
+        self, path: Path, on_failure: Callable[[str], None], clock: Callable[[], float] = time.time
+    ) -> None:
+        self._path = path
+        self._on_failure = on_failure
+        self._clock = clock
+        self._newest: Mapping[str, Any] | None = None
+        self._wake = threading.Event()
+        self._closing = False
+        self._thread = threading.Thread(target=self._write, name="progress", daemon=True)
+        self._thread.start()
+
+    def keep(self, content: Mapping[str, Any]) -> None:
+        """Write this as soon as the disk can; returns at once."""
+        self._newest = content
+        self._wake.set()
+
+    def _write(self) -> None:
+        while not self._closing or self._newest is not None:
+            self._wake.wait()
+            self._wake.clear()
+            content, self._newest = self._newest, None
+            if content is None:
+                continue
+            try:
+                save(self._path, content, self._clock())
+            except OSError as error:
+                self._on_failure(f"progress is not kept: {error}")
+
+    def close(self, patience: float = 3.0) -> None:
+        """Write what is left, for at most `patience` [s], and end."""
+        self._closing = True
+        self._wake.set()
+        self._thread.join(timeout=patience)

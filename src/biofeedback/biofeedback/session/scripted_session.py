@@ -1,9 +1,8 @@
-"""An operator and a simulated subject in one program: leads a session from arm to its end over the
-pages' own WebSocket.
+"""An operator and a simulated subject in one program, over the pages' own WebSocket.
 
-The subject does what a person does: looks at cursor and target once a second and corrects push and
-reflex by a part of what is missing. Used by `ankle demo`; says whatever a person at the pages could
-say, and nothing else.
+It leads a session from arm to its end. The subject looks at cursor and target once a second and corrects push and
+reflex by a part of what is missing. Used by `ankle demo`; it sends
+what a page could send, and nothing else.
 """
 
 from __future__ import annotations
@@ -79,6 +78,7 @@ class ScriptedSession:
         ):
             state: dict[str, Any] = {}
             corrected, said = 0.0, ""
+            await self._say(page, "claim")
             async for content in self._messages(page):
                 if content["type"] == "answer" and not content["ok"]:
                     raise RuntimeError(f"refused: {content['error']}")
@@ -93,7 +93,7 @@ class ScriptedSession:
                 if session_state in ("idle", "paused", "armed"):
                     wanted = "start" if session_state == "armed" else "arm"
                     if (
-                        content["quality"] == "valid"
+                        (content["quality"] == "valid" or session_state != "idle")
                         and wanted != said
                         and (kind != "break" or content["remaining"] == 0.0)
                     ):
@@ -136,13 +136,13 @@ class ScriptedSession:
         """Push by the torque's error; change the reflex or the co-contraction by the ratio of what
         is wanted to what is shown.
         """
-        person, target = state["person"], state["target"]
-        if person is None or frame["quality"] != "valid":
+        subject, target = state["subject"], state["target"]
+        if subject is None or frame["quality"] != "valid":
             return
         changed = {
             "push": round(
                 min(
-                    max(person["push"] + PUSH_CORRECTION * (frame["y"] - target["torque"]), -20.0),
+                    max(subject["push"] + PUSH_CORRECTION * (frame["y"] - target["torque"]), -20.0),
                     20.0,
                 ),
                 3,
@@ -153,6 +153,6 @@ class ScriptedSession:
             ratio = 0.5 * (target["lower"] + target["upper"]) / frame["x"]
             lower, upper = LIMITS[name]
             changed[name] = round(
-                min(max(max(person[name], 0.02) * ratio**FEEDBACK_CORRECTION, lower), upper), 4
+                min(max(max(subject[name], 0.02) * ratio**FEEDBACK_CORRECTION, lower), upper), 4
             )
-        await self._say(page, "person", **changed)
+        await self._say(page, "subject", **changed)

@@ -1,9 +1,9 @@
-"""The session: what the program asks of the subject now, and what it writes into `/session/event`.
+"""The session: what the program asks of the subject now, and what it writes into `session/event`.
 
 States: ``idle``, ``armed`` (the operator has allowed motion), ``running``, ``paused``,
 ``finished``. Arming is always a call of its own. The protocol's steps advance only while running; a
-break is a pause that the protocol asks for. Whatever interrupts a hold breaks it off, and the way
-to it begins again. Time is told to it, in ROS time; it has no clock of its own.
+break is a pause that the protocol asks for. If a hold is interrupted, it is cancelled and its
+approach phase starts again. The session has no clock of its own: every method receives ROS time.
 """
 
 from __future__ import annotations
@@ -22,6 +22,10 @@ IDLE, ARMED, RUNNING, PAUSED, FINISHED = "idle", "armed", "running", "paused", "
 LONGEST_TICK = 1.0
 """[s] A longer step of the clock (this computer slept, a replay jumped) is no time in which the
 subject did something.
+"""
+HIT_SHARE = 0.5
+"""A hold is a hit when the cursor was in the target for at least this share of it: by chance alone
+a target of 0.3 baselines on an axis of 2.2 is met for a seventh of the time.
 """
 
 
@@ -99,6 +103,10 @@ class Session:
     hold_share
         Of the present or last hold, share of the time with valid estimates, and share within the
         target.
+    holds_done, hits
+        Completed holds, and how many of them were in the target for at least `HIT_SHARE`.
+    stop_reason
+        Why the session was stopped last; empty before a stop and after the next start.
     """
 
     def __init__(self, protocol: Protocol) -> None:
@@ -109,6 +117,9 @@ class Session:
         self.clock = 0.0
         self.baseline: Baseline | None = None
         self.hold_share = (math.nan, math.nan)
+        self.holds_done = 0
+        self.hits = 0
+        self.stop_reason = ""
         self._own: dict[str, Any] = {}
         self._collector = BaselineCollector()
         self._hold_time = [0.0, 0.0, 0.0]
@@ -148,7 +159,7 @@ class Session:
         return replace(target, **self._own)
 
     def tick(self, now: float, reading: Reading) -> list[SessionEvent]:
-        """Let time pass.
+        """Advance to `now`; gives what happened meanwhile.
 
         Parameters
         ----------
@@ -210,7 +221,7 @@ class Session:
                 if self.state != RUNNING
                 else "the session is running already"
             )
-        self.state = RUNNING
+        self.state, self.stop_reason = RUNNING, ""
         started = SessionEvent(
             "session started", now, {"block": self.step.block, "protocol": self.protocol.title}
         )
@@ -219,7 +230,7 @@ class Session:
         return [started, *self._enter(self.index, now)]
 
     def pause(self, now: float) -> list[SessionEvent]:
-        """Interrupt; the present hold is broken off.
+        """Interrupt the session; the present hold is cancelled.
 
         Raises
         ------
@@ -230,9 +241,18 @@ class Session:
         return [*self._break_off(now, "paused", PAUSED), SessionEvent("session paused", now)]
 
     def stop(self, now: float, reason: str = "operator") -> list[SessionEvent]:
-        """From any state: no step goes on, nothing is armed."""
+        """Stop from any state: no step continues and nothing is armed afterwards.
+
+        Parameters
+        ----------
+        now
+            ROS time [s].
+        reason
+            Who or what stopped it.
+        """
         if self.state == FINISHED:
             return []
+        self.stop_reason = reason
         return [
             *self._break_off(now, "stopped", IDLE),
             SessionEvent("session stopped", now, {"reason": reason}),
@@ -277,7 +297,7 @@ class Session:
         return self._enter(self.index + 1, now)
 
     def end_hold(self, now: float) -> list[SessionEvent]:
-        """Break the present hold off; the way to it begins again.
+        """Cancel the present hold; its approach phase starts again.
 
         Raises
         ------
@@ -329,11 +349,13 @@ class Session:
             "clock": self.clock,
             "baseline": None if self.baseline is None else asdict(self.baseline),
             "own": self._own,
+            "holds_done": self.holds_done,
+            "hits": self.hits,
         }
 
     def resume(self, saved: Mapping[str, Any], now: float) -> list[SessionEvent]:
-        """Go on from what `saved` gave. A hold that was going on is broken off: nobody knows what
-        the subject saw meanwhile.
+        """Continue from what `saved` gave. A hold that was going on is cancelled, because nobody
+        knows what the subject saw meanwhile.
 
         Raises
         ------
@@ -351,6 +373,9 @@ class Session:
                 else Baseline(**{key: float(value) for key, value in saved["baseline"].items()})
             )
             own = dict(saved["own"])
+            holds_done, hits = int(saved.get("holds_done", 0)), int(saved.get("hits", 0))
+            if not 0 <= hits <= holds_done:
+                raise ValueError(f"{hits} hits of {holds_done} holds")
             replace(Target("K", 0.0, 0.0, None, None), **own)
             if state not in (IDLE, ARMED, RUNNING, PAUSED, FINISHED) or not 0 <= index < len(
                 self.protocol.steps
@@ -366,6 +391,7 @@ class Session:
             clock,
         )
         self.baseline, self._own, self._last = baseline, own, now
+        self.holds_done, self.hits = holds_done, hits
         events = [SessionEvent("screen restarted", now, {"state": self.state})]
         if self.state == RUNNING and self.step.kind in (HOLD, BASELINE):
             events += self._break_off(now, "screen restarted", RUNNING)
@@ -416,7 +442,7 @@ class Session:
         return [SessionEvent(HOLD_STARTED, now, {"hold": step.hold, **self._target_details()})]
 
     def _break_off(self, now: float, reason: str, state: str) -> list[SessionEvent]:
-        """Leave `RUNNING` or what the step had gathered; a hold goes back to the way to it."""
+        """Leave `RUNNING` and what the step had gathered; a hold returns to its approach phase."""
         events = []
         if self.holding:
             events.append(self._hold_ended(now, False, reason))
@@ -432,6 +458,9 @@ class Session:
             for name, share in zip(("valid", "in_target"), self.hold_share, strict=True)
         }
         shares = {name: share for name, share in shares.items() if math.isfinite(share)}
+        if completed:
+            self.holds_done += 1
+            self.hits += self.hold_share[1] >= HIT_SHARE
         broken = {} if completed else {"broken_off": reason}
         return SessionEvent(
             HOLD_ENDED,

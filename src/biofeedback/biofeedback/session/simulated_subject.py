@@ -1,10 +1,9 @@
-"""The virtual subject of `ankle_sim`, told what to do by whoever sits at the operator's page: its
-parameters.
-"""
+"""The simulated subject of `ankle_sim`, whose behaviour the operator's page sets by parameters."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Mapping
 
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -19,7 +18,7 @@ SIMULATION = "ankle_sim"
 NAMES = tuple(parameter.name for parameter in STATE_PARAMETERS)
 
 
-class SimulatedPerson:
+class SimulatedSubject:
     """Finds the simulated subject and sets what it does.
 
     Parameters
@@ -29,9 +28,8 @@ class SimulatedPerson:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node = node
-        self._get = node.create_client(GetParameters, f"/{SIMULATION}/get_parameters")
-        self._set = node.create_client(SetParameters, f"/{SIMULATION}/set_parameters")
+        self._get = node.create_client(GetParameters, f"{SIMULATION}/get_parameters")
+        self._set = node.create_client(SetParameters, f"{SIMULATION}/set_parameters")
         self._values: dict[str, float] | None = None
         self._asked = False
 
@@ -48,9 +46,9 @@ class SimulatedPerson:
             self._asked = True
             self._get.call_async(
                 GetParameters.Request(names=[SUBJECT.name, *NAMES])
-            ).add_done_callback(self._heard)
+            ).add_done_callback(self._receive)
 
-    def _heard(self, future: Future) -> None:
+    def _receive(self, future: Future) -> None:
         number, *values = future.result().values
         self._values = (
             {name: value.double_value for name, value in zip(NAMES, values, strict=True)}
@@ -58,7 +56,7 @@ class SimulatedPerson:
             else None
         )
 
-    async def tell(self, values: Mapping[str, float]) -> None:
+    async def set(self, values: Mapping[str, float]) -> None:
         """Set what the subject does; see `ankle_sim.parameters` for the ranges.
 
         Raises
@@ -72,9 +70,10 @@ class SimulatedPerson:
         answered: asyncio.Future[SetParameters.Response] = loop.create_future()
 
         def done(future: Future) -> None:
-            loop.call_soon_threadsafe(
-                lambda: None if answered.done() else answered.set_result(future.result())
-            )
+            with contextlib.suppress(RuntimeError):  # the loop may have ended
+                loop.call_soon_threadsafe(
+                    lambda: None if answered.done() else answered.set_result(future.result())
+                )
 
         messages = [
             Parameter(name, value=float(value)).to_parameter_msg() for name, value in values.items()

@@ -4,16 +4,23 @@
 | --- | --- |
 | `/` | the subject's screen |
 | `/operator` | the operator's page |
+| `/enter` | where a token is entered, if one is needed |
+| `/stop` | a POST stops: the other way where the WebSocket hangs |
 | `/ws?role=subject`, `/ws?role=operator` | JSON text messages |
-| `/pages/...` | style and modules |
+| `/pages/...` | style, modules and texts; `/pages/schemas.json` describes the messages |
 
 To every page: ``frame`` at the frame rate and ``state`` at each change, with its version; to
-operators ``traces`` ten times a second and an ``answer`` to each command. From every page: the word
-``seen`` for each frame. From operators: commands (`operator_commands`).
+operators ``traces`` ten times a second, ``command`` (whether the page is the one that may command)
+and an ``answer`` to each command; all by `messages`. From every page: the word ``seen`` for each
+frame, and ``stop``. From the operator's page in command: commands (`session.commands`).
+
+A stop is carried out by the task that reads the page's socket, before anything else is looked at: it
+waits behind no other command and counts against no limit. Commands are carried out by another
+task of the page, one after the other; they are forgotten when anybody stops.
 
 Each page has its own task that sends the newest frame and state when the page can take them: at
 most `IN_FLIGHT` frames are on their way, so a browser that is busy shows fewer frames, not old ones
-(a socket's buffer would hold many seconds of them). A page that says ``seen`` to nothing for `SLOW`
+(a socket's buffer would hold many seconds of them). A page that acknowledges nothing for `SLOW`
 seconds is closed. So no page can delay another or the session.
 """
 
@@ -21,10 +28,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import json
 import logging
 import math
+import ssl
 import time
+from collections import deque
 from collections.abc import Callable
 from importlib import resources
 from typing import Any
@@ -32,11 +42,19 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from biofeedback.errors import CommandError, MalformedMessageError
-from biofeedback.live_signals import LiveSignals
-from biofeedback.web.access import COOKIE, Access
+from biofeedback.session.commands import (
+    BURST,
+    FREE_COMMANDS,
+    LONGEST_MESSAGE,
+    RateLimit,
+    RefusedCommandError,
+    parse,
+)
+from biofeedback.session.runner import SessionRunner
+from biofeedback.web import messages
+from biofeedback.web.access import COOKIE, OPERATOR, ROLES, Access
 from biofeedback.web.connection_limit import ConnectionLimit
-from biofeedback.web.operator_commands import LONGEST_MESSAGE, RateLimit, RefusedCommandError, parse
-from biofeedback.web.presenter import Desk
+from biofeedback.web.presenter import Presenter
 
 FRAME_RATE = 30.0
 """[Hz] The paper's screen had 20 to 30 (section III-B.1)."""
@@ -47,21 +65,33 @@ IN_FLIGHT = 3
 busy.
 """
 SEEN = "seen"
-"""What a page says to a frame."""
+"""What a page answers to a frame."""
+STOP = "stop"
+"""What a page sends to stop, besides the command of that name."""
 SLOW = 10.0
-"""[s] in which a page must take a message and say so."""
-LONGEST_COMMAND = 3.0
-"""[s] for which a page's next command waits; then the present one is answered as late."""
+"""[s] in which a page must take a message and acknowledge it."""
 PAGES = 20
 """Pages that may be open at once: a laboratory has two operators and one subject."""
+ENTER_PAUSE = 1.0
+"""[s] after a wrong token: with 96 bits, guessing is hopeless at this rate."""
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "frame-ancestors 'none'; base-uri 'none'",
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
-_KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+_KINDS = {
+    "html": "text/html",
+    "css": "text/css",
+    "js": "text/javascript",
+    "svg": "image/svg+xml",
+    "json": "application/json",
+}
+_PATHS = {"/": "subject.html", "/operator": "operator.html", "/enter": "enter.html"}
 _logger = logging.getLogger(__name__)
 
 
@@ -78,69 +108,78 @@ class Page:
         self.heard = time.monotonic()
         self.traces: dict[str, int] = {}
         self.answers: list[str] = []
+        self.commands: deque[str] = deque()
+        self.commanded = asyncio.Event()
+        self.in_command: bool | None = None  # what the page was told last
 
 
 class Server:
-    """Serves a desk.
+    """Serves the screens of a session.
 
     Parameters
     ----------
-    desk
-        Gives frames and states, takes commands.
-    signals
-        Gives traces.
+    runner
+        Gives the session's picture, takes commands and stops.
+    presenter
+        Makes frames and states.
     access
         Decides who may come in.
-    now
-        ROS time [s].
+    clock
+        Gives ROS time [s].
     frame_rate
         [Hz].
-    beat
-        Called after every frame, for what the owner does regularly.
+    tls
+        Certificate and key; None serves plain HTTP.
+
+    Attributes
+    ----------
+    closed_for_cause
+        Pages closed because of what they sent.
+    late_frames
+        Frames that were made more than half a period late.
     """
 
     def __init__(
         self,
-        desk: Desk,
-        signals: LiveSignals,
+        runner: SessionRunner,
+        presenter: Presenter,
         access: Access,
-        now: Callable[[], float],
+        clock: Callable[[], float],
         frame_rate: float = FRAME_RATE,
-        beat: Callable[[], None] = lambda: None,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
-        self._desk = desk
-        self._signals = signals
+        self._runner = runner
+        self._presenter = presenter
         self._access = access
-        self._now = now
+        self._clock = clock
         self._period = 1.0 / frame_rate
-        self._beat = beat
+        self._tls = tls
         self._pages: set[Page] = set()
+        self._commander: Page | None = None
         self._frame = ""
         self._number = 0
-        self._state: dict[str, Any] = {}
+        self._state: messages.State | None = None
         self._state_text = ""
         self._version = 0
-        self._files = {
-            entry.name: entry.read_bytes()
-            for entry in (resources.files("biofeedback") / "pages").iterdir()
-            if "." in entry.name
-        }
+        self._files = _page_files()
         self.closed_for_cause = 0
-        """Pages closed because of what they sent."""
         self.late_frames = 0
-        """Frames that were made more than half a period late."""
 
     async def run(
         self, host: str, port: int, ready: Callable[[int], None], stopped: asyncio.Event
     ) -> None:
-        """Serve until told to stop.
+        """Serve until `stopped` is set.
 
         Parameters
         ----------
+        host
+            Address.
         port
             0 takes any free one.
         ready
             Called with the port.
+        stopped
+            Ends the server.
 
         Raises
         ------
@@ -148,14 +187,18 @@ class Server:
             The address cannot be had.
         """
         application = web.Application(client_max_size=LONGEST_MESSAGE)
-        for path in ("/", "/operator", "/pages/{name}"):
+        for path in (*_PATHS, "/pages/{name}"):
             application.router.add_get(path, self._serve)
+        application.router.add_post("/enter", self._enter)
+        application.router.add_post("/stop", self._stop_by_request)
         application.router.add_get("/ws", self._talk)
         runner = web.AppRunner(application, access_log=None)
         await runner.setup()
         assert runner.server is not None
         self._limit = ConnectionLimit(runner.server)
-        listener = await asyncio.get_running_loop().create_server(self._limit, host, port)
+        listener = await asyncio.get_running_loop().create_server(
+            self._limit, host, port, ssl=self._tls
+        )
         try:
             ready(listener.sockets[0].getsockname()[1])
             await self._make_frames(stopped)
@@ -177,54 +220,87 @@ class Server:
             if late > 0.5 * self._period:
                 self.late_frames += 1
                 due += max(math.floor(late / self._period), 0) * self._period
-            self._frame = _text(self._desk.frame(self._now(), time.monotonic()))
+            frame = self._presenter.frame(self._runner.view, self._clock(), time.monotonic())
+            self._frame = _text(frame)
             self._number += 1
             if self._number % STATE_EVERY == 0:
                 self._look_for_change()
             for page in self._pages:
                 page.wake.set()
-            self._beat()
             due += self._period
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(stopped.wait(), max(due - time.monotonic(), 0.0))
 
     def _look_for_change(self) -> None:
-        state = self._desk.state(time.monotonic())
-        state["pages"] = {
-            role: sum(page.role == role for page in self._pages) for role in ("subject", "operator")
-        }
+        counts = {role: sum(page.role == role for page in self._pages) for role in ROLES}
+        pages = messages.Pages(**counts, in_command=self._commander is not None)
+        state = self._presenter.state(self._runner.view, time.monotonic(), pages, self._version)
         if state != self._state:
-            self._state, self._version = state, self._version + 1
-            self._state_text = _text({"type": "state", "version": self._version, **state})
+            self._version += 1
+            self._state = dataclasses.replace(state, version=self._version)
+            self._state_text = _text(self._state)
 
-    def _refusal(self, request: web.Request) -> str | None:
-        token = request.query.get("token") or request.cookies.get(COOKIE, "")
+    def _refusal(self, request: web.Request, page: bool = False) -> str | None:
+        headers = request.headers
         return self._access.refusal(
-            request.headers.get("Host", ""), request.headers.get("Origin"), token
+            headers.get("Host", ""),
+            headers.get("Origin"),
+            headers.get("Sec-Fetch-Site") if page else None,
         )
 
+    def _roles(self, request: web.Request) -> tuple[str, ...]:
+        return self._access.roles(request.cookies.get(COOKIE, ""))
+
     async def _serve(self, request: web.Request) -> web.Response:
-        name = {"/": "subject.html", "/operator": "operator.html"}.get(
-            request.path
-        ) or request.match_info["name"]
-        refusal = self._refusal(request)
+        page = request.path in _PATHS
+        name = _PATHS.get(request.path) or request.match_info["name"]
+        refusal = self._refusal(request, page)
         if refusal is not None:
             return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
+        role = OPERATOR if request.path == "/operator" else ROLES[0]
+        if page and name != "enter.html" and role not in self._roles(request):
+            return web.Response(status=302, headers={**HEADERS, "Location": "/enter"})
         if name not in self._files:
             return web.Response(status=404, text="There is no such page.\n", headers=HEADERS)
         kind = _KINDS.get(name.rpartition(".")[2], "application/octet-stream")
-        answer = web.Response(
+        return web.Response(
             body=self._files[name], content_type=kind, charset="utf-8", headers=HEADERS
         )
-        if self._access.token and "token" in request.query:
-            answer.set_cookie(COOKIE, self._access.token, httponly=True, samesite="Strict")
+
+    async def _enter(self, request: web.Request) -> web.Response:
+        """Exchange a token for a cookie."""
+        refusal = self._refusal(request, page=True)
+        if refusal is not None:
+            return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
+        found = self._access.enter(str((await request.post()).get("token", "")))
+        if found is None:
+            await asyncio.sleep(ENTER_PAUSE)
+            return web.Response(status=403, text="The token is wrong.\n", headers=HEADERS)
+        role, key = found
+        target = "/operator" if role == OPERATOR else "/"
+        answer = web.Response(status=303, headers={**HEADERS, "Location": target})
+        answer.set_cookie(
+            COOKIE, key, httponly=True, samesite="Strict", secure=self._tls is not None
+        )
         return answer
+
+    async def _stop_by_request(self, request: web.Request) -> web.Response:
+        """The other way for a stop, for a page whose WebSocket hangs."""
+        refusal = self._refusal(request)
+        if refusal is None and not self._roles(request):
+            refusal = "enter the token at /enter"
+        if refusal is not None:
+            return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
+        self._runner.stop("a page's request")
+        return web.Response(text="stopped\n", headers=HEADERS)
 
     async def _talk(self, request: web.Request) -> web.StreamResponse:
         role = request.query.get("role", "")
         refusal = self._refusal(request)
-        if refusal is None and role not in ("subject", "operator"):
+        if refusal is None and role not in ROLES:
             refusal = "role must be subject or operator"
+        if refusal is None and role not in self._roles(request):
+            refusal = f"this browser may not open the {role}'s page; enter the token at /enter"
         if refusal is None and len(self._pages) >= PAGES:
             refusal = f"{PAGES} pages are open already"
         if refusal is not None:
@@ -236,14 +312,16 @@ class Server:
         page = Page(socket, role)
         self._limit.hold(request.transport)
         self._pages.add(page)
-        sending = asyncio.create_task(self._send(page))
+        tasks = [asyncio.create_task(work(page)) for work in (self._send, self._work_through)]
         try:
             await self._listen(page)
         finally:
             self._pages.discard(page)
-            sending.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                await sending
+            if self._commander is page:
+                self._commander = None
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
         return socket
 
     async def _send(self, page: Page) -> None:
@@ -265,8 +343,12 @@ class Server:
             )
 
     def _news(self, page: Page) -> list[str]:
-        """What a page has not been sent: state, frame, traces."""
+        """Give what a page has not been sent: state, command, frame, traces."""
         news = []
+        in_command = self._commander is page
+        if page.role == OPERATOR and page.in_command is not in_command:
+            page.in_command = in_command
+            news.append(_text(messages.Command(in_command)))
         if page.version != self._version and self._state_text:
             page.version = self._version
             news.append(self._state_text)
@@ -275,62 +357,84 @@ class Server:
         news.append(self._frame)
         page.in_flight += 1
         page.frame = self._number
-        if page.role == "operator" and page.frame - page.traced >= TRACES_EVERY:
+        if page.role == OPERATOR and page.frame - page.traced >= TRACES_EVERY:
             page.traced = page.frame
-            bins = self._signals.traces_since(page.traces)
-            for name, found in bins.items():
-                page.traces[name] = found["first"] + len(next(iter(found["low"].values()), [])) - 1
-            if bins:
-                news.append(_text({"type": "traces", "groups": bins, "widths": self._widths}))
+            traces = self._presenter.traces(page.traces)
+            if traces is not None:
+                for name, bins in traces.groups.items():
+                    count = len(next(iter(bins.low.values()), []))
+                    page.traces[name] = bins.first + count - 1
+                news.append(_text(traces))
         return news
 
-    @property
-    def _widths(self) -> dict[str, float]:
-        return {name: group.width for name, group in self._signals.traces.items()}
-
     async def _listen(self, page: Page) -> None:
+        """Read what a page sends: a stop is carried out here, everything else is passed on."""
         limit = RateLimit(time.monotonic())
         async for message in page.socket:
             if message.type == WSMsgType.ERROR:
                 return
+            if message.type == WSMsgType.TEXT and _is_stop(message.data):
+                self._stop(page, message.data)
+                continue
+            if page.role == OPERATOR:
+                self._runner.hear_operator(time.monotonic())
             if message.type == WSMsgType.TEXT and message.data == SEEN and page.in_flight > 0:
                 page.in_flight -= 1
                 page.heard = time.monotonic()
                 page.wake.set()
                 continue
-            if not limit.allows(time.monotonic()):
+            if not limit.allows(time.monotonic()) or len(page.commands) > BURST:
                 return await self._close(page, WSCloseCode.POLICY_VIOLATION, "too many messages")
-            if message.type != WSMsgType.TEXT or page.role != "operator":
+            if message.type != WSMsgType.TEXT or page.role != OPERATOR:
                 return await self._close(
-                    page, WSCloseCode.POLICY_VIOLATION, "this page has nothing to say"
+                    page, WSCloseCode.POLICY_VIOLATION, "this page may only stop"
                 )
-            try:
-                answer = await self._carry_out(message.data)
-            except MalformedMessageError as error:
-                return await self._close(page, WSCloseCode.POLICY_VIOLATION, str(error))
-            page.answers.append(_text(answer))
-            self._look_for_change()
-            for other in self._pages:
-                other.wake.set()
+            page.commands.append(message.data)
+            page.commanded.set()
 
-    async def _carry_out(self, text: str) -> dict[str, Any]:
+    def _stop(self, page: Page, text: str) -> None:
+        self._runner.stop(f"{page.role}'s page")
+        for other in self._pages:
+            other.commands.clear()
+        with contextlib.suppress(MalformedMessageError, CommandError):
+            page.answers.append(_text(messages.Answer(parse(text).number, True)))
+        page.wake.set()
+
+    async def _work_through(self, page: Page) -> None:
+        """Carry out a page's commands one after the other."""
+        while True:
+            await page.commanded.wait()
+            page.commanded.clear()
+            while page.commands:
+                try:
+                    answer = await self._carry_out(page, page.commands.popleft())
+                except MalformedMessageError as error:
+                    return await self._close(page, WSCloseCode.POLICY_VIOLATION, str(error))
+                page.answers.append(_text(answer))
+                self._look_for_change()
+                for other in self._pages:
+                    other.wake.set()
+
+    async def _carry_out(self, page: Page, text: str) -> messages.Answer:
         number = -1
         try:
             command = parse(text)
             number = command.number
-            await asyncio.wait_for(self._desk.carry_out(command), LONGEST_COMMAND)
+            if command.name == "claim":
+                self._commander = page
+            elif self._commander is not page and command.name not in FREE_COMMANDS:
+                raise CommandError(
+                    "another page is in command; take over first"
+                    if self._commander is not None
+                    else "this page is not in command; take command first"
+                )
+            else:
+                await asyncio.wrap_future(self._runner.submit(command))
         except RefusedCommandError as error:
-            return {"type": "answer", "id": error.number, "ok": False, "error": str(error)}
+            return messages.Answer(error.number, False, str(error))
         except CommandError as error:
-            return {"type": "answer", "id": number, "ok": False, "error": str(error)}
-        except asyncio.TimeoutError:
-            return {
-                "type": "answer",
-                "id": number,
-                "ok": False,
-                "error": f"no answer from the rig within {LONGEST_COMMAND:g} s",
-            }
-        return {"type": "answer", "id": number, "ok": True}
+            return messages.Answer(number, False, str(error))
+        return messages.Answer(number, True)
 
     async def _close(self, page: Page, code: WSCloseCode, reason: str) -> None:
         self.closed_for_cause += 1
@@ -340,5 +444,28 @@ class Server:
             await asyncio.wait_for(page.socket.close(code=code, message=reason.encode()[:120]), 1.0)
 
 
-def _text(content: dict[str, Any]) -> str:
-    return json.dumps(content, separators=(",", ":"), allow_nan=False)
+def _is_stop(text: str) -> bool:
+    """Whether a page's message is a stop: the word, or the command, whatever else it says."""
+    if text == STOP:
+        return True
+    if len(text) > LONGEST_MESSAGE or '"stop"' not in text:
+        return False
+    with contextlib.suppress(ValueError, RecursionError):
+        content = json.loads(text)
+        return isinstance(content, dict) and content.get("command") == STOP
+    return False
+
+
+def _page_files() -> dict[str, bytes]:
+    """Everything under `/pages/`, by name."""
+    files = {}
+    for folder in ("pages", "pages/texts"):
+        for entry in (resources.files("biofeedback") / folder).iterdir():
+            if "." in entry.name:
+                files[entry.name] = entry.read_bytes()
+    files["schemas.json"] = json.dumps(messages.schemas()).encode()
+    return files
+
+
+def _text(message: Any) -> str:
+    return json.dumps(dataclasses.asdict(message), separators=(",", ":"), allow_nan=False)

@@ -1,8 +1,8 @@
-"""What an operator's page may say, checked before anything acts on it.
+"""What an operator's page may command, checked before anything acts on it.
 
 A message is one JSON object: ``{"id": 7, "command": "set_target", "torque[N.m]": -5}``. Two kinds
 of mistakes: what none of our pages ever sends (`MalformedMessageError`: the sender is
-disconnected), and values or moments that are refused (`CommandError`: the sender is told).
+disconnected), and values or moments that are refused (`CommandError`: the sender gets the reason).
 """
 
 from __future__ import annotations
@@ -56,6 +56,7 @@ COMMANDS: dict[str, dict[str, Field]] = {
     "start": {},
     "pause": {},
     "stop": {},
+    "claim": {},
     "reset_fault": {},
     "next": {},
     "start_hold": {},
@@ -74,7 +75,7 @@ COMMANDS: dict[str, dict[str, Field]] = {
         "y_lower[N.m]": Number(-60.0, 60.0, nullable=True),
         "y_upper[N.m]": Number(-60.0, 60.0, nullable=True),
     },
-    "person": {
+    "subject": {
         "cocontraction": Number(0.0, 1.0),
         "excitability": Number(0.0, 1.0),
         "push": Number(-20.0, 20.0),
@@ -84,6 +85,8 @@ COMMANDS: dict[str, dict[str, Field]] = {
 
 K in N.m/rad, G in N.m.s/rad.
 """
+FREE_COMMANDS = ("stop", "note", "subject")
+"""Commands of any operator's page, also of one that is not in command."""
 _ALL_NEEDED = ("note",)
 
 

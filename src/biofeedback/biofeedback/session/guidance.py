@@ -1,0 +1,99 @@
+"""What the subject is asked to do now, as keys of the pages' message files.
+
+The words themselves, in every language, are in `pages/messages/*.json`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from biofeedback.session.protocol import BREAK
+from biofeedback.session.session_program import (
+    FINISHED,
+    PAUSED,
+    RUNNING,
+    Reading,
+    Session,
+    Target,
+)
+
+SETTLING_TIME = 0.7
+"""[s] A hint that changes faster than a person can read and react to it (about 0.25 s to see and
+0.5 s to read three words) confuses more than it helps.
+"""
+
+
+def instruction(session: Session) -> str:
+    """Give the key of the present instruction: ``relax``, ``reach``, ``hold``, ``break``,
+    ``paused``, ``stopped``, ``wait`` or ``finished``.
+    """
+    if session.state == FINISHED:
+        return "finished"
+    if session.state != RUNNING and session.stop_reason:
+        return "stopped"
+    if session.step.kind == BREAK:
+        return "break"
+    if session.state == PAUSED:
+        return "paused"
+    if session.state != RUNNING:
+        return "wait"
+    return {"baseline": "relax", "reach": "reach", "hold": "hold"}[session.step.kind]
+
+
+def direction(target: Target, reading: Reading) -> str:
+    """Give the key of the hint that leads to the target; empty where there is nothing to say.
+
+    The torque comes first: K and G are those of the asked torque only while it is held.
+
+    Returns
+    -------
+    str
+        ``push_less``, ``push_more`` (toes down), ``lift_less``, ``lift_more`` (toes up), ``calmer``
+        or ``livelier`` (the reflex), ``softer`` or ``stiffer`` (the ankle), ``good``, or empty.
+    """
+    if not reading.valid or not math.isfinite(reading.torque):
+        return ""
+    error = reading.torque - target.torque
+    if abs(error) > target.torque_half_width:
+        # Plantarflexion, toes down, is negative.
+        if error < 0.0:
+            return "push_less" if reading.torque < 0.0 else "lift_more"
+        return "lift_less" if reading.torque > 0.0 else "push_more"
+    if target.lower is None or target.upper is None:
+        return "good"
+    value = reading.K if target.feedback == "K" else reading.G
+    if value > target.upper:
+        return "softer" if target.feedback == "K" else "calmer"
+    if value < target.lower:
+        return "stiffer" if target.feedback == "K" else "livelier"
+    return "good"
+
+
+class Guidance:
+    """A hint that stays long enough to be read.
+
+    Attributes
+    ----------
+    shown
+        Key of the hint that is shown now.
+    """
+
+    def __init__(self) -> None:
+        self.shown = ""
+        self._candidate, self._since = "", -math.inf
+
+    def update(self, hint: str, now: float) -> str:
+        """Take in the hint of this moment and give the one to show.
+
+        Parameters
+        ----------
+        hint
+            As `direction` gives it.
+        now
+            Monotonic time [s].
+        """
+        if hint != self._candidate:
+            self._candidate, self._since = hint, now
+        if hint == "" or now - self._since >= SETTLING_TIME:
+            self.shown = hint
+        return self.shown

@@ -1,0 +1,521 @@
+"""Runs the session: its clock, its commands, and its one effect on the world, the rig.
+
+The runner has a thread of its own. It advances the session, follows the rig, watches that an
+operator's page is alive, and publishes the heartbeat of the operator. Screens read `SessionRunner.view`,
+an immutable picture of the session, and send commands; they change nothing by themselves.
+
+`SessionRunner.stop` may be called from any thread: the rig is stopped in that thread, before and
+without waiting for anything else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import logging
+import math
+import threading
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ankle_node.session_event import SessionEvent
+from biofeedback.errors import CommandError
+from biofeedback.live_signals import GOOD, LiveSignals, Snapshot
+from biofeedback.session.axis_calibration import Baseline
+from biofeedback.session.commands import Command
+from biofeedback.session.guidance import Guidance, direction, instruction
+from biofeedback.session.protocol import Step
+from biofeedback.session.screen_axes import ScreenAxes
+from biofeedback.session.session_program import (
+    ARMED,
+    FINISHED,
+    IDLE,
+    PAUSED,
+    RUNNING,
+    Reading,
+    Session,
+    Target,
+)
+
+TICK_RATE = 30.0
+"""[Hz] The estimator's rate; a hold's end is then at most 33 ms late."""
+LOG_LINES = 30
+ANSWER_TIMEOUT = 3.0
+"""[s] for the rig's answer to arm and start. A driver on a loaded machine answers within 0.1 s; an
+operator waits no longer before acting.
+"""
+RIG_PATIENCE = 1.5
+"""[s] A rig that has agreed to start reports that it runs within milliseconds; that its driver has
+died is seen within a second.
+"""
+RESUME_PATIENCE = 4.0
+"""[s] A restarted node finds the driver and its latched state within two seconds on a loaded machine."""
+WATCH_AFTER_LOST_ANSWER = 10.0
+"""[s] A start that was not answered may still be carried out: a request waits in the driver's queue
+for as long as the driver is held up, and a rig that hangs longer is stopped by its own watchdog.
+"""
+WATCH_PERIOD = 0.5
+"""[s] Between two stops while a start whose answer was lost may still be carried out."""
+OPERATOR_TIMEOUT = 2.0
+"""[s] without an operator's page after which the session stops: a page that reloads is back within
+one second, and a person at the rig must not be alone for longer than it takes to notice.
+"""
+OPERATOR_HEARTBEAT_AGE = 0.5
+"""[s] An operator's page counts as alive for this time after its last sign: it gives one for each
+frame, 30 in a second, and a busy browser may pause for 0.3 s.
+"""
+ALIVE_RATE = 10.0
+"""[Hz] of the operator's heartbeat to the driver, which allows many to be lost within its timeout."""
+REPEATED_STOP = 1.0
+"""[s] Stops that follow one another within this time are recorded once; each is sent to the rig."""
+_TARGET_FIELDS = {
+    "feedback": "feedback",
+    "torque[N.m]": "torque",
+    "torque_half_width[N.m]": "torque_half_width",
+    "lower": "lower",
+    "upper": "upper",
+}
+_logger = logging.getLogger(__name__)
+
+
+class Rig(Protocol):
+    """The actuator's drivers, as far as a session commands them."""
+
+    @property
+    def present(self) -> bool:
+        """Whether there is exactly one driver, which may be commanded."""
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one driver."""
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the drivers; empty where nothing is."""
+
+    def describe(self) -> dict[str, Any]:
+        """Fields of `messages.RigState`."""
+
+    async def call(self, action: str) -> None:
+        """Carry out ``arm``, ``start`` or ``reset_fault``; raises `CommandError` with the reason."""
+
+    def stop(self) -> None:
+        """Stop every driver known now or before, from any thread, without waiting."""
+
+    def announce_operator(self, session_id: str) -> None:
+        """Publish the operator's heartbeat."""
+
+
+class Subject(Protocol):
+    """A simulated subject whose behaviour can be set."""
+
+    def describe(self) -> dict[str, float] | None:
+        """Present values; None where there is no simulated subject."""
+
+    async def set(self, values: Mapping[str, float]) -> None:
+        """Change what the subject does; raises `CommandError`."""
+
+
+@dataclass(frozen=True)
+class SessionView:
+    """A picture of the session at a moment, for whoever shows it.
+
+    Attributes
+    ----------
+    state, stop_reason, elapsed, remaining, clock, hold_share, holds_done, hits, baseline, target, step
+        As of `Session`.
+    title, blocks, holds
+        Of the protocol.
+    instruction, hint
+        Keys of the pages' message files, see `guidance`.
+    in_target
+        Whether the cursor is in the target.
+    axes, axes_set
+        Ends of the axes, and which of them the operator has set.
+    rig, subject
+        As the rig and the simulated subject describe themselves.
+    log
+        Last session events, the oldest first.
+    """
+
+    state: str
+    stop_reason: str
+    elapsed: float
+    remaining: float
+    clock: float
+    hold_share: tuple[float, float]
+    holds_done: int
+    hits: int
+    baseline: Baseline | None
+    target: Target
+    step: Step
+    title: str
+    blocks: int
+    holds: int
+    instruction: str
+    hint: str
+    in_target: bool
+    axes: dict[str, tuple[float, float]]
+    axes_set: list[str]
+    rig: dict[str, Any]
+    subject: dict[str, float] | None
+    log: list[SessionEvent]
+
+
+class SessionRunner:
+    """Owns the session and is the only one who commands the rig.
+
+    Parameters
+    ----------
+    session
+        Is advanced and commanded; nobody else touches it once the runner is started.
+    signals
+        From the graph.
+    rig, subject
+        What commands act on.
+    on_event
+        Called with each session event, in the runner's thread.
+    on_progress
+        Called after each tick and command with what `Session.saved` gives.
+    clock
+        Gives ROS time [s].
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        signals: LiveSignals,
+        rig: Rig,
+        subject: Subject,
+        on_event: Callable[[SessionEvent], None],
+        clock: Callable[[], float],
+        on_progress: Callable[[dict[str, Any]], None] = lambda progress: None,
+    ) -> None:
+        self.session = session
+        self.axes = ScreenAxes(session)
+        self._signals = signals
+        self._rig = rig
+        self._subject = subject
+        self._on_event = on_event
+        self._on_progress = on_progress
+        self._clock = clock
+        self._session_id = uuid.uuid4().hex
+        self._log: deque[SessionEvent] = deque(maxlen=LOG_LINES)
+        self._guidance = Guidance()
+        self._monotonic = time.monotonic()
+        self._rig_agreed_at: float | None = None
+        self._rig_patience = RIG_PATIENCE
+        self._stops = 0
+        self._stopped_at = -math.inf
+        self._watch_until = self._watched_at = -math.inf
+        self._alone_since: float | None = None
+        self._operator_heard = -math.inf
+        self._announced = -math.inf
+        self._two_drivers = False
+        self._reading = Reading(math.nan, math.nan, math.nan, False)
+        self._loop = asyncio.new_event_loop()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="session", daemon=True)
+        self.view = self._picture()
+
+    # ----- thread -----
+
+    def start(self) -> None:
+        """Start the session's clock in a thread of its own."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._tick_until_closed())
+        self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+
+    async def _tick_until_closed(self) -> None:
+        period = 1.0 / TICK_RATE
+        due = time.monotonic()
+        while not self._closing.is_set():
+            try:
+                self.tick(self._clock(), time.monotonic())
+            except Exception:
+                # A session that cannot go on must not leave the plate moving.
+                _logger.exception("the session failed and the rig is stopped")
+                self._rig.stop()
+            due = max(due + period, time.monotonic() - period)
+            await asyncio.sleep(max(due - time.monotonic(), 0.0))
+        for task in asyncio.all_tasks():
+            if task is not asyncio.current_task():
+                task.cancel()
+
+    # ----- what other threads call -----
+
+    def hear_operator(self, monotonic: float) -> None:
+        """Note a sign of life of an operator's page, at a monotonic time [s]; from any thread."""
+        self._operator_heard = monotonic
+
+    def stop(self, reason: str = "operator") -> None:
+        """Stop every rig at once and then the session; from any thread, never waits.
+
+        Parameters
+        ----------
+        reason
+            Who or what stops.
+        """
+        self._stops += 1
+        self._rig.stop()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._loop.call_soon_threadsafe(self._stop_session, reason)
+        else:
+            self._stop_session(reason)
+
+    def submit(self, command: Command) -> concurrent.futures.Future[None]:
+        """Carry out a command in the runner's thread; the future raises `CommandError`."""
+        return self._submit(self.carry_out(command))
+
+    def _submit(self, work: Coroutine[Any, Any, None]) -> concurrent.futures.Future[None]:
+        return asyncio.run_coroutine_threadsafe(work, self._loop)
+
+    # ----- time -----
+
+    def tick(self, now: float, monotonic: float) -> None:
+        """Advance the session and follow rig and operator.
+
+        Parameters
+        ----------
+        now
+            ROS time [s].
+        monotonic
+            Monotonic time [s].
+        """
+        self._monotonic = monotonic
+        session = self.session
+        for name, message in self._signals.new_faults():
+            self.record([SessionEvent("fault", now, {"node": name, "message": message[:300]})])
+        self._announce_operator()
+        self._follow_drivers(now)
+        self._follow_rig()
+        self._follow_operator()
+        self._follow_lost_start()
+        found = self._signals.snapshot(now, monotonic)
+        self._reading = self._read(found)
+        before = session.state
+        self.record(session.tick(now, self._reading))
+        if before == RUNNING and session.state != RUNNING:
+            self._rig.stop()
+        self._publish_view()
+
+    def _read(self, found: Snapshot) -> Reading:
+        rest = self.session.baseline.torque if self.session.baseline is not None else 0.0
+        valid = found.quality == GOOD and found.torque_quality == GOOD
+        return Reading(found.K, found.G, found.torque - rest, valid)
+
+    def _announce_operator(self) -> None:
+        alive = self._monotonic - self._operator_heard <= OPERATOR_HEARTBEAT_AGE
+        if alive and self._monotonic - self._announced >= 0.9 / ALIVE_RATE:
+            self._announced = self._monotonic
+            self._rig.announce_operator(self._session_id)
+
+    @property
+    def _active(self) -> bool:
+        return self.session.state in (ARMED, RUNNING)
+
+    def _follow_drivers(self, now: float) -> None:
+        """Record a second driver once, as a fault; an active session ends with it."""
+        several = self._rig.several
+        if several and not self._two_drivers:
+            self.record([SessionEvent("fault", now, {"node": "rig", "message": self._rig.problem})])
+            if self._active:
+                self.stop(self._rig.problem)
+        self._two_drivers = several
+
+    def _follow_rig(self) -> None:
+        """Stop a session whose rig has stopped: for a fault, by another's command, or because its
+        driver is gone.
+        """
+        session, agreed = self.session, self._rig_agreed_at
+        if agreed is None or not self._active or self._monotonic - agreed < self._rig_patience:
+            return
+        reported = self._rig.describe()["state"]
+        if self._rig.present and reported.split(":")[0] in ("", session.state):
+            return
+        self.stop(
+            f"the rig is not {session.state}: {reported}"
+            if self._rig.present
+            else "the rig's driver is gone"
+        )
+
+    def _follow_operator(self) -> None:
+        """Stop an active session that no operator's page watches any more."""
+        if not self._active or self._monotonic - self._operator_heard <= OPERATOR_HEARTBEAT_AGE:
+            self._alone_since = None
+            return
+        if self._alone_since is None:
+            self._alone_since = max(self._operator_heard, self._monotonic - OPERATOR_HEARTBEAT_AGE)
+        if self._monotonic - self._alone_since > OPERATOR_TIMEOUT:
+            self.stop(f"no operator's page for {OPERATOR_TIMEOUT:g} s")
+
+    def _follow_lost_start(self) -> None:
+        """Repeat the stop while a start that was not answered may still be carried out."""
+        if self._monotonic > self._watch_until or self._active:
+            return
+        state = self._rig.describe()["state"].split(":")[0]
+        idle = state in ("disabled", "ready", "fault")
+        if not idle and self._monotonic - self._watched_at >= WATCH_PERIOD:
+            self._watched_at = self._monotonic
+            self._rig.stop()
+
+    # ----- commands -----
+
+    async def carry_out(self, command: Command) -> None:
+        """Do what an operator asks.
+
+        Raises
+        ------
+        CommandError
+            Refused by the session, by the rig or by the simulated subject.
+        """
+        session, name, values, now = self.session, command.name, command.values, self._clock()
+        if name == "stop":
+            self.stop()
+        elif name == "pause":
+            events = session.pause(now)
+            self._rig.stop()
+            self.record(events)
+        elif name in ("arm", "start"):
+            await self._with_rig(name)
+        elif name == "reset_fault":
+            if not self._rig.present:
+                raise CommandError("no rig driver answers; there is no fault to reset")
+            await self._rig_answer(name)
+        elif name == "set_target":
+            changes = {_TARGET_FIELDS[key]: value for key, value in values.items()}
+            self.record(session.set_target(now, changes))
+        elif name == "set_axis":
+            self.axes.set(values)
+        elif name == "subject":
+            await self._subject.set(values)
+        elif name == "note":
+            self.record([SessionEvent("note", now, {"text": values["text"]})])
+        else:
+            steps = {
+                "next": session.next,
+                "start_hold": session.start_hold,
+                "end_hold": session.end_hold,
+                "restart": session.restart,
+            }
+            self.record(steps[name](now))
+            if session.state in (PAUSED, FINISHED):
+                self._rig.stop()
+        self._publish_view()
+
+    async def _with_rig(self, name: str) -> None:
+        """Arm or start: the session follows only where the rig has agreed."""
+        session = self.session
+        if name == "start" and session.state != ARMED:
+            session.start(self._clock())  # raises, with its reason
+        if name == "arm" and session.state not in (IDLE, PAUSED):
+            session.arm(self._clock())
+        if self._monotonic - self._operator_heard > OPERATOR_TIMEOUT:
+            raise CommandError("no operator's page answers; arm and start need one that is open")
+        if self._rig.several:
+            raise CommandError(self._rig.problem)
+        self._rig_agreed_at = None
+        stops = self._stops
+        if self._rig.present:
+            await self._rig_answer(name)
+            self._rig_agreed_at, self._rig_patience = self._monotonic, RIG_PATIENCE
+        if stops != self._stops:
+            # Somebody stopped while the rig was answering: it must not stay armed or move.
+            self._watch_until = self._monotonic + WATCH_AFTER_LOST_ANSWER
+            self._rig.stop()
+            raise CommandError(f"stopped while the rig was asked to {name}")
+        now = self._clock()
+        self.record(session.arm(now) if name == "arm" else session.start(now))
+
+    async def _rig_answer(self, action: str) -> None:
+        """Await the rig's answer; where it does not come, the rig is stopped and watched."""
+        try:
+            await asyncio.wait_for(self._rig.call(action), ANSWER_TIMEOUT)
+        except CommandError:
+            raise
+        except BaseException as error:
+            self._watch_until = self._monotonic + WATCH_AFTER_LOST_ANSWER
+            self.stop(f"the rig did not answer to {action.replace('_', ' ')}")
+            if isinstance(error, asyncio.TimeoutError):
+                raise CommandError(
+                    f"no answer from the rig within {ANSWER_TIMEOUT:g} s; it has been stopped"
+                ) from None
+            raise
+
+    def _stop_session(self, reason: str) -> None:
+        session = self.session
+        repeated = (
+            session.state == IDLE and time.monotonic() - self._stopped_at < REPEATED_STOP
+        )
+        self._stopped_at = time.monotonic()
+        if not repeated:
+            self.record(session.stop(self._clock(), reason))
+        self._publish_view()
+
+    def resume(self, saved: Mapping[str, Any]) -> None:
+        """Continue a saved session and follow its rig at once; call before `start`.
+
+        Raises
+        ------
+        CommandError
+            As `Session.resume`.
+        """
+        self.record(self.session.resume(saved, self._clock()))
+        if self.session.state == RUNNING:
+            self._rig_agreed_at, self._rig_patience = time.monotonic(), RESUME_PATIENCE
+        self._publish_view()
+
+    # ----- what is seen of it -----
+
+    def record(self, events: list[SessionEvent]) -> None:
+        """Publish and log events."""
+        for event in events:
+            self._log.append(event)
+            self._on_event(event)
+
+    def _publish_view(self) -> None:
+        self.view = self._picture()
+        self._on_progress(self.session.saved())
+
+    def _picture(self) -> SessionView:
+        session, reading = self.session, self._reading
+        target = session.target
+        asks = session.state == RUNNING and session.step.level is not None
+        hint = self._guidance.update(direction(target, reading) if asks else "", self._monotonic)
+        return SessionView(
+            state=session.state,
+            stop_reason=session.stop_reason,
+            elapsed=session.elapsed,
+            remaining=session.remaining,
+            clock=session.clock,
+            hold_share=session.hold_share,
+            holds_done=session.holds_done,
+            hits=session.hits,
+            baseline=session.baseline,
+            target=target,
+            step=session.step,
+            title=session.protocol.title,
+            blocks=session.protocol.blocks,
+            holds=session.protocol.holds,
+            instruction=instruction(session),
+            hint=hint,
+            in_target=target.reached(reading),
+            axes=self.axes.ends(),
+            axes_set=self.axes.set_by_operator,
+            rig=self._rig.describe(),
+            subject=self._subject.describe(),
+            log=list(self._log),
+        )

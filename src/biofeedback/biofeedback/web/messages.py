@@ -1,0 +1,270 @@
+"""The messages from the node to the pages: one definition for Python and for the browser.
+
+Each message is a dataclass here. `schemas` makes a JSON Schema of each; the node serves them under
+`/pages/schemas.json`, and the pages read messages through it (`pages/strict.js`): a page that reads a
+field that no message has says so on its console, and the tests of the pages fail.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """What moves: sent at the frame rate.
+
+    Attributes
+    ----------
+    n
+        Number of the frame.
+    now
+        ROS time [s].
+    t
+        Time of the newest estimate [s].
+    x, y
+        The cursor: feedback in its unit, torque [N.m].
+    quality, torque_quality
+        ``waiting``, ``invalid``, ``stale`` or ``valid``.
+    age
+        Of the newest estimate [s].
+    in_target
+        Whether the cursor is in the target.
+    hint
+        Key of the direction in which to go, of the message files; empty for none.
+    elapsed, remaining
+        Of the present step [s].
+    clock
+        Time since the session's start while it ran [s].
+    """
+
+    n: int
+    now: float
+    t: float | None
+    x: float | None
+    y: float | None
+    quality: str
+    torque_quality: str
+    age: float | None
+    in_target: bool
+    hint: str
+    elapsed: float
+    remaining: float
+    clock: float
+    type: str = "frame"
+
+
+@dataclasses.dataclass(frozen=True)
+class SessionState:
+    """Where the session is."""
+
+    state: str
+    stop_reason: str
+    title: str
+    kind: str
+    block: int
+    blocks: int
+    hold: int
+    holds: int
+    duration: float
+    hold_share: list[float | None]
+    holds_done: int
+    hits: int
+    instruction: str
+
+
+@dataclasses.dataclass(frozen=True)
+class TargetState:
+    """Where the cursor is wanted: feedback symbol with its unit, torque and half width [N.m], region."""
+
+    feedback: str
+    unit: str
+    torque: float
+    torque_half_width: float
+    lower: float | None
+    upper: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Axes:
+    """Ends of the axes, and which of them the operator has set."""
+
+    x: list[float]
+    y: list[float]
+    set_by_operator: list[str]
+
+
+@dataclasses.dataclass(frozen=True)
+class BaselineState:
+    """The relaxed subject: K [N.m/rad], G [N.m.s/rad], torque [N.m]."""
+
+    K: float
+    G: float
+    torque: float
+
+
+@dataclasses.dataclass(frozen=True)
+class RigState:
+    """The rig's driver.
+
+    Attributes
+    ----------
+    name
+        None while no driver can be commanded.
+    problem
+        Why not, or what is wrong.
+    state
+        A word and its reason.
+    stop_unconfirmed
+        Drivers that have not confirmed the last stop in time.
+    """
+
+    name: str | None
+    problem: str
+    state: str
+    stop_unconfirmed: list[str]
+
+
+@dataclasses.dataclass(frozen=True)
+class SubjectState:
+    """What the simulated subject does."""
+
+    cocontraction: float
+    excitability: float
+    push: float
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeState:
+    """Health of one node."""
+
+    name: str
+    level: str
+    message: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """State of the recorder: messages, missing samples, free disk [MB]; None for what is not known."""
+
+    on: bool
+    messages: int | None
+    missing: int | None
+    free: int | None
+
+
+@dataclasses.dataclass(frozen=True)
+class LogEntry:
+    """A session event: its time [s], name and details."""
+
+    t: float
+    event: str
+    details: dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Pages:
+    """Open pages by role, and whether one of them is in command."""
+
+    subject: int
+    operator: int
+    in_command: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """Everything that does not change with every frame; sent when it changes."""
+
+    version: int
+    session: SessionState
+    target: TargetState
+    axes: Axes
+    baseline: BaselineState | None
+    rig: RigState
+    subject: SubjectState | None
+    log: list[LogEntry]
+    nodes: list[NodeState]
+    recording: Recording
+    reason: str
+    pages: Pages
+    language: str
+    type: str = "state"
+
+
+@dataclasses.dataclass(frozen=True)
+class Bins:
+    """New bins of a group of traces: number of the first, least and largest values by channel."""
+
+    first: int
+    low: dict[str, list[float | None]]
+    high: dict[str, list[float | None]]
+
+
+@dataclasses.dataclass(frozen=True)
+class TracesMessage:
+    """New bins by group, and the width of a bin [s]; to operators."""
+
+    groups: dict[str, Bins]
+    widths: dict[str, float]
+    type: str = "traces"
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """To one page: what became of its command."""
+
+    id: int
+    ok: bool
+    error: str = ""
+    type: str = "answer"
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """To one page: whether it is the one that may command."""
+
+    yours: bool
+    type: str = "command"
+
+
+MESSAGES = (Frame, State, TracesMessage, Answer, Command)
+
+
+def schemas() -> dict[str, Any]:
+    """JSON Schema of every message, by its ``type``."""
+    return {
+        next(f.default for f in dataclasses.fields(kind) if f.name == "type"): _schema(kind)
+        for kind in MESSAGES
+    }
+
+
+_PLAIN = {float: "number", int: "integer", str: "string", bool: "boolean"}
+
+
+def _schema(kind: Any) -> dict[str, Any]:
+    if kind in _PLAIN:
+        return {"type": _PLAIN[kind]}
+    if kind is Any:
+        return {}
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        known = [_schema(one) for one in arguments if one is not type(None)]
+        return {"anyOf": [*known, {"type": "null"}]}
+    if origin is list:
+        return {"type": "array", "items": _schema(arguments[0])}
+    if origin is dict:
+        return {"type": "object", "additionalProperties": _schema(arguments[1])}
+    if not dataclasses.is_dataclass(kind):
+        raise TypeError(f"a message cannot hold {kind}")
+    hints = typing.get_type_hints(kind)
+    names = [field.name for field in dataclasses.fields(kind)]
+    return {
+        "title": kind.__name__,
+        "type": "object",
+        "properties": {name: _schema(hints[name]) for name in names},
+        "required": names,
+        "additionalProperties": False,
+    }
