@@ -92,9 +92,7 @@ class BiofeedbackNode(AnkleNode):
             self.now,
             self._keep_progress,
         )
-        presenter = Presenter(
-            self._signals, self.number("cursor_frequency"), self.text("language")
-        )
+        presenter = Presenter(self._signals, self.number("cursor_frequency"), self.text("language"))
         self._server = Server(
             self._runner,
             presenter,
@@ -176,8 +174,7 @@ class BiofeedbackNode(AnkleNode):
             ):
                 self._runner.resume(found)
                 self.get_logger().info(
-                    f"continuing the session in {path}: {found['state']}, step "
-                    f"{found['index'] + 1}"
+                    f"continuing the session in {path}: {found['state']}, step {found['index'] + 1}"
                 )
         except CommandError as error:
             self.get_logger().warning(str(error))

@@ -114,9 +114,7 @@ class Laboratory:
             self.session, self.signals, self.rig, self.subject, self.events.append, time.time
         )
         self.presenter = Presenter(self.signals)
-        self.server = Server(
-            self.runner, self.presenter, Access(host, token), time.time, tls=tls
-        )
+        self.server = Server(self.runner, self.presenter, Access(host, token), time.time, tls=tls)
         self.K, self.G, self.torque, self.valid = 80.0, 8.0, 0.0, True
         self.streaming = True
         self._ready, self._stop = threading.Event(), threading.Event()

@@ -7,8 +7,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from biofeedback.errors import AccessError, CommandError, MalformedMessageError
-from biofeedback.web.access import Access, tls_context
 from biofeedback.session.commands import BURST, COMMANDS, RATE, Command, RateLimit, parse
+from biofeedback.web.access import Access, tls_context
 
 TOKEN = "a-long-enough-token"
 

@@ -276,8 +276,10 @@ def test_a_stop_reaches_every_driver_also_one_that_lost_a_service(graph, tmp_pat
         until(lambda: graph.called == ["stop"], "the rig is stopped", PATIENCE)
         other = Graph("second_rig")
         until(
-            lambda: "2 rig drivers are in this graph (second_rig, test_rig)"
-            in say(port)["rig"]["problem"],
+            lambda: (
+                "2 rig drivers are in this graph (second_rig, test_rig)"
+                in say(port)["rig"]["problem"]
+            ),
             "two drivers are named",
             PATIENCE,
         )
@@ -303,7 +305,7 @@ def test_the_token_is_in_a_private_file_and_in_no_log(tmp_path):
                 break
         links = tmp_path / "state.json.links"
         assert links.stat().st_mode & 0o077 == 0
-        assert f"operator: http://0.0.0.0 (or this computer's name):" in links.read_text()
+        assert "operator: http://0.0.0.0 (or this computer's name):" in links.read_text()
         assert token in links.read_text()
         process.send_signal(signal.SIGINT)
         lines += process.communicate(timeout=20.0)[0].splitlines()

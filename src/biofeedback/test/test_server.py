@@ -325,9 +325,7 @@ def test_no_page_may_be_framed_or_opened_by_another_site(laboratory):
 
 def test_the_laboratorys_certificate_serves_the_pages_encrypted(tmp_path):
     certificate, key = own_certificate(tmp_path)
-    laboratory = Laboratory(
-        short_protocol(tmp_path), tls=tls_context(str(certificate), str(key))
-    )
+    laboratory = Laboratory(short_protocol(tmp_path), tls=tls_context(str(certificate), str(key)))
     context = ssl.create_default_context(cafile=certificate)
 
     async def scenario(session):

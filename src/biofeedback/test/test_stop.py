@@ -27,7 +27,7 @@ PERIOD = 1 / 30
 
 
 class VirtualSession:
-    """A runner without its thread, in virtual time, with an operator's page that can be taken away."""
+    """A runner without its thread, in virtual time, with an operator's page that can close."""
 
     def __init__(self, folder):
         self.rig, self.events = FakeRig(), []

@@ -1,7 +1,7 @@
 """Which rig drivers are in the graph, from the services that its nodes offer.
 
-A driver is a node that offers ``arm``, ``start`` and ``stop`` as `std_srvs/srv/Trigger`. One that was
-seen once stays known: a stop goes to every known driver, whatever discovery says at this moment.
+A driver is a node that offers ``arm``, ``start`` and ``stop`` as `std_srvs/srv/Trigger`. One that
+was seen once stays known: a stop goes to every known driver, whatever discovery says just now.
 Only one driver may be commanded to move; a second one is a fault.
 """
 
@@ -50,7 +50,7 @@ class Drivers:
             Actions by the full name of the node, without the leading slash.
         """
         present = {name: set(actions) for name, actions in offered.items()}
-        # A node with a stop and something that moves is a driver even while discovery lacks the rest.
+        # A stop and something that moves make a driver, even while discovery lacks the rest.
         for name, actions in present.items():
             if "stop" in actions and actions & {"arm", "start"} and name not in self.known:
                 self.known.append(name)

@@ -1,8 +1,8 @@
 """The rig's driver over its `std_srvs/srv/Trigger` services ``NODE/arm|start|stop|reset_fault``.
 
-A stop has a way of its own: requests leave in the thread that asks for them, answers and repetitions
-are handled by a ROS node and a thread that do nothing else, and no lock is held that anything slow
-holds too.
+A stop has a way of its own: requests leave in the thread that asks for them, answers and
+repetitions are handled by a ROS node and a thread that do nothing else, and no lock is held that
+anything slow holds too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SERVICE = "std_srvs/srv/Trigger"
 STATE_TOPIC = "rig/state"
 """Latched text of the driver's state, where it has one."""
 ALIVE_TOPIC = "rig/operator_alive"
-"""Published while an operator's page is connected and alive; the driver stops when it stays away."""
+"""Published while an operator's page is alive; the driver stops when it stays away."""
 LOOK_PERIOD = 1.0
 """[s] How soon a driver that starts later is known."""
 REPEAT_PERIOD = 0.25
@@ -37,7 +37,7 @@ REPEAT_PERIOD = 0.25
 hear its first call, and a loaded driver confirms within 0.1 s.
 """
 UNCONFIRMED_AFTER = 0.5
-"""[s] A stop without confirmation is shown to the operator after this time, twice the repetition."""
+"""[s] After this time a stop without confirmation is shown to the operator: two repetitions."""
 
 
 class RigServices:

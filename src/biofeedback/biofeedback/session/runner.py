@@ -1,8 +1,9 @@
 """Runs the session: its clock, its commands, and its one effect on the world, the rig.
 
 The runner has a thread of its own. It advances the session, follows the rig, watches that an
-operator's page is alive, and publishes the heartbeat of the operator. Screens read `SessionRunner.view`,
-an immutable picture of the session, and send commands; they change nothing by themselves.
+operator's page is alive, and publishes the heartbeat of the operator. Screens read
+`SessionRunner.view`, an immutable picture of the session, and send commands; they change nothing by
+themselves.
 
 `SessionRunner.stop` may be called from any thread: the rig is stopped in that thread, before and
 without waiting for anything else.
@@ -53,7 +54,7 @@ RIG_PATIENCE = 1.5
 died is seen within a second.
 """
 RESUME_PATIENCE = 4.0
-"""[s] A restarted node finds the driver and its latched state within two seconds on a loaded machine."""
+"""[s] A restarted node finds driver and latched state within two seconds on a loaded machine."""
 WATCH_AFTER_LOST_ANSWER = 10.0
 """[s] A start that was not answered may still be carried out: a request waits in the driver's queue
 for as long as the driver is held up, and a rig that hangs longer is stopped by its own watchdog.
@@ -69,7 +70,7 @@ OPERATOR_HEARTBEAT_AGE = 0.5
 frame, 30 in a second, and a busy browser may pause for 0.3 s.
 """
 ALIVE_RATE = 10.0
-"""[Hz] of the operator's heartbeat to the driver, which allows many to be lost within its timeout."""
+"""[Hz] of the operator's heartbeat to the driver: many may be lost within its timeout."""
 REPEATED_STOP = 1.0
 """[s] Stops that follow one another within this time are recorded once; each is sent to the rig."""
 _TARGET_FIELDS = {
@@ -101,7 +102,7 @@ class Rig(Protocol):
         """Fields of `messages.RigState`."""
 
     async def call(self, action: str) -> None:
-        """Carry out ``arm``, ``start`` or ``reset_fault``; raises `CommandError` with the reason."""
+        """Carry out ``arm``, ``start`` or ``reset_fault``; raises `CommandError`."""
 
     def stop(self) -> None:
         """Stop every driver known now or before, from any thread, without waiting."""
@@ -126,7 +127,9 @@ class SessionView:
 
     Attributes
     ----------
-    state, stop_reason, elapsed, remaining, clock, hold_share, holds_done, hits, baseline, target, step
+    state, stop_reason, elapsed, remaining, clock, hold_share, holds_done, hits
+        As of `Session`.
+    baseline, target, step
         As of `Session`.
     title, blocks, holds
         Of the protocol.
@@ -457,9 +460,7 @@ class SessionRunner:
 
     def _stop_session(self, reason: str) -> None:
         session = self.session
-        repeated = (
-            session.state == IDLE and time.monotonic() - self._stopped_at < REPEATED_STOP
-        )
+        repeated = session.state == IDLE and time.monotonic() - self._stopped_at < REPEATED_STOP
         self._stopped_at = time.monotonic()
         if not repeated:
             self.record(session.stop(self._clock(), reason))

@@ -1,4 +1,4 @@
-"""Ends of the screen's axes: from the protocol and the subject's baseline, or set by the operator."""
+"""Ends of the screen's axes: from protocol and baseline, or set by the operator."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """An operator and a simulated subject in one program, over the pages' own WebSocket.
 
-It leads a session from arm to its end. The subject looks at cursor and target once a second and corrects push and
-reflex by a part of what is missing. Used by `ankle demo`; it sends
-what a page could send, and nothing else.
+It leads a session from arm to its end. The subject looks at cursor and target once a second and
+corrects push and reflex by a part of what is missing. Used by `ankle demo`; it sends what a page
+could send, and nothing else.
 """
 
 from __future__ import annotations

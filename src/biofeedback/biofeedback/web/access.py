@@ -3,10 +3,11 @@
 On the loopback address everybody at this computer may; what must be kept out are other web sites
 that a browser here has open: they can send requests to the loopback address, and could command the
 session through an operator's browser. So the names `Host` and `Origin` must be ours, and a page is
-not opened by another site's link, frame or popup. Any other address needs a token, one for each role.
+not opened by another site's link, frame or popup. Any other address needs a token, one for each
+role.
 
-A token is entered once. The browser then holds a cookie with a random key that this process has made;
-neither token nor key is ever part of an address, and none is logged.
+A token is entered once. The browser then holds a cookie with a random key that this process has
+made; neither token nor key is ever part of an address, and none is logged.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def is_loopback(host: str) -> bool:
 
 
 def subject_token(token: str) -> str:
-    """Give the token of the subject's screen, derived from the operator's, which it does not reveal."""
+    """Give the token of the subject's screen, derived from the operator's without revealing it."""
     digest = hmac.new(token.encode(), b"subject's screen", hashlib.sha256).digest()
     alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
     return "".join(alphabet[byte % 64] for byte in digest)[:SUBJECT_TOKEN_LENGTH]

@@ -1,8 +1,8 @@
 """The messages from the node to the pages: one definition for Python and for the browser.
 
 Each message is a dataclass here. `schemas` makes a JSON Schema of each; the node serves them under
-`/pages/schemas.json`, and the pages read messages through it (`pages/strict.js`): a page that reads a
-field that no message has says so on its console, and the tests of the pages fail.
+`/pages/schemas.json`, and the pages read messages through it (`pages/strict.js`): a page that reads
+a field that no message has says so on its console, and the tests of the pages fail.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class SessionState:
 
 @dataclasses.dataclass(frozen=True)
 class TargetState:
-    """Where the cursor is wanted: feedback symbol with its unit, torque and half width [N.m], region."""
+    """Where the cursor is wanted: feedback, its unit and region; torque and half width [N.m]."""
 
     feedback: str
     unit: str
@@ -148,7 +148,7 @@ class NodeState:
 
 @dataclasses.dataclass(frozen=True)
 class Recording:
-    """State of the recorder: messages, missing samples, free disk [MB]; None for what is not known."""
+    """The recorder: messages, missing samples, free disk [MB]; None for what is not known."""
 
     on: bool
     messages: int | None

@@ -14,8 +14,8 @@ operators ``traces`` ten times a second, ``command`` (whether the page is the on
 and an ``answer`` to each command; all by `messages`. From every page: the word ``seen`` for each
 frame, and ``stop``. From the operator's page in command: commands (`session.commands`).
 
-A stop is carried out by the task that reads the page's socket, before anything else is looked at: it
-waits behind no other command and counts against no limit. Commands are carried out by another
+A stop is carried out by the task that reads the page's socket, before anything else is looked at:
+it waits behind no other command and counts against no limit. Commands are carried out by another
 task of the page, one after the other; they are forgotten when anybody stops.
 
 Each page has its own task that sends the newest frame and state when the page can take them: at
