@@ -138,6 +138,9 @@ class Rig(NamedTuple):
         Mass [kg] and centre of mass from the axis [m].
     drive_hz, drive_zeta
         Second-order response of the drive to its reference.
+    servo_k, servo_hz
+        Stiffness of the position servo against load [N.m/rad] and its own natural frequency [Hz];
+        a stiffness of 0 is the stiff servo of `mechanics`.
     cell_hz, cell_zeta
         Mode of the load on the torque cell.
     encoder_on_motor
@@ -159,6 +162,8 @@ class Rig(NamedTuple):
     foot_below: float = 0.04
     drive_hz: float = 35.0
     drive_zeta: float = 0.7
+    servo_k: float = 0.0
+    servo_hz: float = 40.0
     cell_hz: float = 700.0
     cell_zeta: float = 0.3
     encoder_on_motor: float = 0.0
@@ -177,8 +182,18 @@ class Courses(NamedTuple):
         Mean voluntary torque [N.m].
     voluntary_rms, voluntary_hz
         Its slow fluctuation [N.m] and its bandwidth [Hz].
+    pink_rms
+        1/f fluctuation of the voluntary torque [N.m].
+    steps_rms, ramps_rms
+        Voluntary torque that jumps to a new level every few seconds, or moves there evenly [N.m].
+    bursts_peak
+        Short voluntary contractions at random times, in either direction [N.m].
     tremor_rms, tremor_hz
         [N.m], [Hz].
+    stretch_variation
+        Standard deviation of the reflex' factor, drawn anew at each movement [1].
+    jump_at, jump_muscle, jump_reflex
+        Time [s] from which K and B, and the reflex, have these factors [1]; 0 s is never.
     fatigue
         Share of K, B and G that is lost from the first to the last sample [1].
     stiffness_follows
@@ -196,8 +211,16 @@ class Courses(NamedTuple):
     torque_level: float = 4.0
     voluntary_rms: float = 0.2
     voluntary_hz: float = 0.5
+    pink_rms: float = 0.0
+    steps_rms: float = 0.0
+    ramps_rms: float = 0.0
+    bursts_peak: float = 0.0
     tremor_rms: float = 0.0
     tremor_hz: float = 9.0
+    stretch_variation: float = 0.0
+    jump_at: float = 0.0
+    jump_muscle: float = 1.0
+    jump_reflex: float = 1.0
     fatigue: float = 0.0
     stiffness_follows: float = 0.0
     reflex_follows: float = 0.0

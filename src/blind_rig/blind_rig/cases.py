@@ -13,6 +13,7 @@ import numpy as np
 from blind_rig import effects, faults, strength
 from blind_rig.bag import Contents, fingerprint, write_bag
 from blind_rig.effects import Effect
+from blind_rig.impedance import true_impedance
 from blind_rig.protocols import PROTOCOLS, draw_protocol
 from blind_rig.subjects import OPERATING_ANGLE, SAMPLING_RATES, draw_subject
 from blind_rig.trial import Trial, record, run
@@ -217,7 +218,9 @@ def make_case(plan: Plan, bag: Path) -> dict[str, Any]:
     contents = contents._replace(**dict.fromkeys(needed, True))
     base = trial.setup
     done = trial._replace(setup=base.replaced(changes))
-    recording = record(done, run(done))
+    ran = run(done)
+    recording = record(done, ran)
+    true = true_impedance(done, ran)
     if plan.kind == "broken":
         recording = faults.broken(recording, plan.hidden[0], generator)
     write_bag(bag, recording, trial.rate, contents)
@@ -226,11 +229,10 @@ def make_case(plan: Plan, bag: Path) -> dict[str, Any]:
         "kind": plan.kind,
         "effects": hidden,
         "base": {
-            "I[kg.m^2]": base.rig.foot_inertia + base.rig.plate_inertia,
-            "B[N.m.s/rad]": base.muscle.B,
-            # The foot's weight turns with the foot and adds to what the muscle shows as stiffness.
-            "K[N.m/rad]": base.muscle.K + _weight_stiffness(trial),
-            "G[N.m.s/rad]": done.setup.reflex.G,
+            "I[kg.m^2]": true.I,
+            "B[N.m.s/rad]": true.B,
+            "K[N.m/rad]": true.K,
+            "G[N.m.s/rad]": true.G,
             "delay[s]": base.reflex.delay,
         },
         "setup": done.setup.as_dict(),
@@ -241,13 +243,3 @@ def make_case(plan: Plan, bag: Path) -> dict[str, Any]:
         "seed": plan.seed,
         "fingerprint": fingerprint(bag),
     }
-
-
-def _weight_stiffness(trial: Trial) -> float:
-    """Slope of the foot's weight against its angle [N.m/rad]."""
-    rig, angle = trial.setup.rig, trial.operating_angle
-    return (
-        rig.foot_mass
-        * 9.81
-        * (rig.foot_below * math.cos(angle) - rig.foot_forward * math.sin(angle))
-    )

@@ -19,6 +19,16 @@ STARTLE_BEGIN, STARTLE_LENGTH = 0.110, 0.250
 BOUT = 3.0
 # Conduction and excitability drift with posture and arousal, over seconds.
 WANDER_HZ = 0.3
+# Voluntary torque holds a level, or moves evenly between two, for this long on average [s].
+LEVEL_TIME = 4.0
+# A voluntary burst: mean pause between two, and duration of one [s].
+BURST_PAUSE, BURST_LENGTH = 8.0, 0.4
+# A jump of the level takes the time of a quick voluntary contraction [s].
+JUMP_TIME = 0.15
+# Lowest frequency of 1/f torque [Hz]: half a minute, below which a subject sees the drift.
+PINK_LOWEST = 0.03
+# Highest frequency of 1/f torque [Hz]: the low-pass of muscle.
+PINK_HIGHEST = 5.0
 # The delay stays physiological whatever wanders.
 DELAY_RANGE = (0.025, 0.070)
 
@@ -65,6 +75,48 @@ def slow_noise(
     return sosfilt(butter(2, min(8.0 * high, 0.45 * rate), fs=rate, output="sos"), fine)
 
 
+def pink_noise(n: int, rate: float, generator: np.random.Generator) -> np.ndarray:
+    """Noise of unit rms whose power falls as 1/f between `PINK_LOWEST` and `PINK_HIGHEST` [Hz]."""
+    coarse = 8.0 * PINK_HIGHEST
+    count = int(np.ceil(n / rate * coarse)) + 8
+    frequency = np.fft.rfftfreq(count, 1.0 / coarse)
+    within = (frequency >= PINK_LOWEST) & (frequency <= PINK_HIGHEST)
+    shape = np.zeros(len(frequency))
+    shape[within] = frequency[within] ** -0.5
+    drawn = generator.standard_normal((2, len(frequency)))
+    noise = np.fft.irfft(shape * (drawn[0] + 1j * drawn[1]), count)
+    noise = (noise - noise.mean()) / noise.std()
+    fine = np.interp(np.arange(n) / rate * coarse, np.arange(count), noise)
+    return sosfilt(butter(2, 4.0 * PINK_HIGHEST, fs=rate, output="sos"), fine)
+
+
+def wandering_levels(
+    n: int, rate: float, transition: float | None, generator: np.random.Generator
+) -> np.ndarray:
+    """Levels of unit rms, each reached within `transition` [s]; None: on the way all the time."""
+    count = int(n / rate / LEVEL_TIME * 3.0) + 8
+    times = np.concatenate([[0.0], np.cumsum(generator.uniform(0.3, 1.7, count) * LEVEL_TIME)])
+    values = generator.standard_normal(len(times))
+    t = np.arange(n) / rate
+    if transition is None:
+        return np.interp(t, times, values)
+    knots = np.column_stack([times[1:], times[1:] + transition]).ravel()
+    held = np.column_stack([values[:-1], values[1:]]).ravel()
+    return np.interp(t, knots, held)
+
+
+def bursts(n: int, rate: float, generator: np.random.Generator) -> np.ndarray:
+    """Raised-cosine contractions of peak +1 or -1 at random times."""
+    out = np.zeros(n)
+    length = round(BURST_LENGTH * rate)
+    shape = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    at = generator.exponential(BURST_PAUSE)
+    while (first := round(at * rate)) + length < n:
+        out[first : first + length] += shape * generator.choice([-1.0, 1.0])
+        at += BURST_LENGTH + generator.exponential(BURST_PAUSE)
+    return out
+
+
 def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> Course:
     """Momentary values of a trial.
 
@@ -77,12 +129,29 @@ def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> 
     seed
         Each influence has its own stream, so that switching one on leaves the others as they were.
     """
-    voluntary_stream, tremor_stream, startle_stream, bout_stream, wander_stream = (
-        np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)
-    )
+    (
+        voluntary_stream,
+        tremor_stream,
+        startle_stream,
+        bout_stream,
+        wander_stream,
+        pink_stream,
+        steps_stream,
+        ramps_stream,
+        burst_stream,
+        variation_stream,
+    ) = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(10))
     c = setup.courses
     t = np.arange(n) / rate
     fluctuation = c.voluntary_rms * slow_noise(n, rate, 0.0, c.voluntary_hz, voluntary_stream)
+    if c.pink_rms > 0:
+        fluctuation = fluctuation + c.pink_rms * pink_noise(n, rate, pink_stream)
+    if c.steps_rms > 0:
+        fluctuation = fluctuation + c.steps_rms * wandering_levels(n, rate, JUMP_TIME, steps_stream)
+    if c.ramps_rms > 0:
+        fluctuation = fluctuation + c.ramps_rms * wandering_levels(n, rate, None, ramps_stream)
+    if c.bursts_peak > 0:
+        fluctuation = fluctuation + c.bursts_peak * bursts(n, rate, burst_stream)
     voluntary = steady = c.torque_level + fluctuation
     if c.tremor_rms > 0:
         voluntary = voluntary + c.tremor_rms * slow_noise(
@@ -93,6 +162,12 @@ def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> 
     if c.fatigue > 0:
         muscle = muscle * (1.0 - c.fatigue * t / t[-1])
         reflex = reflex * (1.0 - c.fatigue * t / t[-1])
+    if c.stretch_variation > 0 and len(onsets):
+        drawn = 1.0 + c.stretch_variation * variation_stream.standard_normal(len(onsets) + 1)
+        reflex = reflex * np.maximum(drawn, 0.0)[np.searchsorted(onsets, t)]
+    if c.jump_at > 0:
+        muscle = np.where(t < c.jump_at, muscle, muscle * c.jump_muscle)
+        reflex = np.where(t < c.jump_at, reflex, reflex * c.jump_reflex)
     relative = fluctuation / c.torque_level
     if c.stiffness_follows > 0:
         muscle = muscle * np.maximum(1.0 + c.stiffness_follows * relative, 0.1)

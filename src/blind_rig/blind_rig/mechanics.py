@@ -65,6 +65,21 @@ def cell_stiffness(setup: Setup) -> tuple[float, float]:
     return load * omega**2, 2 * rig.cell_zeta * load * omega
 
 
+def servo_gains(setup: Setup) -> tuple[float, float, float]:
+    """Of the motor's loop on position [N.m/rad], velocity [N.m.s/rad], acceleration [kg.m^2].
+
+    The last is the inertia of motor and gear, too.
+    """
+    rig = setup.rig
+    if rig.servo_k > 0:
+        omega = 2 * math.pi * rig.servo_hz
+        inertia = rig.servo_k / omega**2
+    else:
+        omega = 2 * math.pi * LOOP_HZ
+        inertia = MOTOR_INERTIA
+    return inertia * omega**2, 2 * LOOP_ZETA * inertia * omega, inertia
+
+
 def gravity_torque(setup: Setup, angle: float) -> float:
     """Torque that holds the foot at an absolute angle [rad] against gravity [N.m]; positive where
     the plate must push up.
@@ -83,6 +98,7 @@ def _mjcf(setup: Setup, operating_angle: float, dt: float) -> str:
     """
     rig = setup.rig
     stiffness, damping = cell_stiffness(setup)
+    motor = servo_gains(setup)[2]
     # The centre of mass adds its own share to the inertia about the axis, so the body keeps the
     # rest.
     offset = rig.foot_mass * (rig.foot_forward**2 + rig.foot_below**2)
@@ -116,7 +132,7 @@ def _mjcf(setup: Setup, operating_angle: float, dt: float) -> str:
   <option timestep="{dt}" integrator="implicitfast" gravity="0 0 -9.81"><flag contact="disable"/></option>
   <worldbody><body name="motor">
     <joint name="motor" type="hinge" axis="0 -1 0"/>
-    <inertial pos="0 0 0" mass="1" diaginertia="{MOTOR_INERTIA} {MOTOR_INERTIA} {MOTOR_INERTIA}"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="{motor} {motor} {motor}"/>
     <body name="plate">
       <joint name="cell" type="hinge" axis="0 -1 0" stiffness="{stiffness}" damping="{damping}"/>
       <inertial pos="0 0 0" mass="1" diaginertia="{rig.plate_inertia} {rig.plate_inertia} {rig.plate_inertia}"/>
@@ -188,8 +204,7 @@ def simulate(
     model = mujoco.MjModel.from_xml_string(_mjcf(setup, operating_angle, dt))
     data = mujoco.MjData(model)
     stiffness, damping = cell_stiffness(setup)
-    omega = 2 * math.pi * LOOP_HZ
-    gains = (MOTOR_INERTIA * omega**2, 2 * LOOP_ZETA * MOTOR_INERTIA * omega, MOTOR_INERTIA)
+    gains = servo_gains(setup)
     load = setup.courses.torque_level + gravity_torque(setup, operating_angle)
     data.qpos[1] = -load / stiffness
     data.qpos[0] = load / stiffness

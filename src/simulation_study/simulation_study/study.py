@@ -17,10 +17,10 @@ import asyncio
 import json
 import logging
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import dask
 from dask.distributed import Client, LocalCluster, as_completed
@@ -34,8 +34,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from simulation_study.trial import Trial
-
 STUDY_FILE, TRIALS = "study.json", "trials"
 
 # Dask has the allocator give memory back at once; with arrays of a few hundred kB the kernel then
@@ -43,18 +41,30 @@ STUDY_FILE, TRIALS = "study.json", "trials"
 KEEP_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
 
 
+class Named(Protocol):
+    """What a worker carries out: anything with a unique name."""
+
+    @property
+    def name(self) -> str:
+        """Names the file of the result."""
+
+
+Item = TypeVar("Item", bound=Named)
+
+
 class StudyError(RuntimeError):
     """A study that cannot begin or go on as asked."""
 
 
 def run_study(
-    trials: list[Trial],
+    trials: Sequence[Item],
     asked: dict[str, Any],
     out: Path,
-    task: Callable[[Trial], dict[str, Any]],
+    task: Callable[[Item], dict[str, Any]],
     workers: int,
     scheduler: str | None = None,
     console: Console | None = None,
+    kept_in: str = TRIALS,
 ) -> dict[str, dict[str, Any]]:
     """Carry out all trials that `out` does not hold yet.
 
@@ -72,6 +82,10 @@ def run_study(
         Processes on this machine; without meaning where `scheduler` is given.
     scheduler
         Address of a running Dask scheduler whose workers have this software.
+    console
+        Shows the progress; None: standard error.
+    kept_in
+        Folder of the results within `out`.
 
     Returns
     -------
@@ -84,7 +98,7 @@ def run_study(
         Another study, or something else, is in `out`.
     """
     settle(out, asked)
-    folder = out / TRIALS
+    folder = out / kept_in
     folder.mkdir(exist_ok=True)
     missing = [trial for trial in trials if not (folder / f"{trial.name}.json").exists()]
     for name, result in _spread(
@@ -135,7 +149,7 @@ def _write(path: Path, result: dict[str, Any]) -> None:
     os.replace(unfinished, path)
 
 
-def _named(task: Callable[[Trial], dict[str, Any]], trial: Trial) -> tuple[str, dict[str, Any]]:
+def _named(task: Callable[[Item], dict[str, Any]], trial: Item) -> tuple[str, dict[str, Any]]:
     return trial.name, task(trial)
 
 
@@ -167,8 +181,8 @@ def _cluster(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 
 def _spread(
-    task: Callable[[Trial], dict[str, Any]],
-    trials: list[Trial],
+    task: Callable[[Item], dict[str, Any]],
+    trials: Sequence[Item],
     done: int,
     workers: int,
     scheduler: str | None,

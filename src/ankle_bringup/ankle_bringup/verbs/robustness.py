@@ -1,0 +1,37 @@
+"""`ankle robustness`: every estimator on an independent rig with each effect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ankle_bringup.terminal import CORES, Scheduler, StudyOut, Workers, console
+
+
+def verb(
+    out: StudyOut = Path("robustness_study"),
+    seed: Annotated[int, typer.Option(help="Draws subjects, perturbations and noise.")] = 1,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="24 recordings of 60 s instead of 159 of 120 s.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(min=50.0, help="Length of a recording; 120, or 60 with --quick.")
+    ] = None,
+    workers: Workers = CORES,
+    scheduler: Scheduler = None,
+) -> None:
+    """Compare the estimators on an independent rig, with each effect of rig, fixation, joint,
+    reflex and sensors at three strengths: bias, spread, arrival, coverage and doubt.
+
+    Writes robustness.md and robustness.png. Recordings are kept: after a change of an estimator
+    only the estimates are made again.
+
+    Example: ankle robustness --quick --out robustness_study
+    """
+    from simulation_study.robustness.study import robustness as run_study
+
+    shown = run_study(out, seed, quick, workers, seconds, scheduler, console)
+    console.print(shown, soft_wrap=True)
+    console.print(f"written to {out.resolve()}")

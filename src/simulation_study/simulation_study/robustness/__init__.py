@@ -1,0 +1,1 @@
+"""Every estimator on an independent rig, with each effect that a laboratory may meet."""

@@ -1,0 +1,115 @@
+"""Recordings of the independent rig with their truth, kept so that only new estimators compute."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from blind_rig.impedance import true_impedance
+from blind_rig.trial import record, run
+from simulation_study.robustness.conditions import JUMP, Condition, blind_trial
+
+IGNORED = 30.0
+"""[s] at the start; longer than any memory. van 't Veld et al. 2018, section III-A."""
+BEHIND = 10.0
+"""[s] that an estimate lies behind on average: half of the longest memory. The truth is that of the
+samples which the estimates stand for.
+"""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording and what was true in it.
+
+    Attributes
+    ----------
+    rate
+        [Hz].
+    position, velocity, torque, reference
+        [rad], [rad/s], [N.m], commanded angle [rad]; shape (n,).
+    truth
+        K [N.m/rad] and G [N.m.s/rad] of the stretch that is judged; after a jump: behind it.
+    before
+        The same before a jump; equal to `truth` without one.
+    """
+
+    rate: float
+    position: np.ndarray
+    velocity: np.ndarray
+    torque: np.ndarray
+    reference: np.ndarray
+    truth: tuple[float, float]
+    before: tuple[float, float]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sample times [s], the first 0, shape (n,)."""
+        return np.arange(len(self.position)) / self.rate
+
+
+def recording(condition: Condition, folder: Path) -> Recorded:
+    """The recording of a condition, simulated where the folder does not hold it yet.
+
+    Parameters
+    ----------
+    condition
+        What to simulate.
+    folder
+        Keeps one ``NAME.npz`` for each recording.
+
+    Raises
+    ------
+    FloatingPointError
+        The simulation diverged.
+    """
+    file = folder / f"{condition.name}.npz"
+    if not file.exists():
+        _write(file, _simulate(condition))
+    with np.load(file) as kept:
+        rate, K, G, K_before, G_before = json.loads(str(kept["numbers"]))
+        position, velocity, torque, reference = (
+            kept[key].astype(float) for key in ("position", "velocity", "torque", "reference")
+        )
+    return Recorded(rate, position, velocity, torque, reference, (K, G), (K_before, G_before))
+
+
+def _simulate(condition: Condition) -> Recorded:
+    trial = blind_trial(condition)
+    done = run(trial)
+    samples = record(trial, done)
+    if condition.effect == JUMP:
+        at = condition.jump_time
+        spans = ((at, condition.seconds), (0.0, at))
+    else:
+        first = min(IGNORED, 0.5 * condition.seconds)
+        spans = ((first - BEHIND, condition.seconds - BEHIND),) * 2
+    after, before = (true_impedance(trial, done, *span) for span in spans)
+    return Recorded(
+        trial.rate,
+        samples.position,
+        samples.velocity,
+        samples.torque,
+        samples.reference[:, 0],
+        (after.K, after.G),
+        (before.K, before.G),
+    )
+
+
+def _write(file: Path, made: Recorded) -> None:
+    """Single precision: its rounding lies a thousand times below the sensors' noise."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = file.with_suffix(f".{os.getpid()}.part")
+    with unfinished.open("wb") as stream:
+        np.savez(
+            stream,
+            numbers=json.dumps([made.rate, *made.truth, *made.before]),
+            position=made.position.astype(np.float32),
+            velocity=made.velocity.astype(np.float32),
+            torque=made.torque.astype(np.float32),
+            reference=made.reference.astype(np.float32),
+        )
+    os.replace(unfinished, file)

@@ -1,0 +1,87 @@
+"""The robustness study: recordings of the independent rig once, estimates for each version of the
+estimators.
+
+Folder of a study::
+
+    study.json                 what was asked for
+    recordings/NAME.npz        signals and truth
+    estimates_HASH/NAME.json   results of one version of the estimators' code
+    robustness.md, robustness.png
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from simulation_study.robustness.conditions import FULL, QUICK, conditions
+from simulation_study.robustness.estimation import estimate_condition, fingerprint
+from simulation_study.robustness.report import write_report
+from simulation_study.study import run_study
+
+RECORDINGS = "recordings"
+
+
+def robustness(
+    out: Path,
+    seed: int,
+    quick: bool,
+    workers: int,
+    seconds: float | None = None,
+    scheduler: str | None = None,
+    console: Console | None = None,
+) -> str:
+    """Run the study, or go on with it, or estimate again where the estimators changed.
+
+    Parameters
+    ----------
+    out
+        Folder of the study.
+    seed
+        Draws subjects, perturbations, courses and noise.
+    quick
+        24 recordings of 60 s instead of 159 of 120 s.
+    workers
+        Processes on this machine; without meaning where `scheduler` is given.
+    seconds
+        Length of a recording; None: 120, or 60 where `quick` is set.
+    scheduler
+        Address of a running Dask scheduler.
+    console
+        Shows the progress.
+
+    Returns
+    -------
+    str
+        The tables as markdown; they stand in ``robustness.md`` too.
+
+    Raises
+    ------
+    StudyError
+        Another study, or something else, is in `out`.
+    """
+    size = QUICK if quick else FULL
+    if seconds is not None:
+        size = replace(size, seconds=seconds)
+    planned = conditions(size, seed)
+    asked = {
+        "study": "robustness",
+        "seed": seed,
+        "recordings": len(planned),
+        "seconds": size.seconds,
+    }
+    results = run_study(
+        planned,
+        asked,
+        out,
+        estimate_condition(out.resolve() / RECORDINGS),
+        workers,
+        scheduler,
+        console,
+        kept_in=f"estimates_{fingerprint()}",
+    )
+    command = f"ankle robustness --seed {seed} --seconds {size.seconds:g}"
+    command += " --quick" if quick else ""
+    return write_report(results, out, command)

@@ -1,0 +1,112 @@
+"""The robustness study: its plan, its reduction to numbers, its tables, one small run."""
+
+import numpy as np
+import pytest
+
+from blind_rig import effects
+from simulation_study.robustness import estimation
+from simulation_study.robustness.conditions import (
+    FULL,
+    JUMP,
+    JUMPS,
+    NO_MISMATCH,
+    QUICK,
+    Size,
+    blind_trial,
+    conditions,
+)
+from simulation_study.robustness.estimation import OFFLINE, ONLINE, arrival, estimate_condition
+from simulation_study.robustness.report import write_report
+from simulation_study.robustness.summary import arrivals, doubt, earlier, errors, select
+
+
+def test_a_plan_has_every_effect_at_three_strengths_and_both_servos():
+    planned = conditions(FULL, 3)
+    assert len(planned) >= 150
+    assert len({c.name for c in planned}) == len(planned)
+    for effect in effects.BY_NAME:
+        assert {c.strength for c in planned if c.effect == effect} == {
+            "weak",
+            "moderate",
+            "strong",
+        }
+    assert {c.servo for c in planned if c.effect == NO_MISMATCH} == {"stiff", "compliant"}
+    assert planned == conditions(FULL, 3)
+    assert [c.seed for c in planned] != [c.seed for c in conditions(FULL, 4)]
+    assert len(conditions(QUICK, 1)) == 24
+
+
+def test_a_condition_is_in_the_trial_that_it_describes():
+    by_name = {c.name: c for c in conditions(FULL, 3)}
+    jump = blind_trial(by_name["jump_1_1.4_1"]).setup.courses
+    assert (jump.jump_muscle, jump.jump_reflex, jump.jump_at) == (1.0, 1.4, 60.0)
+    strap = blind_trial(by_name["strap_strong"]).setup
+    assert strap.rig.strap_k == 400.0
+    assert strap.courses.voluntary_rms == 0.0
+
+
+def result(effect, name, K, G, errors_of=(2.0, 0.3), doubtful=0.0, jump=(1.0, 1.0), arrived=None):
+    condition = {"effect": effect, "name": name, "jump": list(jump)}
+    found = {
+        "value": [K, G],
+        "spread": [3.0, 0.2],
+        "invalid": 0.0,
+        "snapshots": [[K, G, *errors_of, doubtful]],
+        "arrival": arrived or [None, None],
+    }
+    return {
+        "condition": condition,
+        "truth": [100.0, 10.0],
+        "before": [50.0, 10.0],
+        "estimates": {name: found for name in (*ONLINE, OFFLINE)},
+    }
+
+
+def test_errors_coverage_and_doubt_are_counted():
+    results = {
+        "a": result(NO_MISMATCH, "a", 101.0, 10.5),
+        "b": result("strap", "b", 70.0, 10.0, doubtful=0.9),
+        "c": result("strap", "c", 120.0, 4.0),
+    }
+    found = errors(select(results, "strap"), "CE", "K")
+    assert (found.bias, found.worst, found.covered) == pytest.approx((-5.0, 30.0, 0.0))
+    assert errors(select(results, NO_MISMATCH), "CE", "G").covered == 100.0
+    said = doubt(select(results, None), "CE")
+    assert (said.large, said.flagged, said.called) == (2, 50.0, 50.0)
+
+
+def test_arrival_needs_to_stay():
+    time = np.arange(0.0, 20.0, 0.1)
+    values = np.where(time < 10.0, 50.0, 100.0)
+    values[(time > 11.0) & (time < 11.5)] = 60.0
+    assert arrival(time, values, 50.0, 100.0, 10.0) == pytest.approx(1.5, abs=0.11)
+    assert arrival(time, np.full(len(time), 50.0), 50.0, 100.0, 10.0) is None
+
+
+def test_who_arrives_first_is_counted_over_runs(tmp_path):
+    results = {}
+    for run, (mine, other) in enumerate(((1.0, 4.0), (2.0, None), (None, 3.0), (None, None))):
+        made = result(JUMP, f"j{run}", 100.0, 10.0, jump=JUMPS[0])
+        made["estimates"]["simultaneous"] = made["estimates"]["CE"] | {"arrival": [mine, None]}
+        made["estimates"]["CE all"] = made["estimates"]["CE"] | {"arrival": [other, None]}
+        results[f"j{run}"] = made
+    assert earlier(results, "simultaneous", "CE all") == (2, 4)
+    assert arrivals(results, "simultaneous", JUMPS[0]).arrived == 2
+    results["n"] = result(NO_MISMATCH, "n", 101.0, 10.5)
+    results["s"] = result("strap", "s", 70.0, 10.0)
+    text = write_report(results, tmp_path, "ankle robustness")
+    assert "| strap | K | -30 ± 3; 30 |" in text
+    assert (tmp_path / "robustness.png").stat().st_size > 10_000
+
+
+def test_a_recording_is_simulated_once_and_estimated_near_its_truth(tmp_path, monkeypatch):
+    monkeypatch.setattr(estimation, "ONLINE", {"CE": ONLINE["CE"]})
+    condition = conditions(Size(40.0, 0, (), (), 0), 5)[0]
+    task = estimate_condition(tmp_path)
+    first = task(condition)
+    kept = (tmp_path / f"{condition.name}.npz").stat().st_mtime_ns
+    assert task(condition) == first
+    assert (tmp_path / f"{condition.name}.npz").stat().st_mtime_ns == kept
+    K, G = first["estimates"]["CE"]["value"]
+    assert pytest.approx(first["truth"][0], rel=0.35) == K
+    assert pytest.approx(first["truth"][1], rel=0.35) == G
