@@ -29,7 +29,7 @@ from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
-from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
+from ankle_node.node import BLOCK_QOS, LATEST_QOS
 
 STILL = 0.02  # rad/s
 AFTERWARDS = 0.6  # s; samples that are looked at behind a stop
@@ -49,7 +49,7 @@ class Operator:
             String,
             "/rig/state",
             lambda m: self.states.append((m.data.split(":")[0], time.time())),
-            WORKED_OFF_QOS,
+            LATEST_QOS,
         )
         node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
         names = ("arm", "start", "stop", "reset_fault")
@@ -64,7 +64,7 @@ class Operator:
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == "ankle_actuator_driver":
+            if status.name == "/ankle_actuator_driver":
                 self.figures = {entry.key: entry.value for entry in status.values}
 
     def spin(self, seconds: float) -> None:

@@ -29,7 +29,7 @@ TOPICS = {
         64,
     ),
     "/ankle/samples": ("Float64MultiArray", "t[s],position[rad],velocity[rad/s],torque[N.m]", 64),
-    "/ankle/joint_states": ("JointState", None, 64),
+    "/joint_states": ("JointState", None, 64),
     "/ankle/truth": ("Float64MultiArray", "t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m]", 64),
     "/impedance/estimate": (
         "Float64MultiArray",

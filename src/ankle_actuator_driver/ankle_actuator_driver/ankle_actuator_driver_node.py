@@ -2,11 +2,11 @@
 
 | topic or service | direction | type | rate | content |
 | --- | --- | --- | --- | --- |
-| /perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
-| /ankle/samples | out | Float64MultiArray | as the rig sends | t[s],position[rad],velocity[rad/s],torque[N.m] |
-| /ankle/joint_states | out | JointState, name `ankle` | each block | last sample |
-| /rig/state | out, latched | String | each change | `disabled`, `ready`, `armed`, `running`, `stopping` or `fault`, then `: reason` |
-| /session/event | out | String | each change | event `rig armed` and so on, with its reason |
+| perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| ankle/samples | out | Float64MultiArray | as the rig sends | t[s],position[rad],velocity[rad/s],torque[N.m] |
+| joint_states | out | JointState, name `ankle` | each block | last sample |
+| rig/state | out, latched | String | each change | `disabled`, `ready`, `armed`, `running`, `stopping` or `fault`, then `: reason` |
+| session/event | out | String | each change | event `rig armed` and so on, with its reason |
 | /diagnostics | out | DiagnosticArray | 1 Hz | rig's state, clock, packets refused and lost |
 | ~/arm, ~/start, ~/stop, ~/disarm, ~/reset_fault | service | std_srvs/Trigger | | docs/safety.md |
 | ~/change_state and others | service | lifecycle_msgs | | managed life cycle |
@@ -23,8 +23,6 @@ from functools import partial
 
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -38,12 +36,18 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Value
+from ankle_interfaces.topics import (
+    ANKLE_SAMPLES,
+    PERTURBATION_REFERENCE,
+    RIG_STATE,
+    SESSION_EVENT,
+)
 from ankle_node import session_event
+from ankle_node.derived_topics import joint_states
 from ankle_node.managed_node import ManagedNode
-from ankle_node.node import ERROR, WARN, WORKED_OFF_QOS, run
+from ankle_node.node import ERROR, LATEST_QOS, WARN, run
+from ankle_node.qos import publisher_qos
 
-REFERENCE, SAMPLES = "/perturbation/reference", "/ankle/samples"
-MOTION = ("position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
 COMMANDS = ("arm", "start", "stop", "disarm", "reset_fault")
 REPORT_PERIOD = 1.0  # s
 
@@ -62,21 +66,23 @@ class ActuatorDriverNode(ManagedNode):
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._reported = 0.0
-        self._samples = self.block_publisher(
-            SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
+        self._samples = self.block_publisher(ANKLE_SAMPLES)
+        self._joint = joint_states(self)
+        self._state = self.create_publisher(String, RIG_STATE.name, LATEST_QOS)
+        self._events = self.create_publisher(
+            String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
         )
-        self._joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
-        self._state = self.create_publisher(String, "/rig/state", WORKED_OFF_QOS)
-        self._events = self.create_publisher(String, session_event.TOPIC, 10)
         for name in COMMANDS:
             self.create_service(Trigger, f"~/{name}", partial(self._command, name))
-        self.when_read(SAMPLES, int(self.number("wait_for_readers")), self._begin)
+        self.when_read(ANKLE_SAMPLES, int(self.number("wait_for_readers")), self._begin)
 
     def _values(self) -> dict[str, Value]:
         return {parameter.name: self.value(parameter.name) for parameter in settings.PARAMETERS}
 
     def _begin(self) -> None:
-        self.block_subscription(REFERENCE, MOTION, self._take)
+        self.block_subscription(
+            PERTURBATION_REFERENCE, self._take, PERTURBATION_REFERENCE.columns[1:]
+        )
         if self.value("autostart"):
             self.start()
 
@@ -119,10 +125,10 @@ class ActuatorDriverNode(ManagedNode):
         self.release()
         super().destroy_node()
 
-    def work_off(self, executor: SingleThreadedExecutor) -> None:
+    def process_waiting(self, executor: SingleThreadedExecutor) -> None:
         """Told to stop: the rig first, then the blocks that still wait."""
         self.deactivate()
-        super().work_off(executor)
+        super().process_waiting(executor)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         """Limits hold from the next block on, and never beyond the hard ones; the soft start from
@@ -190,12 +196,7 @@ class ActuatorDriverNode(ManagedNode):
 
     def _publish(self, block: np.ndarray) -> None:
         self._samples(block)
-        position, velocity, torque = (float(value) for value in block[-1, 1:])
-        state = JointState(
-            name=["ankle"], position=[position], velocity=[velocity], effort=[torque]
-        )
-        state.header.stamp = Time(nanoseconds=round(block[-1, 0] * 1e9)).to_msg()
-        self._joint.publish(state)
+        self._joint(block)
 
     def _report(self) -> None:
         session = self._session

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
 from ankle_interfaces.errors import QuantityError
-from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
+from ankle_node.node import BLOCK_QOS, LATEST_QOS
 from rig_emulator.fault_switches import switch_faults
 
 PATIENCE = (
@@ -73,7 +73,7 @@ class Bench:
             Float64MultiArray, "/ankle/samples", self._samples, BLOCK_QOS, raw=True
         )
         self.node.create_subscription(
-            String, "/rig/state", lambda message: self.states.append(message.data), WORKED_OFF_QOS
+            String, "/rig/state", lambda message: self.states.append(message.data), LATEST_QOS
         )
 
     def _samples(self, message):

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from ankle_bringup.errors import RunError
 from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
-from ankle_node.node import BLOCK_QOS, WORKED_OFF_QOS
+from ankle_node.node import BLOCK_QOS, LATEST_QOS
 
 # Discovery between processes of one host takes a few tenths of a second.
 DISCOVERY_SECONDS = 1.5
@@ -218,7 +218,7 @@ def latched(node: Node, topic: str, seconds: float) -> str | None:
     def hear(message: Any) -> None:
         heard.append(str(message.data))
 
-    node.create_subscription(String, topic, hear, WORKED_OFF_QOS)
+    node.create_subscription(String, topic, hear, LATEST_QOS)
     deadline = time.monotonic() + seconds
     while not heard and time.monotonic() < deadline:
         rclpy.spin_once(node, timeout_sec=0.1)

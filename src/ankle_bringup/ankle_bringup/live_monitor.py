@@ -12,12 +12,18 @@ from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.block import Block, unpack
 from ankle_interfaces.continuity import Continuity
+from ankle_interfaces.topics import (
+    ANKLE_SAMPLES,
+    ANKLE_TRUTH,
+    IMPEDANCE_ESTIMATE,
+    PERTURBATION_REFERENCE,
+)
 from ankle_node.node import BLOCK_QOS
 
-ESTIMATE = "/impedance/estimate"
-SAMPLES = "/ankle/samples"
-REFERENCE = "/perturbation/reference"
-TRUTH = "/ankle/truth"
+ESTIMATE = IMPEDANCE_ESTIMATE.name
+SAMPLES = ANKLE_SAMPLES.name
+REFERENCE = PERTURBATION_REFERENCE.name
+TRUTH = ANKLE_TRUTH.name
 ONE_MORE_READER = (
     "perturbation_generator.wait_for_readers=3",
     "ankle_sim.wait_for_readers=3",

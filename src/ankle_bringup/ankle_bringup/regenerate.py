@@ -10,8 +10,9 @@ import numpy as np
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
+from ankle_interfaces.topics import IMPEDANCE_ESTIMATE
 
-ESTIMATE = "/impedance/estimate"
+ESTIMATE = IMPEDANCE_ESTIMATE.absolute
 
 
 def regenerate_by_replay(

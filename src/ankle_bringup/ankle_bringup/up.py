@@ -24,9 +24,9 @@ from ankle_bringup.graph import Graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.live_monitor import ESTIMATE, SAMPLES, TRUTH, LiveMonitor
 from ankle_bringup.processes import Processes
-from ankle_node.node import WORKED_OFF_QOS
+from ankle_interfaces.topics import RIG_STATE
+from ankle_node.node import LATEST_QOS
 
-RIG_STATE = "/rig/state"
 DRIVER = "ankle_actuator_driver"
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, `kill`, and the end of the terminal or of the connection to this computer."""
@@ -94,7 +94,7 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         def receive_state(message: Any) -> None:
             rig.append(str(message.data))
 
-        node.create_subscription(String, RIG_STATE, receive_state, WORKED_OFF_QOS)
+        node.create_subscription(String, RIG_STATE.name, receive_state, LATEST_QOS)
         began = time.monotonic()
         try:
             with Live(

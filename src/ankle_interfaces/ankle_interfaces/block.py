@@ -12,6 +12,7 @@ the live graph, the recorder and every reader of a bag.
 from __future__ import annotations
 
 import struct
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -74,8 +75,7 @@ class Block:
         return name in self.columns
 
     def in_si(self) -> tuple[Block, list[str]]:
-        """The same block with every column in SI, and a sentence for each column that was
-        converted.
+        """Return the same block in SI, and a sentence for each column that was converted.
 
         Raises
         ------
@@ -101,47 +101,86 @@ def _si_columns(columns: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray, 
     return tuple(names), np.array(factors), tuple(notes)
 
 
-def require_columns(block: Block, required: tuple[str, ...], topic: str) -> Block:
-    """The block's required columns in SI, in the order asked for, preceded by time.
+def require_columns(
+    block: Block, columns: Sequence[str], topic: str, optional: Collection[str] = ()
+) -> Block:
+    """Return the wanted columns of a block in SI, preceded by time, in the order asked for.
 
     Parameters
     ----------
     block
         Any block.
-    required
+    columns
         Full SI names without time, as ``("position[rad]", "torque[N.m]")``.
     topic
         Named in the error.
+    optional
+        Those of `columns` that are left out where the block does not have them.
 
     Raises
     ------
     UnitError
-        A required quantity is there in a unit of another dimension, or an unknown one.
+        A wanted quantity comes in a unit of another dimension, or in an unknown one.
     BlockError
-        A required quantity is missing.
+        A quantity that is not optional is missing.
     """
-    converted, _ = block.in_si()
-    if converted.columns[0] != TIME_COLUMN:
-        raise BlockError(
-            f"{topic}: the first column is '{block.columns[0]}', expected '{TIME_COLUMN}'"
-        )
-    wanted = [TIME_COLUMN]
-    for name in required:
-        if converted.has(name):
-            wanted.append(name)
+    return select_columns(block, columns, topic, optional)[0]
+
+
+def select_columns(
+    block: Block, columns: Sequence[str], topic: str, optional: Collection[str] = ()
+) -> tuple[Block, list[str]]:
+    """Do what `require_columns` does, and say which columns were converted.
+
+    Columns that are not wanted may have any unit.
+
+    Returns
+    -------
+    tuple
+        The block, and a sentence for each column that was converted.
+    """
+    index = _find_columns(block.columns, tuple(columns), tuple(optional), topic)
+    if index != tuple(range(len(block.columns))):
+        names = tuple(block.columns[k] for k in index)
+        block = Block(names, np.ascontiguousarray(block.data[:, index]))
+    return block.in_si()
+
+
+@lru_cache(maxsize=64)
+def _find_columns(
+    held: tuple[str, ...], columns: tuple[str, ...], optional: tuple[str, ...], topic: str
+) -> tuple[int, ...]:
+    if held[0] != TIME_COLUMN and _si_name(held[0]) != TIME_COLUMN:
+        raise BlockError(f"{topic}: the first column is '{held[0]}', expected '{TIME_COLUMN}'")
+    index = [0]
+    for name in columns:
+        found = _find_column(held, name, topic)
+        if found is not None:
+            index.append(found)
+        elif name not in optional:
+            raise BlockError(f"{topic}: no column '{name}'; the block has {', '.join(held)}")
+    return tuple(index)
+
+
+def _find_column(held: tuple[str, ...], name: str, topic: str) -> int | None:
+    if name in held:
+        return held.index(name)
+    quantity, unit = split_column(name)
+    for index, other in enumerate(held):
+        if split_column(other)[0] != quantity:
             continue
-        quantity, unit = split_column(name)
-        for other in block.columns:
-            if split_column(other)[0] == quantity:
-                raise UnitError(
-                    f"{topic}: {quantity} comes in '{split_column(other)[1]}', expected {unit} or "
-                    "a multiple of it"
-                )
-        raise BlockError(f"{topic}: no column '{name}'; the block has {', '.join(block.columns)}")
-    if tuple(wanted) == converted.columns:
-        return converted
-    index = [converted.columns.index(name) for name in wanted]
-    return Block(tuple(wanted), np.ascontiguousarray(converted.data[:, index]))
+        if _si_name(other) == name:
+            return index
+        raise UnitError(
+            f"{topic}: {quantity} comes in '{split_column(other)[1]}', expected {unit} or a "
+            "multiple of it"
+        )
+    return None
+
+
+def _si_name(column: str) -> str:
+    quantity, unit = split_column(column)
+    return f"{quantity}[{to_si(unit)[0]}]"
 
 
 @lru_cache(maxsize=256)

@@ -2,78 +2,55 @@
 
 from __future__ import annotations
 
-import copy
-import math
 import os
 import signal
+import socket
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from types import FrameType
 from typing import Any
 
 import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, String
 
-from ankle_interfaces.block import Block, pack, require_columns, unpack
+from ankle_interfaces.block import Block, pack, select_columns, unpack
 from ankle_interfaces.continuity import Continuity, Finding
 from ankle_interfaces.errors import BlockError, QuantityError
 from ankle_interfaces.quantity import Quantity, Value
+from ankle_interfaces.topics import DIAGNOSTICS, Topic
+from ankle_node import declared_parameters, derived_topics
+from ankle_node.health import ERROR, OK, WARN, Health
+from ankle_node.qos import BLOCK_QOS, LATEST_QOS, publisher_qos, reader_qos
+from ankle_node.sources import Sources
 
-# Reliable, keep-last 64: one second of blocks, so that a busy reader loses nothing.
-BLOCK_QOS = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=64,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.VOLATILE,
-)
-# A publisher keeps half a minute, for readers that ask again for what was dropped on the way: a
-# recorder of a graph that replays at a hundred times real time lost blocks with 64.
-PUBLISHED_BLOCKS_QOS = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=2048,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.VOLATILE,
-)
-# Latched, the last one only: what a reader has worked off so far is also known to a replay that
-# connects later.
-WORKED_OFF_QOS = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
-)
-WORKED_OFF = "/_worked_off"  # behind a topic's name; the underscore hides it from `ros2 topic list`
-DIAGNOSTICS_PERIOD = 1.0  # s
-HEALTH_SHOWN = 10.0  # s; a warning stays so long, so that a person who looks up once sees it
-NEWS_PERIOD = (
-    0.1  # s; something that comes and goes with every block is told no more often than that
-)
-READERS_POLL_PERIOD = 0.05  # s; short against the start of a process, long against its cost
-STOP_POLL_PERIOD = (
-    0.1  # s; longest time from a signal to the stop of a node that nothing else wakes
-)
-# s without a block after which none is on its way; a crowded machine holds a process off for half a
-# second
+__all__ = ["ACKNOWLEDGED", "BLOCK_QOS", "ERROR", "LATEST_QOS", "OK", "WARN", "AnkleNode", "run"]
+
+ACKNOWLEDGED = "/_acknowledged"
+"""Behind a topic's name; the underscore hides it from ``ros2 topic list``."""
+DIAGNOSTICS_PERIOD = 1.0
+"""[s]"""
+READERS_POLL_PERIOD = 0.05
+"""[s] Short against the start of a process, long against its cost."""
+STOP_POLL_PERIOD = 0.1
+"""[s] Longest time from a signal to the stop of a node that nothing else wakes."""
 QUIET_TIME = 1.0
-HAND_OVER_TIME = 3.0  # s; Fast DDS asks after lost blocks at least that often
-MessageInfo = dict[str, Any]  # as rclpy hands it to a callback of two arguments
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+"""[s] Without a block for so long, none is on its way; a crowded machine holds a process off for
+half a second."""
+HAND_OVER_TIME = 3.0
+"""[s] Fast DDS asks after lost blocks at least that often."""
+MessageInfo = dict[str, Any]
+"""What rclpy hands to a callback of two arguments."""
 
 
 class AnkleNode(Node):
@@ -89,40 +66,58 @@ class AnkleNode(Node):
     """
 
     def __init__(self, name: str, parameters: Sequence[Quantity]) -> None:
-        super().__init__(name)
         self._declared = {parameter.name: parameter for parameter in parameters}
+        super().__init__(name)
+        ignored = declared_parameters.check_overrides(self._parameter_overrides, self._declared)
         for parameter in parameters:
-            self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+            self.declare_parameter(
+                parameter.name, parameter.default, declared_parameters.declaration(parameter)
+            )
             parameter.check(self.get_parameter(parameter.name).value)
         self.add_on_set_parameters_callback(self._check_parameters)
-        self._taken = (0, 0.0)  # when the last block taken was sent [ns], and when it was taken [s]
-        self._health: dict[str, tuple[bytes, str, float]] = {}
-        self._counters: dict[str, str] = {}
-        self._health_told = 0.0  # s of the steady clock
+        self.hardware_id = socket.gethostname()
+        self._last_block = (0, 0.0)  # when it was sent [ns], and when it was received [s]
+        self._health = Health()
         self._block_publishers: dict[str, Publisher] = {}
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, DIAGNOSTICS.name, publisher_qos(DIAGNOSTICS)
+        )
+        self._sources = Sources(self, self._report_sources)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_health)
+        for sentence in ignored:
+            self.get_logger().warning(sentence)
+            self.health("parameters", WARN, sentence)
 
     def describe_parameter(self, name: str) -> ParameterDescriptor:
-        """What ``ros2 param describe`` shows, range included.
-
-        The range is added here and not at declaration, because rclpy would check it before our own
-        check and answer without the unit and the range.
-        """
-        descriptor = copy.deepcopy(super().describe_parameter(name))
+        """What ``ros2 param describe`` shows, range and ``read_only`` included."""
+        descriptor = super().describe_parameter(name)
         declared = self._declared.get(name)
-        if declared is not None and math.isfinite(declared.upper - declared.lower):
-            if isinstance(declared.default, float):
-                descriptor.floating_point_range = [
-                    FloatingPointRange(
-                        from_value=float(declared.lower), to_value=float(declared.upper)
-                    )
-                ]
-            elif isinstance(declared.default, int):
-                descriptor.integer_range = [
-                    IntegerRange(from_value=int(declared.lower), to_value=int(declared.upper))
-                ]
-        return descriptor
+        return declared_parameters.describe(descriptor, declared) if declared else descriptor
+
+    def set_parameters(self, parameter_list: list[rclpy.Parameter]) -> list[SetParametersResult]:
+        """Set each parameter; see `rclpy.node.Node.set_parameters`.
+
+        An unknown one is refused with the name that may be meant. A value that is already there is
+        accepted for every parameter, so that a node loads what it has dumped.
+        """
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
+    def set_parameters_atomically(
+        self, parameter_list: list[rclpy.Parameter]
+    ) -> SetParametersResult:
+        """Set all of the parameters or none; see `set_parameters`."""
+        changes = []
+        for parameter in parameter_list:
+            if not self.has_parameter(parameter.name):
+                reason = declared_parameters.unknown(parameter.name, self._declared)
+                self.get_logger().error(reason)
+                return SetParametersResult(successful=False, reason=reason)
+            present = self.get_parameter(parameter.name).value
+            if parameter.name not in declared_parameters.OF_RCLPY or parameter.value != present:
+                changes.append(parameter)
+        if not changes:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
 
     def value(self, name: str) -> Value:
         """The present value of a declared parameter, in its declared type."""
@@ -146,11 +141,15 @@ class AnkleNode(Node):
         try:
             for change in changes:
                 declared = self._declared.get(change.name)
+                if change.name in declared_parameters.OF_RCLPY:
+                    raise QuantityError(f"parameter '{change.name}' can be set at start only")
                 if declared is None:
                     continue
-                if declared.start_only:
+                value = declared.check(change.value)
+                if not declared.start_only:
+                    accepted[change.name] = value
+                elif value != self.value(change.name):
                     raise QuantityError(f"parameter '{declared.name}' can be set at start only")
-                accepted[change.name] = declared.check(change.value)
             if accepted:
                 self.parameters_changed(accepted)
         except QuantityError as error:
@@ -158,86 +157,132 @@ class AnkleNode(Node):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def block_publisher(self, topic: str, columns: Sequence[str]) -> Callable[[np.ndarray], None]:
-        """A function that publishes data of shape (n, m), m columns ``t[s], ...``, as one block."""
-        names = tuple(columns)
-        publisher = self.create_publisher(Float64MultiArray, topic, PUBLISHED_BLOCKS_QOS)
-        self._block_publishers[topic] = publisher
+    def block_publisher(
+        self, topic: Topic, columns: Sequence[str] | None = None
+    ) -> Callable[[np.ndarray], None]:
+        """Make a publisher of blocks, and of the single numbers that go with them (`Topic.plots`).
+
+        Parameters
+        ----------
+        topic
+            One of `ankle_interfaces.topics`.
+        columns
+            Columns that this node has; all of the topic's where None.
+
+        Returns
+        -------
+        Callable
+            To be called with data of shape (n, m), one column for each of `columns`.
+        """
+        names = topic.columns if columns is None else tuple(columns)
+        publisher = self.create_publisher(Float64MultiArray, topic.name, publisher_qos(topic))
+        self._block_publishers[topic.name] = publisher
+        plot = derived_topics.plots(self, topic, names)
 
         def publish(data: np.ndarray) -> None:
             publisher.publish(pack(Block(names, data)))
+            plot(data)
 
         return publish
 
     def block_subscription(
-        self, topic: str, required: Sequence[str], callback: Callable[[Block, list[Finding]], None]
+        self,
+        topic: Topic,
+        callback: Callable[[Block, list[Finding]], None],
+        required: Sequence[str] | None = None,
+        optional: Sequence[str] = (),
     ) -> Continuity:
-        """Calls back with each block of a topic, its required columns in SI, and what is wrong in
-        the stream.
+        """Call back with each block of a topic, and with what is wrong in the stream.
 
-        A refused block is reported on ``/diagnostics`` and in the log, and dropped.
+        A block arrives in SI, with the columns that were asked for and no others. A block without
+        a required column is refused: reported on ``/diagnostics`` and in the log, and dropped.
+        A second publisher of the topic is reported in the same way.
 
         Parameters
         ----------
-        required
-            Full SI names without time; empty takes the block as it comes.
+        topic
+            One of `ankle_interfaces.topics`.
+        callback
+            Called with a block and its findings.
+        required, optional
+            SI names of the columns that this reader wants, without time, in the order in which it
+            wants them; where `required` is None, all that the topic declares.
+
+        Returns
+        -------
+        Continuity
+            What is known of the stream: its rate, its missing samples.
         """
+        if required is None:
+            wanted, optional = topic.columns[1:], topic.optional
+        else:
+            wanted = (*required, *optional)
+        name = self.resolve_topic_name(topic.name)
         continuity = Continuity()
-        told: set[str] = set()
-        worked_off = self.worked_off(topic)
+        reported: set[str] = set()
+        acknowledge = self.acknowledger(topic.name)
+
+        def report(what: str, level: bytes, sentence: str) -> None:
+            if sentence not in reported:
+                reported.add(sentence)
+                log = self.get_logger()
+                log.error(sentence) if level == ERROR else log.warning(sentence)
+            self.health(f"{topic.name} {what}", level, sentence)
 
         def receive(message: bytes, info: MessageInfo) -> None:
-            take(message)
-            worked_off(info)
+            process(message)
+            acknowledge(info)
 
-        def take(message: bytes) -> None:
+        def process(message: bytes) -> None:
             try:
-                block = unpack(message)
-                _, notes = block.in_si()
+                block, notes = select_columns(unpack(message), wanted, name, optional)
                 for note in notes:
-                    if note not in told:
-                        told.add(note)
-                        self.get_logger().warning(f"{topic}: {note}")
-                        self.health(f"{topic} units", WARN, note)
-                block = require_columns(block, tuple(required), topic) if required else block
+                    report("units", WARN, f"{name}: {note}")
             except BlockError as error:
-                text = str(error) if str(error).startswith(topic) else f"{topic}: {error}"
-                if text not in told:
-                    told.add(text)
-                    self.get_logger().error(text)
-                self.health(f"{topic} blocks", ERROR, text)
+                text = str(error)
+                report("blocks", ERROR, text if text.startswith(name) else f"{name}: {text}")
                 return
             findings = continuity.check(block.data)
             for finding in findings:
-                self.get_logger().warning(f"{topic}: {finding.message}", throttle_duration_sec=1.0)
-                self.health(topic, WARN, finding.message)
-            self.count(f"{topic} missing samples", continuity.missing)
+                self.get_logger().warning(f"{name}: {finding.message}", throttle_duration_sec=1.0)
+                self.health(topic.name, WARN, finding.message)
+            self.count(f"{topic.name} missing samples", continuity.missing)
             callback(block, findings)
 
         # rclpy passes the info to a callback of two arguments; its annotation knows one.
         with_info: Any = receive
-        self.create_subscription(Float64MultiArray, topic, with_info, BLOCK_QOS, raw=True)
+        qos = reader_qos(topic)
+        self.create_subscription(Float64MultiArray, topic.name, with_info, qos, raw=True)
+        self.watch_publishers(topic.name)
         return continuity
 
-    def worked_off(self, topic: str) -> Callable[[MessageInfo], None]:
-        """A function to call with the info of each message of a topic that this node is done with.
+    def watch_publishers(self, topic: str) -> None:
+        """Report from now on when several nodes publish a topic that this node reads."""
+        self._sources.watch(self.resolve_topic_name(topic))
+
+    def _report_sources(self, topic: str, sentence: str) -> None:
+        self.get_logger().error(sentence, throttle_duration_sec=10.0)
+        self.health(f"{topic} publishers", ERROR, sentence)
+
+    def acknowledger(self, topic: str) -> Callable[[MessageInfo], None]:
+        """Make a function to call with the info of each message that this node has processed.
 
         DDS confirms that a message reached the reader's queue, not that the reader got to it: a
         replay at full speed would overrun the queue of 64 if it did not hear this. The message says
         who reads, and when the message that it got to was sent [ns].
         """
         publisher = self.create_publisher(
-            String, self.resolve_topic_name(topic) + WORKED_OFF, WORKED_OFF_QOS
+            String, self.resolve_topic_name(topic) + ACKNOWLEDGED, LATEST_QOS
         )
         reader = f"{self.get_fully_qualified_name()} {os.getpid()}-{id(publisher)}"
 
-        def tell(info: MessageInfo) -> None:
-            self._taken = (info["source_timestamp"], time.monotonic())
+        def acknowledge(info: MessageInfo) -> None:
+            self._last_block = (info["source_timestamp"], time.monotonic())
             publisher.publish(String(data=f"{reader} {info['source_timestamp']}"))
 
-        return tell
+        return acknowledge
 
-    def when_read(self, topic: str, readers: int, begin: Callable[[], None]) -> None:
+    def when_read(self, topic: Topic, readers: int, begin: Callable[[], None]) -> None:
         """Call `begin` once as many readers are connected to a block topic of this node; at once
         for 0.
 
@@ -247,7 +292,7 @@ class AnkleNode(Node):
         if readers <= 0:
             begin()
             return
-        publisher = self._block_publishers[topic]
+        publisher = self._block_publishers[topic.name]
         asked_at = time.monotonic()
 
         def look() -> None:
@@ -256,24 +301,26 @@ class AnkleNode(Node):
                 timer.cancel()
                 begin()
             elif time.monotonic() - asked_at > 5.0:
-                self.health(topic, WARN, f"waiting for {readers} readers, {connected} connected")
+                self.health(
+                    topic.name, WARN, f"waiting for {readers} readers, {connected} connected"
+                )
 
         timer = self.create_timer(
             READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
-    def work_off(self, executor: SingleThreadedExecutor) -> None:
-        """Take the blocks that were sent before now and still wait in this node's queues."""
-        told, begin = time.time_ns(), time.monotonic()
+    def process_waiting(self, executor: SingleThreadedExecutor) -> None:
+        """Process the blocks that were sent before now and still wait in this node's queues."""
+        asked, begin = time.time_ns(), time.monotonic()
         while rclpy.ok() and time.monotonic() < begin + HAND_OVER_TIME:
             executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
-            sent, taken = self._taken
-            if sent > told or time.monotonic() > max(taken, begin) + QUIET_TIME:
+            sent, received = self._last_block
+            if sent > asked or time.monotonic() > max(received, begin) + QUIET_TIME:
                 return
         self.get_logger().warning(f"stopped with blocks still waiting after {HAND_OVER_TIME:g} s")
 
     def hand_over(self) -> None:
-        """Give the readers time to take the last blocks; says so where they did not."""
+        """Wait until the readers have the last blocks; log where they do not confirm."""
         deadline = time.monotonic() + HAND_OVER_TIME
         for topic, publisher in self._block_publishers.items():
             left = max(deadline - time.monotonic(), 0.0)
@@ -287,53 +334,57 @@ class AnkleNode(Node):
         return self.get_clock().now().nanoseconds * 1e-9
 
     def health(self, what: str, level: bytes, message: str) -> None:
-        """State the health of one thing; a warning or error is shown for at least ten seconds."""
-        now = time.monotonic()
-        before = self._health.get(what)
-        self._health[what] = (level, message, now)
-        news = level != OK and (before is None or before[0] == OK or now - before[2] > HEALTH_SHOWN)
-        if news and now - self._health_told > NEWS_PERIOD:
+        """State the health of one thing, from any thread; a warning or error is shown for at least
+        ten seconds.
+        """
+        if self._health.state(what, level, message):
             self._publish_health()
 
     def count(self, what: str, value: object) -> None:
-        """A figure that is shown with the node's health."""
-        self._counters[what] = str(value)
+        """Set a figure that is shown with the node's health, from any thread."""
+        self._health.count(what, value)
 
     def _publish_health(self) -> None:
-        now = self._health_told = time.monotonic()
-        shown = [
-            (what, level, message)
-            for what, (level, message, when) in self._health.items()
-            if now - when < HEALTH_SHOWN
-        ]
-        bad = [(level, f"{what}: {message}") for what, level, message in shown if level != OK]
-        level = max((entry[0] for entry in bad), default=OK)
-        text = "; ".join(message for _, message in sorted(bad, reverse=True)) or "running"
-        status = DiagnosticStatus(level=level, name=self.get_name(), message=text, hardware_id="")
-        status.values = [KeyValue(key=key, value=value) for key, value in self._counters.items()]
+        status = self._health.status(self.get_fully_qualified_name(), self.hardware_id)
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
 
-def _descriptor(parameter: Quantity) -> ParameterDescriptor:
-    text = " ".join(part for part in (parameter.description, parameter.source) if part)
-    unit = f" [{parameter.unit}]" if parameter.unit else ""
-    # dynamic_typing: rclpy would refuse `amplitude:=1` for a float before our own check can say
-    # why.
-    descriptor = ParameterDescriptor(
-        description=f"{text}{unit}", dynamic_typing=True, read_only=False
-    )
-    descriptor.additional_constraints = f"allowed: {parameter.allowed}" + (
-        "; at start only" if parameter.start_only else ""
-    )
-    return descriptor
+class StopSignal:
+    """SIGINT and SIGTERM: while the node is made they interrupt whatever it does (a compilation
+    takes half a minute), afterwards they are noted, so that the node ends in good order.
+    """
+
+    def __init__(self) -> None:
+        self.starting = True
+        self._received = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._receive)
+
+    @property
+    def received(self) -> bool:
+        """Whether the process was asked to stop."""
+        return self._received.is_set()
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self._received.set()
+        if self.starting:
+            self.starting = False
+            raise KeyboardInterrupt
 
 
 def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -> int:
-    """Start rclpy, spin the node until it is told to stop, and clean up.
+    """Start rclpy, spin the node until the process is asked to stop, and clean up.
 
     Discovery stays on this host unless the environment says otherwise.
+
+    Parameters
+    ----------
+    make
+        Makes the node.
+    arguments
+        Command line; that of the process where None.
 
     Returns
     -------
@@ -347,21 +398,20 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         args=None if arguments is None else list(arguments),
         signal_handler_options=SignalHandlerOptions.NO,
     )
-    told_to_stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: told_to_stop.set())
     node: AnkleNode | None = None
     try:
+        stop = StopSignal()
         node = make()
+        stop.starting = False
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        while rclpy.ok() and not told_to_stop.is_set():
+        while rclpy.ok() and not stop.received:
             executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
-        node.work_off(executor)
+        node.process_waiting(executor)
         node.hand_over()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (QuantityError, ValueError, OSError) as error:
+    except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return 1
     finally:

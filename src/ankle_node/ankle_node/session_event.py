@@ -1,4 +1,4 @@
-"""What `/session/event` says: one line of YAML with an event, its time and its details.
+"""What ``session/event`` says: one line of YAML with an event, its time and its details.
 
     {event: hold started, 't[s]': 1760000012.5, hold: 3, 'torque_target[N.m]': -5.0}
 
@@ -15,7 +15,10 @@ from typing import Any
 
 import yaml
 
-TOPIC = "/session/event"
+from ankle_interfaces.topics import SESSION_EVENT
+
+TOPIC = SESSION_EVENT.absolute
+"""Name in a bag."""
 HOLD_STARTED, HOLD_ENDED = "hold started", "hold ended"
 TORQUE_TARGET = "torque_target[N.m]"
 

@@ -2,15 +2,15 @@
 
 | topic | direction | type | rate | columns |
 | --- | --- | --- | --- | --- |
-| /perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2]; position alone will do |
-| /ankle/samples | out | Float64MultiArray | as the reference | t[s],position[rad],velocity[rad/s],torque[N.m] |
-| /ankle/joint_states | out | JointState, name `ankle` | each block | last sample |
-| /ankle/truth | out | Float64MultiArray | each block, one row | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
-| /emg/samples | out, with a subject | Float64MultiArray | as the reference | t[s],SOL[V],TA[V],GL[V],GM[V] |
-| /session/event | out, with holds | String | | hold started, hold ended |
+| perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2]; position alone will do |
+| ankle/samples | out | Float64MultiArray | as the reference | t[s],position[rad],velocity[rad/s],torque[N.m] |
+| joint_states | out | JointState, name `ankle` | each block | last sample |
+| ankle/truth | out | Float64MultiArray | each block, one row | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
+| emg/samples | out, with a subject | Float64MultiArray | as the reference | t[s],SOL[V],TA[V],GL[V],GM[V] |
+| session/event | out, with holds | String | | hold started, hold ended |
 | /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
 
-A term that the model lacks is NaN in /ankle/truth. The node advances by the samples of the
+A term that the model lacks is NaN in ankle/truth. The node advances by the samples of the
 reference, never by timers: it is as fast as its input. A virtual subject (parameter `subject`) sets
 K, G and the voluntary torque by what its muscles do; they cannot be set by hand then. Parameters:
 `ankle_sim.parameters`.
@@ -22,16 +22,22 @@ import math
 import time
 
 import numpy as np
-from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from ankle_interfaces.block import Block, require_columns
+from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import BlockError, QuantityError
 from ankle_interfaces.quantity import Value
-from ankle_node import session_event
+from ankle_interfaces.topics import (
+    ANKLE_SAMPLES,
+    ANKLE_TRUTH,
+    EMG_SAMPLES,
+    PERTURBATION_REFERENCE,
+    SESSION_EVENT,
+)
+from ankle_node.derived_topics import joint_states
 from ankle_node.node import ERROR, WARN, AnkleNode, run
+from ankle_node.qos import publisher_qos
 from ankle_physics.actuator import Servo
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
@@ -51,14 +57,11 @@ from ankle_sim.parameters import (
 )
 from ankle_sim.procedure import some_holds
 from ankle_sim.start_values import start_value
-from ankle_sim.virtual_subject import MUSCLES, State, draw_subject
+from ankle_sim.virtual_subject import State, draw_subject
 
 NAME = "ankle_sim"
-REFERENCE = "/perturbation/reference"
-SAMPLES = "/ankle/samples"
-TRUTH = "/ankle/truth"
-MOTION = ("position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
-USUAL_RATE = 2048.0  # Hz; what the warm-up compiles and prepares for, any other rate works too
+USUAL_RATE = 2048.0
+"""[Hz] What the warm-up compiles and prepares for; any other rate works too."""
 
 
 class AnkleSimNode(AnkleNode):
@@ -98,17 +101,13 @@ class AnkleSimNode(AnkleNode):
             self._rig = self._make_subject(setup)
         else:
             self._rig = LiveRig(setup, self._report, bool(self.value("noise")))
-        self._samples = self.block_publisher(
-            SAMPLES, ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
-        )
-        self._truth = self.block_publisher(
-            TRUTH, ("t[s]", "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]")
-        )
-        self._joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
+        self._samples = self.block_publisher(ANKLE_SAMPLES)
+        self._truth = self.block_publisher(ANKLE_TRUTH)
+        self._joint = joint_states(self)
         self._simulated, self._busy = 0, 0.0
         self.get_logger().info("preparing (compiles the simulation at the first start, about 20 s)")
         noise = self._rig.noise_deviations(USUAL_RATE)
-        self.when_read(SAMPLES, int(self.number("wait_for_readers")), self._begin)
+        self.when_read(ANKLE_SAMPLES, int(self.number("wait_for_readers")), self._begin)
         terms = ", ".join(entry.term.name for entry in model.entries)
         self.get_logger().info(
             f"ready; model: {terms}; scenario: {scenario.title or 'none'}; "
@@ -128,10 +127,10 @@ class AnkleSimNode(AnkleNode):
         self._subject.told(
             State(**{parameter.name: self.number(parameter.name) for parameter in STATE_PARAMETERS})
         )
-        self._emg = self.block_publisher(
-            "/emg/samples", ("t[s]", *(f"{muscle}[V]" for muscle in MUSCLES))
+        self._emg = self.block_publisher(EMG_SAMPLES)
+        self._events = self.create_publisher(
+            String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
         )
-        self._events = self.create_publisher(String, session_event.TOPIC, 10)
         return self._subject.rig
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
@@ -167,7 +166,7 @@ class AnkleSimNode(AnkleNode):
         self._rig.noisy = bool(values.get("noise", self._rig.noisy))
 
     def _begin(self) -> None:
-        self._continuity = self.block_subscription(REFERENCE, (), self._take)
+        self._continuity = self.block_subscription(PERTURBATION_REFERENCE, self._take)
 
     def _take(self, block: Block, findings: list[Finding]) -> None:
         started = time.process_time()
@@ -200,10 +199,9 @@ class AnkleSimNode(AnkleNode):
         return [piece.stretch for piece in pieces]
 
     def _motion(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
-        in_si, _ = block.in_si()
-        known = MOTION if all(in_si.has(name) for name in MOTION) else MOTION[:1]
-        data = require_columns(block, known, REFERENCE).data
-        if known != MOTION:
+        data = block.data
+        if block.columns != PERTURBATION_REFERENCE.columns:
+            data = data[:, :2]
             self.health(
                 "reference",
                 WARN,
@@ -212,7 +210,9 @@ class AnkleSimNode(AnkleNode):
         return data[:, 0], data[:, 1:]
 
     def _publish(self, stretch: Stretch) -> None:
-        self._samples(np.column_stack([stretch.time, stretch.samples]))
+        samples = np.column_stack([stretch.time, stretch.samples])
+        self._samples(samples)
+        self._joint(samples)
         voluntary = stretch.parts.get(VOLUNTARY_TORQUE, math.nan)
         row = [
             stretch.truth.get("stiffness.K[N.m/rad]", math.nan),
@@ -220,12 +220,6 @@ class AnkleSimNode(AnkleNode):
             voluntary,
         ]
         self._truth(np.array([[stretch.time[-1], *row]]))
-        position, velocity, torque = (float(value) for value in stretch.samples[-1])
-        state = JointState(
-            name=["ankle"], position=[position], velocity=[velocity], effort=[torque]
-        )
-        state.header.stamp = Time(nanoseconds=round(stretch.time[-1] * 1e9)).to_msg()
-        self._joint.publish(state)
 
     def _report(self, sentence: str) -> None:
         self.get_logger().warning(sentence, throttle_duration_sec=1.0)

@@ -68,7 +68,7 @@ class Bench:
             BLOCK_QOS,
             raw=True,
         )
-        subscribe(JointState, "/ankle/joint_states", self.joint.append, 64)
+        subscribe(JointState, "/joint_states", self.joint.append, 64)
         subscribe(DiagnosticArray, "/diagnostics", lambda m: self.health.extend(m.status), 64)
         self.reference = self.node.create_publisher(
             Float64MultiArray, "/perturbation/reference", BLOCK_QOS
@@ -183,7 +183,7 @@ def test_samples_truth_parameters_and_gaps(bench):
     assert rig.truth[-1].data[0, 1:].tolist() == [150.0, 15.0, -5.0]
     rig.until(
         lambda: any(
-            "320 samples" in status.message for status in rig.health if status.name == "ankle_sim"
+            "320 samples" in status.message for status in rig.health if status.name == "/ankle_sim"
         ),
         "the gap in the health",
     )

@@ -37,8 +37,16 @@ from std_msgs.msg import String
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
+from ankle_interfaces.topics import (
+    ANKLE_SAMPLES,
+    DIAGNOSTICS,
+    EMG_SAMPLES,
+    IMPEDANCE_ESTIMATE,
+    MUSCLES,
+    SESSION_EVENT,
+)
 from ankle_node.node import WARN, AnkleNode, run
-from ankle_node.session_event import TOPIC as EVENT_TOPIC
+from ankle_node.qos import publisher_qos
 from ankle_node.session_event import SessionEvent
 from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
@@ -52,10 +60,7 @@ from biofeedback.session.simulated_subject import SimulatedSubject
 from biofeedback.web.access import Access, is_loopback, tls_context
 from biofeedback.web.presenter import Presenter
 from biofeedback.web.server import Server
-from emg_driver.muscles import MUSCLES, SAMPLE_COLUMNS, SAMPLES_TOPIC
-from impedance_estimator.estimator import ESTIMATE_TOPIC
 
-SAMPLES = "/ankle/samples"
 ESTIMATE = ("K[N.m/rad]", "G[N.m.s/rad]", "valid[1]")
 LOOK_PERIOD = 1.0  # s; how soon a simulated subject that starts later is seen
 SAVE_PERIOD = 1.0  # s; what a crash may cost of a step's clock
@@ -64,7 +69,7 @@ START_PATIENCE = 10.0  # s
 # for it, with the times they have.
 DISCOVERY, LONGEST_DISCOVERY = 2.0, 10.0  # s; with a reader, without one
 EVENTS_PERIOD = 0.2  # s; how often events that wait for a reader are tried again
-EVENTS_KEPT = 100  # for a recorder that is slow to read; a session has a few hundred events in all
+DIAGNOSTICS_KEPT = 50  # every node reports once a second, and at once what is wrong
 STOP_PATIENCE = 1.0  # s; for the rig to confirm the stop of a node that ends
 
 
@@ -79,7 +84,9 @@ class BiofeedbackNode(AnkleNode):
         session = Session(load_protocol(self.text("protocol")))
         self._signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
         self._rig, self._subject = RigServices(self, self.text("rig")), SimulatedSubject(self)
-        self._events = self.create_publisher(String, EVENT_TOPIC, EVENTS_KEPT)
+        self._events = self.create_publisher(
+            String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
+        )
         self._unsent: deque[SessionEvent] = deque()
         self._unlogged: deque[SessionEvent] = deque()
         self._happened = self.create_guard_condition(self._send_events)
@@ -115,10 +122,12 @@ class BiofeedbackNode(AnkleNode):
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
         self.create_timer(EVENTS_PERIOD, self._send_events, clock=steady)
         self._look()
-        self._ankle = self.block_subscription(SAMPLES, (), self._take_samples)
-        self.block_subscription(ESTIMATE_TOPIC, ESTIMATE, self._take_estimates)
-        self.block_subscription(SAMPLES_TOPIC, SAMPLE_COLUMNS[1:], self._take_emg)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 50)
+        self._ankle = self.block_subscription(ANKLE_SAMPLES, self._take_samples)
+        self.block_subscription(IMPEDANCE_ESTIMATE, self._take_estimates, ESTIMATE)
+        self.block_subscription(EMG_SAMPLES, self._take_emg)
+        self.create_subscription(
+            DiagnosticArray, DIAGNOSTICS.name, self._take_diagnostics, DIAGNOSTICS_KEPT
+        )
         self._thread.start()
         if not self._serving.wait(START_PATIENCE) or self._failure is not None:
             self._runner.close()
@@ -218,20 +227,14 @@ class BiofeedbackNode(AnkleNode):
         self.count("pages closed for what they sent", self._server.closed_for_cause)
 
     def _take_samples(self, block: Block, findings: list[Finding]) -> None:
-        in_si, _ = block.in_si()
-        if not (
-            len(block.data)
-            and self._ankle.rate
-            and in_si.has("position[rad]")
-            and in_si.has("torque[N.m]")
-        ):
+        if not (len(block.data) and self._ankle.rate):
             return
         velocity = (
-            in_si.column("velocity[rad/s]")
-            if in_si.has("velocity[rad/s]")
+            block.column("velocity[rad/s]")
+            if block.has("velocity[rad/s]")
             else np.zeros(len(block.data))
         )
-        columns = (in_si.time, in_si.column("position[rad]"), velocity, in_si.column("torque[N.m]"))
+        columns = (block.time, block.column("position[rad]"), velocity, block.column("torque[N.m]"))
         self._signals.feed_samples(np.column_stack(columns), self._ankle.rate, time.monotonic())
 
     def _take_estimates(self, block: Block, findings: list[Finding]) -> None:
@@ -241,20 +244,24 @@ class BiofeedbackNode(AnkleNode):
         self._signals.feed_emg(block.data)
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        namespace = f"{self.get_namespace().rstrip('/')}/"
         for status in message.status:
+            owner, slash, name = status.name.rpartition("/")
+            if slash and f"{owner}/" != namespace:  # of another laboratory
+                continue
             figures = {value.key: value.value for value in status.values}
             self._signals.feed_status(
-                status.name, status.level[0], status.message, figures, time.monotonic()
+                name, status.level[0], status.message, figures, time.monotonic()
             )
 
-    def work_off(self, executor: SingleThreadedExecutor) -> None:
+    def process_waiting(self, executor: SingleThreadedExecutor) -> None:
         """Stop the rig first when this node is ended in the middle of a session."""
         if self._runner.view.state in (ARMED, RUNNING):
             self._runner.stop("the screens were ended")
             deadline = time.monotonic() + STOP_PATIENCE
             while self._rig.waits_for_stop and time.monotonic() < deadline:
                 executor.spin_once(timeout_sec=0.02)
-        super().work_off(executor)
+        super().process_waiting(executor)
 
     def destroy_node(self) -> None:
         """Close the pages, then the session, then the way to the rig."""

@@ -16,7 +16,7 @@ FORGOTTEN_AFTER = 60.0
 LEVELS = ("ok", "warning", "error", "stale")
 """By `diagnostic_msgs/DiagnosticStatus.level`."""
 NOT_VALID = "not valid: "
-"""How the estimator's status begins its reason."""
+"""How the estimator begins its reason, in its message or in a figure."""
 FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing samples", "ready"
 """Figures of the recorder, by which it is recognised whatever its name."""
 
@@ -103,9 +103,10 @@ class GraphHealth:
     def reason(self) -> str:
         """Why estimates are not valid, as the estimator says it; empty where it says nothing."""
         for status in self._nodes.values():
-            _, found, reason = status.message.partition(NOT_VALID)
-            if found:
-                return reason.partition(";")[0]
+            for text in (status.message, *status.figures.values()):
+                _, found, reason = text.partition(NOT_VALID)
+                if found:
+                    return reason.partition(";")[0]
         return ""
 
 

@@ -3,7 +3,7 @@
 | topic | direction | type | rate | columns |
 | --- | --- | --- | --- | --- |
 | a Lab Streaming Layer stream | in | chosen by name, type or source id | | channels chosen by label or index |
-| /emg/samples | out | Float64MultiArray | 64 Hz | t[s],SOL[V],TA[V],GL[V],GM[V]; NaN where a channel is bad |
+| emg/samples | out | Float64MultiArray | 64 Hz | t[s],SOL[V],TA[V],GL[V],GM[V]; NaN where a channel is bad |
 | /diagnostics | out | DiagnosticArray | 1 Hz | stream, missing samples, drift, bad electrodes |
 
 It looks for the stream until it is there, and again when it is lost. Parameters: `PARAMETERS`.
@@ -19,13 +19,13 @@ from rclpy.clock import Clock, ClockType
 
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
+from ankle_interfaces.topics import EMG_SAMPLES, MUSCLES
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
 from emg_driver.backlog import Backlog
 from emg_driver.bridge import EmgBridge
 from emg_driver.clock_mapping import ClockDifference
 from emg_driver.errors import StreamRefused
 from emg_driver.lsl_source import Chunk, Connected, Lost, LslSource, Searching, predicate
-from emg_driver.muscles import MUSCLES, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from emg_driver.settings import ELECTRODES, electrodes_from
 from emg_driver.stream_description import parse_channels
 
@@ -104,12 +104,12 @@ class EmgBridgeNode(AnkleNode):
         self._heard = self._asked = time.monotonic()
         self._connections = self._missing = self._samples = 0
         self._backlog = Backlog()
-        self._publish = self.block_publisher(SAMPLES_TOPIC, SAMPLE_COLUMNS)
+        self._publish = self.block_publisher(EMG_SAMPLES)
         self._source: LslSource | None = None
         self._ros_minus_lsl = ClockDifference(self.now, pylsl.local_clock)
         self._wake = self.create_guard_condition(self._take_events)
         self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.when_read(SAMPLES_TOPIC, int(self.number("wait_for_readers")), self._begin)
+        self.when_read(EMG_SAMPLES, int(self.number("wait_for_readers")), self._begin)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         """Limits of electrodes hold from the next connection on."""

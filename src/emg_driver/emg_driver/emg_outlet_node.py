@@ -3,7 +3,7 @@ any program that reads LSL.
 
 | topic | direction | type | |
 | --- | --- | --- | --- |
-| /emg/samples | in | Float64MultiArray | t[s] and any columns in V; remap it where the bridge runs in the same graph |
+| emg/samples | in | Float64MultiArray | t[s] and any of SOL[V],TA[V],GL[V],GM[V]; remap it where the bridge runs in the same graph |
 | a Lab Streaming Layer stream | out | | one channel for each column, labels and units in its description |
 | /diagnostics | out | DiagnosticArray | 1 Hz |
 
@@ -21,10 +21,10 @@ import pylsl
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding, sampling_rate
 from ankle_interfaces.quantity import Quantity
+from ankle_interfaces.topics import EMG_SAMPLES
 from ankle_interfaces.units import split_column
 from ankle_node.node import AnkleNode, run
 from emg_driver.clock_mapping import ClockDifference
-from emg_driver.muscles import SAMPLES_TOPIC
 
 PARAMETERS = (
     Quantity(
@@ -61,11 +61,10 @@ class EmgOutletNode(AnkleNode):
         self._first = 0.0
         self._sent = 0
         self._ros_minus_lsl = ClockDifference(self.now, pylsl.local_clock)
-        self.block_subscription(SAMPLES_TOPIC, (), self._take)
+        self.block_subscription(EMG_SAMPLES, self._take, (), EMG_SAMPLES.columns[1:])
         self.get_logger().info("ready")
 
     def _take(self, block: Block, findings: list[Finding]) -> None:
-        block, _ = block.in_si()
         if self._outlet is None:
             self._outlet = self._open(block)
             self._first = float(block.time[0])

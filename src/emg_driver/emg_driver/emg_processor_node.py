@@ -2,11 +2,11 @@
 
 | topic | direction | type | |
 | --- | --- | --- | --- |
-| /emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V] |
-| /perturbation/reference | in | Float64MultiArray | t[s],position[rad]: onsets |
-| /ankle/samples | in | Float64MultiArray | t[s],velocity[rad/s]: onsets while there is no reference |
-| /emg/responses | out | Float64MultiArray | each onset: t[s],direction[1], background_SOL[V] ..., reflex_SOL[V.s] ... |
-| /emg/ensemble | out | Float64MultiArray | each second onset: lag[s],SOL[V],TA[V],GL[V],GM[V] |
+| emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V] |
+| perturbation/reference | in | Float64MultiArray | t[s],position[rad]: onsets |
+| ankle/samples | in | Float64MultiArray | t[s],velocity[rad/s]: onsets while there is no reference |
+| emg/responses | out | Float64MultiArray | each onset: t[s],direction[1], background_SOL[V] ..., reflex_SOL[V.s] ... |
+| emg/ensemble | out | Float64MultiArray | each second onset: lag[s],SOL[V],TA[V],GL[V],GM[V] |
 | /diagnostics | out | DiagnosticArray | onsets, bad electrodes, missing samples |
 
 The node advances by samples, never by timers. Parameters: `emg_driver.settings`.
@@ -19,16 +19,15 @@ import sys
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.quantity import Quantity, Value
-from ankle_node.node import ERROR, WARN, AnkleNode, run
-from emg_driver.muscles import (
-    ENSEMBLE_COLUMNS,
-    ENSEMBLE_TOPIC,
-    RESPONSE_COLUMNS,
-    RESPONSE_TOPIC,
-    SAMPLE_COLUMNS,
-    SAMPLES_TOPIC,
+from ankle_interfaces.topics import (
+    ANKLE_SAMPLES,
+    EMG_ENSEMBLE,
+    EMG_RESPONSES,
+    EMG_SAMPLES,
+    PERTURBATION_REFERENCE,
 )
-from emg_driver.offline import MOTION_TOPIC, POSITION, REFERENCE_TOPIC, VELOCITY
+from ankle_node.node import ERROR, WARN, AnkleNode, run
+from emg_driver.offline import POSITION, VELOCITY
 from emg_driver.processor import EmgProcessor, Responses, warm_up
 from emg_driver.settings import ELECTRODES, PROCESSING, settings_from
 
@@ -54,9 +53,9 @@ class EmgProcessorNode(AnkleNode):
         self._values = {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
         self._processor = EmgProcessor(settings_from(self._values))
         self._published = 0
-        self._responses = self.block_publisher(RESPONSE_TOPIC, RESPONSE_COLUMNS)
-        self._ensemble = self.block_publisher(ENSEMBLE_TOPIC, ENSEMBLE_COLUMNS)
-        self.when_read(RESPONSE_TOPIC, int(self.number(WAIT_FOR_READERS.name)), self._begin)
+        self._responses = self.block_publisher(EMG_RESPONSES)
+        self._ensemble = self.block_publisher(EMG_ENSEMBLE)
+        self.when_read(EMG_RESPONSES, int(self.number(WAIT_FOR_READERS.name)), self._begin)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         """The processing starts anew with new settings."""
@@ -71,9 +70,9 @@ class EmgProcessorNode(AnkleNode):
 
     def _begin(self) -> None:
         warm_up()
-        self.block_subscription(REFERENCE_TOPIC, (POSITION,), self._take_reference)
-        self.block_subscription(MOTION_TOPIC, (VELOCITY,), self._take_motion)
-        self.block_subscription(SAMPLES_TOPIC, SAMPLE_COLUMNS[1:], self._take_emg)
+        self.block_subscription(PERTURBATION_REFERENCE, self._take_reference, (POSITION,))
+        self.block_subscription(ANKLE_SAMPLES, self._take_motion, (VELOCITY,))
+        self.block_subscription(EMG_SAMPLES, self._take_emg)
         self.get_logger().info("ready")
 
     def _take_reference(self, block: Block, findings: list[Finding]) -> None:
@@ -86,7 +85,7 @@ class EmgProcessorNode(AnkleNode):
         try:
             self._publish(self._processor.feed_emg(block.data[:, 0], block.data[:, 1:]))
         except ValueError as error:
-            self.get_logger().error(f"{SAMPLES_TOPIC}: {error}", throttle_duration_sec=5.0)
+            self.get_logger().error(f"{EMG_SAMPLES.name}: {error}", throttle_duration_sec=5.0)
             self.health("EMG", ERROR, str(error))
 
     def _publish(self, due: Responses) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ankle_interfaces.block import Block, require_columns, unpack
 from ankle_interfaces.errors import BlockError
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from emg_driver.muscles import (
     BACKGROUND,
     ENSEMBLE_COLUMNS,
@@ -28,7 +29,7 @@ from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
 
-REFERENCE_TOPIC, MOTION_TOPIC = "/perturbation/reference", "/ankle/samples"
+REFERENCE_TOPIC, MOTION_TOPIC = PERTURBATION_REFERENCE.absolute, ANKLE_SAMPLES.absolute
 POSITION, VELOCITY = "position[rad]", "velocity[rad/s]"
 # Messages of one topic that are handed over together: fewer calls, same numbers.
 GROUPED = 16

@@ -72,7 +72,7 @@ class Laboratory:
 
     def _take_health(self, message):
         self.health += [
-            (time.monotonic(), status.name, status.message) for status in message.status
+            (time.monotonic(), status.name.lstrip("/"), status.message) for status in message.status
         ]
 
     def told(self, node, words, since=0.0):

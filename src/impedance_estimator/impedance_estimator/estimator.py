@@ -7,30 +7,19 @@ from typing import ClassVar
 
 import numpy as np
 
+from ankle_interfaces.topics import IMPEDANCE_ESTIMATE, IMPEDANCE_REFLEX_IRF
 from impedance_estimator.settings import EstimatorSettings
 
-ESTIMATE_COLUMNS = (
-    "t[s]",
-    "K[N.m/rad]",
-    "B[N.m.s/rad]",
-    "I[kg.m^2]",
-    "G[N.m.s/rad]",
-    "vaf_intrinsic[%]",
-    "vaf_total[%]",
-    "valid[1]",
-    "se_K[N.m/rad]",
-    "se_B[N.m.s/rad]",
-    "se_I[kg.m^2]",
-    "se_G[N.m.s/rad]",
-)
+ESTIMATE_COLUMNS = IMPEDANCE_ESTIMATE.columns
 """Columns of an estimate.
 
 Where ``valid`` is 0 the row holds the last valid estimate, or NaN when there has been none.
 """
 
-ESTIMATE_TOPIC, REFLEX_TOPIC = "/impedance/estimate", "/impedance/reflex_irf"
+ESTIMATE_TOPIC, REFLEX_TOPIC = IMPEDANCE_ESTIMATE.absolute, IMPEDANCE_REFLEX_IRF.absolute
+"""Names in a bag."""
 
-REFLEX_COLUMNS = ("lag[s]", "h[N.m/rad]")
+REFLEX_COLUMNS = IMPEDANCE_REFLEX_IRF.columns
 """Columns of a reflex impulse response."""
 
 TORQUE_COLUMNS = ("t[s]", "torque[N.m]", "intrinsic_torque[N.m]", "reflex_torque[N.m]")

@@ -17,15 +17,10 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Value
+from ankle_interfaces.topics import ANKLE_SAMPLES, IMPEDANCE_ESTIMATE, IMPEDANCE_REFLEX_IRF
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
-from impedance_estimator.estimator import (
-    ESTIMATE_COLUMNS,
-    ESTIMATE_TOPIC,
-    REFLEX_COLUMNS,
-    REFLEX_TOPIC,
-)
 from impedance_estimator.parameters import PARAMETERS, WAIT_FOR_READERS, settings_from
-from impedance_estimator.stream import TOPIC, EstimateStream, compile_estimator
+from impedance_estimator.stream import EstimateStream, compile_estimator
 
 
 class ImpedanceEstimator(AnkleNode):
@@ -36,10 +31,13 @@ class ImpedanceEstimator(AnkleNode):
         self._values = {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
         self._stream = self._make_stream(self._values)
         self._reason: str | None = None
+        self._was_valid = False
         self._compile()
-        self._publish_estimate = self.block_publisher(ESTIMATE_TOPIC, ESTIMATE_COLUMNS)
-        self._publish_response = self.block_publisher(REFLEX_TOPIC, REFLEX_COLUMNS)
-        self.when_read(ESTIMATE_TOPIC, int(self._values[WAIT_FOR_READERS.name]), self._subscribe)
+        self._publish_estimate = self.block_publisher(IMPEDANCE_ESTIMATE)
+        self._publish_response = self.block_publisher(IMPEDANCE_REFLEX_IRF)
+        self.when_read(
+            IMPEDANCE_ESTIMATE, int(self._values[WAIT_FOR_READERS.name]), self._subscribe
+        )
 
     def _compile(self) -> None:
         algorithm, begin = str(self._values["algorithm"]), time.monotonic()
@@ -48,8 +46,7 @@ class ImpedanceEstimator(AnkleNode):
         self.get_logger().info(f"{algorithm} ready after {time.monotonic() - begin:.1f} s")
 
     def _subscribe(self) -> None:
-        # Velocity is optional, so the block is taken as it comes; the stream asks for the columns.
-        self.block_subscription(TOPIC, (), self._receive)
+        self.block_subscription(ANKLE_SAMPLES, self._receive)
 
     def _make_stream(self, values: dict[str, Value]) -> EstimateStream:
         try:
@@ -61,6 +58,7 @@ class ImpedanceEstimator(AnkleNode):
         changed = {**self._values, **values}
         if changed != self._values:
             self._stream = self._make_stream(changed)
+            self._was_valid = False
             another = changed["algorithm"] != self._values["algorithm"]
             self._values = changed
             if another:
@@ -74,7 +72,7 @@ class ImpedanceEstimator(AnkleNode):
         try:
             due = self._stream.feed(block)
         except ValueError as error:
-            self.get_logger().error(f"{TOPIC}: {error}", throttle_duration_sec=5.0)
+            self.get_logger().error(f"{ANKLE_SAMPLES.name}: {error}", throttle_duration_sec=5.0)
             self.health("samples", ERROR, str(error))
             return
         for note in due.notes:
@@ -84,7 +82,11 @@ class ImpedanceEstimator(AnkleNode):
         for _, response in due.responses:
             self._publish_response(response)
         reason = self._stream.reason
-        self.health("estimate", WARN if reason else OK, f"not valid: {reason}")
+        self.count("estimate", f"not valid: {reason}" if reason else "valid")
+        # Before the first valid estimate nothing is wrong: the memory is being filled.
+        self._was_valid |= not reason
+        lost = bool(reason) and self._was_valid
+        self.health("estimate", WARN if lost else OK, f"not valid: {reason}")
         if reason != self._reason:
             self.get_logger().info(
                 f"estimates are not valid: {reason}" if reason else "estimates are valid"

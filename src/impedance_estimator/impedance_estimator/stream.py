@@ -12,13 +12,14 @@ import numpy as np
 
 from ankle_interfaces.block import Block, require_columns
 from ankle_interfaces.continuity import sampling_rate
+from ankle_interfaces.topics import ANKLE_SAMPLES
 from ankle_interfaces.units import split_column
 from impedance_estimator.algorithms import DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.validity import RATE_WINDOW
 
-TOPIC = "/ankle/samples"
+TOPIC = ANKLE_SAMPLES.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 RIG_RATE = 2048.0
 """[Hz] van 't Veld et al. 2018, section III-B.1."""

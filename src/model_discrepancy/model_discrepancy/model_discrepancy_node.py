@@ -2,7 +2,7 @@
 
 | topic | type | |
 | --- | --- | --- |
-| `/ankle/samples` | Float64MultiArray | in: t, position, torque, and velocity where it is measured |
+| `ankle/samples` | Float64MultiArray | in: t, position, torque, and velocity where it is measured |
 | `/diagnostics` | DiagnosticArray | out: VAF of the base model, predictable share of its residual, what got worse and where |
 """  # noqa: E501
 
@@ -16,14 +16,14 @@ import time
 
 import numpy as np
 
-from ankle_interfaces.block import Block, require_columns
+from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
-from ankle_interfaces.errors import BlockError
-from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
+from ankle_interfaces.topics import ANKLE_SAMPLES
+from ankle_node.node import OK, WARN, AnkleNode, run
 from model_discrepancy.live_parameters import PARAMETERS, PERIOD, SHARE_RISE, VAF_FALL, WINDOW
-from model_discrepancy.recording.recording import SAMPLES_TOPIC
 from model_discrepancy.session_watch import Indicators, RecentSamples, SessionWatch
 
+REQUIRED, OPTIONAL = ("position[rad]", "torque[N.m]"), ("velocity[rad/s]",)
 # A hole of this length [s] cannot be bridged: a reflex response lasts about as long.
 LONGEST_GAP = 0.4
 # Lower priority of the fitting thread, so that estimator and recorder on the same machine come
@@ -56,21 +56,12 @@ class ModelDiscrepancy(AnkleNode):
         )
         threading.Thread(target=self._fit, daemon=True).start()
         self.count("state", "waiting for samples")
-        self.block_subscription(SAMPLES_TOPIC, (), self._receive)
+        self.block_subscription(ANKLE_SAMPLES, self._receive, REQUIRED, OPTIONAL)
         self.create_timer(0.2, self._show)
         self.create_timer(SHOWN_AGAIN, self._remind)
 
     def _receive(self, block: Block, findings: list[Finding]) -> None:
-        try:
-            converted, _ = block.in_si()
-            require_columns(converted, ("position[rad]", "torque[N.m]"), SAMPLES_TOPIC)
-        except BlockError as error:
-            self.health("samples", ERROR, str(error))
-            return
-        names = ["position[rad]", "torque[N.m]"] + (
-            ["velocity[rad/s]"] if converted.has("velocity[rad/s]") else []
-        )
-        samples = np.column_stack([converted.time, *(converted.column(name) for name in names)])
+        samples = block.data
         start, end = float(samples[0, 0]), float(samples[-1, 0])
         if not self._last - 1.0 < start < self._last + LONGEST_GAP:
             self._recent.clear()

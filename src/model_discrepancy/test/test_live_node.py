@@ -130,7 +130,7 @@ def test_a_fixation_that_becomes_soft_is_warned_of(bench):
     assert "likely place" in message
     assert "coupling between footplate and foot" in message
     # Fitting held up no block, at fifty times real time.
-    assert bench.counters()["/ankle/samples missing samples"] == "0"
+    assert bench.counters()["ankle/samples missing samples"] == "0"
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 | topic | direction | type | rate | columns |
 | --- | --- | --- | --- | --- |
-| /perturbation/reference | out | Float64MultiArray | 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| perturbation/reference | out | Float64MultiArray | 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
 | /diagnostics | out | DiagnosticArray | 1 Hz | blocks sent, late blocks, worst lateness |
 
 Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A
@@ -21,14 +21,13 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from ankle_interfaces.quantity import Value
+from ankle_interfaces.topics import PERTURBATION_REFERENCE
 from ankle_node.node import OK, WARN, AnkleNode, run
 from perturbation_generator.limits import limits_from
 from perturbation_generator.pacing import Lateness, Schedule
 from perturbation_generator.parameters import BLOCK_SIZE, LEAD, PARAMETERS, READERS
 from perturbation_generator.signals import signal_from
 
-TOPIC = "/perturbation/reference"
-COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
 # Between blocks that are sent late, so that a long backlog does not overrun the readers' queues of
 # 64 blocks.
 CATCH_UP_PAUSE = 0.5e-3  # s
@@ -51,7 +50,7 @@ class PerturbationGeneratorNode(AnkleNode):
         self._lead = float(values[LEAD.name])
         # One block behind: the next one is due already.
         self._lateness = Lateness(self._block_size / self._signal.settings.rate)
-        self._publish = self.block_publisher(TOPIC, COLUMNS)
+        self._publish = self.block_publisher(PERTURBATION_REFERENCE)
         self._busy = threading.Lock()
         self._stopped = threading.Event()
         self.health("clock", OK, "")
@@ -60,7 +59,7 @@ class PerturbationGeneratorNode(AnkleNode):
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._thread = threading.Thread(target=self._guarded_pace, name="pacing", daemon=True)
-        self.when_read(TOPIC, int(values[READERS.name]), self._thread.start)
+        self.when_read(PERTURBATION_REFERENCE, int(values[READERS.name]), self._thread.start)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         """The amplitude, the only parameter that is not fixed, holds from the next movement on."""
@@ -148,7 +147,7 @@ class PerturbationGeneratorNode(AnkleNode):
             "them late"
         )
         for publisher in self.publishers:
-            if publisher.topic_name == self.resolve_topic_name(TOPIC):
+            if publisher.topic_name == self.resolve_topic_name(PERTURBATION_REFERENCE.name):
                 publisher.wait_for_all_acked(Duration(seconds=LAST_BLOCKS_TIMEOUT))
         self.context.try_shutdown()
 

@@ -1,8 +1,8 @@
 """How far a replay may run ahead of its readers.
 
 A reader's DDS queue holds the last 64 messages; a 65th overwrites the oldest that the reader has
-not got to. So at most `WINDOW` messages of a topic are under way: sent, and not yet worked off by
-the slowest reader. Readers say which message they have worked off by the time it was sent, which
+not got to. So at most `WINDOW` messages of a topic are under way: sent, and not yet acknowledged by
+the slowest reader. Readers say which message they have acknowledged by the time it was sent, which
 the middleware stamps on it, so a count that began with an earlier replay cannot confuse it.
 """
 
@@ -13,7 +13,7 @@ import time
 from bisect import bisect_right
 from collections.abc import Callable
 
-# Half of the readers' queue of 64, so that a message that is both unread and being worked off has
+# Half of the readers' queue of 64, so that a message that is both unread and being processed has
 # room.
 WINDOW = 32
 
@@ -24,7 +24,7 @@ class Flow:
     Parameters
     ----------
     readers
-        How many readers tell what they have worked off.
+        How many readers tell what they have acknowledged.
     window
         Messages that may be under way.
 
@@ -51,7 +51,7 @@ class Flow:
         with self._changed:
             self._sent_at.append(now_ns)
 
-    def worked_off(self, reader: str, stamp_ns: int) -> None:
+    def acknowledged(self, reader: str, stamp_ns: int) -> None:
         """A reader is done with the message stamped `stamp_ns` [ns] and everything before it."""
         with self._changed:
             self._done[reader] = max(
@@ -61,7 +61,7 @@ class Flow:
 
     @property
     def under_way(self) -> int:
-        """Messages that the slowest reader has not worked off; 0 without readers that tell."""
+        """Messages that the slowest reader has not acknowledged; 0 without readers that tell."""
         with self._changed:
             return self._under_way()
 
@@ -77,7 +77,7 @@ class Flow:
         Parameters
         ----------
         at_most
-            Messages; 0 waits until everything is worked off.
+            Messages; 0 waits until everything is acknowledged.
         patience
             Longest time [s] without any progress of the slowest reader.
         going_on
@@ -107,7 +107,7 @@ class Flow:
         """Who has got how far, for an error message."""
         with self._changed:
             known = [
-                f"{reader.split()[0]} worked off {done} of {len(self._sent_at)}"
+                f"{reader.split()[0]} acknowledged {done} of {len(self._sent_at)}"
                 for reader, done in sorted(self._done.items())
             ]
             silent = self.readers - len(self._done)

@@ -4,7 +4,7 @@
 | --- | --- | --- | --- |
 | every topic, or `topics` | in | any | stored as received, with its publishers' QoS |
 | /diagnostics | out | DiagnosticArray | ready, messages, missing samples, free disk |
-| TOPIC/_worked_off | out | String | how far a replay may go on (see `ankle_node.node`) |
+| TOPIC/_acknowledged | out | String | how far a replay may go on (see `ankle_node.node`) |
 
 The log line ``ready: recording into PATH`` and ``ready`` = True in the diagnostics say that every
 topic known so far is connected. The laboratory's topics are connected before they have a publisher,
@@ -26,24 +26,20 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ankle_interfaces.block import MESSAGE_TYPE
-from ankle_node.node import BLOCK_QOS, ERROR, OK, WARN, WORKED_OFF, AnkleNode, MessageInfo, run
+from ankle_interfaces.topics import JOINT_STATES, TOPICS
+from ankle_node.node import ACKNOWLEDGED, BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
 from session_recorder import bag_metadata
 from session_recorder.bag_writer import CHUNK_SECONDS
 from session_recorder.errors import BagError
 from session_recorder.message_definitions import definition
 from session_recorder.parameters import RECORDER
 from session_recorder.recording import Recording
+from session_recorder.replaying import OWN_OF_ROS
 from session_recorder.ros_qos import from_ros, to_record
 
 # Connected from the start, publisher or not.
-LABORATORY_TOPICS = {
-    "/perturbation/reference": MESSAGE_TYPE,
-    "/ankle/samples": MESSAGE_TYPE,
-    "/ankle/joint_states": "sensor_msgs/msg/JointState",
-    "/emg/samples": MESSAGE_TYPE,
-    "/impedance/estimate": MESSAGE_TYPE,
-    "/impedance/reflex_irf": MESSAGE_TYPE,
-}
+LABORATORY_TOPICS = (*(topic for topic in TOPICS if topic.columns), JOINT_STATES)
+OF_EVERY_NAMESPACE = (*OWN_OF_ROS, "/tf", "/tf_static")
 DISCOVERY_PERIOD = 0.25  # s; how long a new topic waits for its subscription
 SETTLED_LOOKS = 3  # looks at the graph without a new topic before the recorder calls itself ready
 NAMED_TOPIC_PATIENCE = 5.0  # s before a named topic without publisher is reported
@@ -54,7 +50,11 @@ class RecordNode(AnkleNode):
 
     def __init__(self) -> None:
         super().__init__("recorder", RECORDER)
-        self._named = [name.strip() for name in self.text("topics").split(",") if name.strip()]
+        self._named = [
+            self.resolve_topic_name(name.strip())
+            for name in self.text("topics").split(",")
+            if name.strip()
+        ]
         self._connected: dict[str, str] = {}
         self._refused: set[str] = set()
         self._quiet_looks = 0
@@ -65,9 +65,10 @@ class RecordNode(AnkleNode):
         self.recording: Recording | None = Recording(
             self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
         )
-        for topic, message_type in LABORATORY_TOPICS.items():
-            if not self._named or topic in self._named:
-                self._connect(topic, message_type, to_record([BLOCK_QOS]))
+        for topic in LABORATORY_TOPICS:
+            name = self.resolve_topic_name(topic.name)
+            if not self._named or name in self._named:
+                self._connect(name, topic.message, to_record([BLOCK_QOS]))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DISCOVERY_PERIOD, self._look_for_topics, clock=steady)
         self.create_timer(CHUNK_SECONDS / 2, self._keep_safe, clock=steady)
@@ -76,11 +77,7 @@ class RecordNode(AnkleNode):
     def _look_for_topics(self) -> None:
         self._quiet_looks += 1
         for topic, types in self.get_topic_names_and_types():
-            if (
-                topic.endswith(WORKED_OFF)
-                or topic in self._refused
-                or (self._named and topic not in self._named)
-            ):
+            if topic.endswith(ACKNOWLEDGED) or topic in self._refused or not self._wants(topic):
                 continue
             offers = self.get_publishers_info_by_topic(topic)
             self._set_publishers(topic, offers)
@@ -106,6 +103,16 @@ class RecordNode(AnkleNode):
             self.health("topics", OK, "")
             self.get_logger().info(f"ready: recording into {self.recording.bag.path}")
 
+    def _wants(self, topic: str) -> bool:
+        """Whether a topic was named; without names, whether it belongs to this node's namespace or
+        to ROS itself.
+        """
+        if self._named:
+            return topic in self._named
+        return topic in OF_EVERY_NAMESPACE or topic.startswith(
+            f"{self.get_namespace().rstrip('/')}/"
+        )
+
     def _connect(self, topic: str, message_type: str, qos: QoSProfile) -> None:
         package, _, name = message_type.split("/")
         try:
@@ -116,12 +123,14 @@ class RecordNode(AnkleNode):
             self._warn(topic, f"not recorded: {error}")
             return
         self._connected[topic] = message_type
-        worked_off = self.worked_off(topic) if message_type == MESSAGE_TYPE else None
+        acknowledge = self.acknowledger(topic) if message_type == MESSAGE_TYPE else None
+        if message_type == MESSAGE_TYPE:
+            self.watch_publishers(topic)
 
         def receive(message: bytes, info: MessageInfo) -> None:
             self._store(topic, message, info)
-            if worked_off is not None:
-                worked_off(info)
+            if acknowledge is not None:
+                acknowledge(info)
 
         # rclpy passes the message's times to a callback of two arguments; its annotation knows one.
         self.create_subscription(message_class, topic, receive, qos, raw=True)  # type: ignore[arg-type]

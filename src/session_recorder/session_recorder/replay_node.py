@@ -4,14 +4,14 @@
 | --- | --- | --- | --- |
 | the recorded inputs, or those of `topics` | out | as recorded | as recorded, with the recorded QoS |
 | /clock | out | Clock | the log time of what is sent, never backwards |
-| TOPIC/_worked_off | in | String | how far each reader of blocks has got |
+| TOPIC/_acknowledged | in | String | how far each reader of blocks has got |
 | /diagnostics | out | DiagnosticArray | messages sent, delay |
 
 Parameters: `session_recorder.parameters`. Rename topics with ROS's own remapping (``-r
 /ankle/samples:=/old/samples``). At any `rate` at most `flow_control.WINDOW` blocks of a topic are
 ahead of the slowest reader made by `AnkleNode.block_subscription`, so that nothing is lost; of
 other readers DDS tells only that their queue has the message, so give them a rate that they follow.
-Ends with 0 when every reader worked off everything.
+Ends with 0 when every reader acknowledged everything.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from ankle_interfaces.block import MESSAGE_TYPE
-from ankle_node.node import WARN, WORKED_OFF, WORKED_OFF_QOS, AnkleNode, run
+from ankle_interfaces.topics import CLOCK
+from ankle_node.node import ACKNOWLEDGED, LATEST_QOS, WARN, AnkleNode, run
+from ankle_node.qos import publisher_qos
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.flow_control import Flow
@@ -60,7 +62,7 @@ class ReplayNode(AnkleNode):
             self._warn(problem)
         self._chosen = choose_topics(self._reader, self.text("topics"))
         self._senders = {name: self._sender(name) for name in self._chosen}
-        self._clock_sender = self.create_publisher(ClockMessage, "/clock", 10)
+        self._clock_sender = self.create_publisher(ClockMessage, CLOCK.name, publisher_qos(CLOCK))
         self._flows = {
             name: Flow(0) for name in self._chosen if self._reader.topics[name].type == MESSAGE_TYPE
         }
@@ -92,20 +94,20 @@ class ReplayNode(AnkleNode):
             ) from None
         return self.create_publisher(message_class, name, to_replay(self._reader.topics[name].qos))
 
-    def _worked_off_topic(self, name: str) -> str:
-        return str(self._senders[name].topic_name) + WORKED_OFF
+    def _acknowledged_topic(self, name: str) -> str:
+        return str(self._senders[name].topic_name) + ACKNOWLEDGED
 
     def _listen(self, name: str) -> None:
         def told(message: String) -> None:
             reader, _, stamp = message.data.rpartition(" ")
-            self._flows[name].worked_off(reader, int(stamp))
+            self._flows[name].acknowledged(reader, int(stamp))
 
         qos = QoSProfile(
             history=QoSHistoryPolicy.KEEP_ALL,
-            reliability=WORKED_OFF_QOS.reliability,
-            durability=WORKED_OFF_QOS.durability,
+            reliability=LATEST_QOS.reliability,
+            durability=LATEST_QOS.durability,
         )
-        self.create_subscription(String, self._worked_off_topic(name), told, qos)
+        self.create_subscription(String, self._acknowledged_topic(name), told, qos)
 
     def send(self, topic: str, message: bytes) -> None:
         """Publish a recorded message."""
@@ -162,7 +164,7 @@ class ReplayNode(AnkleNode):
         self._refuse_second_source()
         for name, sender in self._senders.items():
             if name in self._flows:
-                self._flows[name].readers = self.count_publishers(self._worked_off_topic(name))
+                self._flows[name].readers = self.count_publishers(self._acknowledged_topic(name))
                 silent = sender.get_subscription_count() - self._flows[name].readers
                 if silent > 0:
                     self._warn(
@@ -195,7 +197,7 @@ class ReplayNode(AnkleNode):
             nodes |= {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in readers}
             missing += max(0, len(readers) - sender.get_subscription_count())
             if name in self._flows:
-                telling += self.count_publishers(self._worked_off_topic(name))
+                telling += self.count_publishers(self._acknowledged_topic(name))
         return frozenset(nodes), missing, telling
 
     def _watch(self) -> None:
@@ -218,7 +220,7 @@ class ReplayNode(AnkleNode):
             if self.finished:
                 print(
                     f"replayed {self._replay.sent} messages of {self._reader.path}, every one "
-                    "worked off",
+                    "acknowledged",
                     flush=True,
                 )
             raise ExternalShutdownException

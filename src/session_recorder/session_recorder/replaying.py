@@ -6,21 +6,16 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from typing import Protocol
 
+from ankle_interfaces.topics import CLOCK, DIAGNOSTICS, INPUTS
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.flow_control import Flow
 
 # What the outside world gave to the session; everything else was computed from it and is computed
 # again.
-RECORDED_INPUTS = (
-    "/perturbation/reference",
-    "/ankle/samples",
-    "/ankle/joint_states",
-    "/emg/samples",
-    "/session/event",
-)
+RECORDED_INPUTS = tuple(topic.absolute for topic in INPUTS)
 # Topics that ROS itself writes and that would mix with those of the running graph.
-OWN_OF_ROS = ("/clock", "/rosout", "/parameter_events", "/diagnostics")
+OWN_OF_ROS = (CLOCK.name, "/rosout", "/parameter_events", DIAGNOSTICS.name)
 EVERYTHING = "all"
 CLOCK_STEP = (
     5_000_000  # ns of bag time between two messages on /clock: finer than the blocks' 15.6 ms
@@ -127,7 +122,7 @@ class Replay:
         Returns
         -------
         bool
-            True when everything was sent and worked off, False when `going_on` ended it.
+            True when everything was sent and acknowledged, False when `going_on` ended it.
 
         Raises
         ------

@@ -22,17 +22,18 @@ import numpy as np
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from ankle_interfaces.topics import ANKLE_SAMPLES
 from ankle_node.node import AnkleNode, run
 class Source(AnkleNode):
     def __init__(self):
         super().__init__("source", [])
-        self.send = self.block_publisher("/ankle/samples", ("t[s]", "position[rad]", "torque[N.m]"))
+        self.send = self.block_publisher(ANKLE_SAMPLES, ("t[s]", "position[rad]", "torque[N.m]"))
         self.event = self.create_publisher(String, "/session/event", QoSProfile(depth=5, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL))
         self.text = self.create_publisher(String, "/text", QoSProfile(depth=5, reliability=QoSReliabilityPolicy.BEST_EFFORT))
-        self.joint = self.create_publisher(JointState, "/ankle/joint_states", 10)
+        self.joint = self.create_publisher(JointState, "/joint_states", 10)
         self.event.publish(String(data="hold: started"))
         print("source is up", flush=True)
-        self.when_read("/ankle/samples", 1, lambda: threading.Thread(target=self.work, daemon=True).start())
+        self.when_read(ANKLE_SAMPLES, 1, lambda: threading.Thread(target=self.work, daemon=True).start())
     def work(self):
         began = time.time()
         print("sending", flush=True)
@@ -50,16 +51,17 @@ sys.exit(run(Source, []))
 # Reads blocks slowly and sends something for each.
 READER = """
 import sys, time
+from ankle_interfaces.topics import ANKLE_SAMPLES, IMPEDANCE_ESTIMATE
 from ankle_node.node import AnkleNode, run
 class Reader(AnkleNode):
     def __init__(self):
         super().__init__("reader", [])
         self.blocks = self.findings = 0
         self.first = self.last = None
-        self.send = self.block_publisher("/impedance/estimate", ("t[s]", "K[N.m/rad]"))
-        self.when_read("/impedance/estimate", int(sys.argv[2]), self.begin)
+        self.send = self.block_publisher(IMPEDANCE_ESTIMATE, ("t[s]", "K[N.m/rad]"))
+        self.when_read(IMPEDANCE_ESTIMATE, int(sys.argv[2]), self.begin)
     def begin(self):
-        self.stream = self.block_subscription("/ankle/samples", (), self.take)
+        self.stream = self.block_subscription(ANKLE_SAMPLES, self.take, ("position[rad]", "torque[N.m]"))
     def take(self, block, findings):
         self.blocks += 1
         self.findings += len(findings)
@@ -94,10 +96,10 @@ def test_recorded_graph_is_complete_and_read_by_others(graph, tmp_path):
     assert reader.metadata_record("session_recorder") == reader.custom_data
     counts = {name: topic.count for name, topic in reader.topics.items()}
     assert counts["/ankle/samples"] == 159
-    assert counts["/ankle/joint_states"] == 160
+    assert counts["/joint_states"] == 160
     assert counts["/session/event"] == 1
     assert {"/diagnostics", "/rosout"} <= set(counts)
-    assert not [name for name in counts if "_worked_off" in name]
+    assert not [name for name in counts if "_acknowledged" in name]
     latched = reader.topics["/session/event"].qos[0]
     assert latched.durability.name == "TRANSIENT_LOCAL"
     assert reader.topics["/text"].qos[0].reliability.name == "BEST_EFFORT"

@@ -43,7 +43,7 @@ class Queue:
             time.sleep(self.delay)
             self.done.append(taken[1])
             if self.flow is not None:
-                self.flow.worked_off(f"/reader {id(self)}", taken[0])
+                self.flow.acknowledged(f"/reader {id(self)}", taken[0])
 
 
 class Outlet:
@@ -95,23 +95,23 @@ def test_a_reader_that_stops_is_named(make_bag):
     outlet.queues["/ankle/samples"] = [Queue(flow, 0)]
     with pytest.raises(
         BagError,
-        match=rf"no progress for 0\.3 s.*/reader worked off {WINDOW} of {WINDOW}, 1 reader\(s\) "
+        match=rf"no progress for 0\.3 s.*/reader acknowledged {WINDOW} of {WINDOW}, 1 reader\(s\) "
         rf"never answered",
     ):
         replay(BagReader(make_bag()), outlet, flows={"/ankle/samples": flow}, patience=0.3).run()
     outlet.queues["/ankle/samples"][0].open = False
 
 
-def test_what_was_worked_off_before_this_replay_does_not_count():
+def test_what_was_acknowledged_before_this_replay_does_not_count():
     flow = Flow(1)
-    flow.worked_off("/reader 1", 500)
+    flow.acknowledged("/reader 1", 500)
     for stamp in (1000, 2000, 3000):
         flow.sending(stamp)
-    flow.worked_off("/reader 1", 900)
+    flow.acknowledged("/reader 1", 900)
     assert flow.under_way == 3
-    flow.worked_off("/reader 1", 2000)
+    flow.acknowledged("/reader 1", 2000)
     assert flow.under_way == 1
-    flow.worked_off("/reader 1", 1500)
+    flow.acknowledged("/reader 1", 1500)
     assert flow.under_way == 1
 
 

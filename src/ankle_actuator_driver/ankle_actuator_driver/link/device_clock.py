@@ -37,7 +37,7 @@ LARGEST_DRIFT = 200e-6
 slews by up to 500e-6.
 """
 SLEW_TIME = 5.0
-"""[s] Time in which an error of the times handed out is worked off ..."""
+"""[s] Time in which an error of the times handed out is corrected ..."""
 SLEW_LIMIT = 200e-6
 """[1] ... changing the interval between samples by no more than this: a fifth of what readers take
 for another rate.

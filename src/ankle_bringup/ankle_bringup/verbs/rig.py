@@ -78,13 +78,13 @@ def state(
     """
     from ankle_bringup.errors import RunError
     from ankle_bringup.live_graph import latched, observer
-    from ankle_bringup.up import RIG_STATE
+    from ankle_interfaces.topics import RIG_STATE
 
     with observer() as node:
-        text = latched(node, RIG_STATE, seconds)
+        text = latched(node, RIG_STATE.name, seconds)
     if text is None:
         raise RunError(
-            f"nobody said anything on '{RIG_STATE}' within {seconds:g} s: no actuator driver "
+            f"nobody said anything on '{RIG_STATE.name}' within {seconds:g} s: no actuator driver "
             "runs, or it is not active"
         )
     console.print(text)

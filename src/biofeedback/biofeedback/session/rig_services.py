@@ -21,15 +21,12 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from ankle_node.node import WORKED_OFF_QOS
+from ankle_interfaces.topics import RIG_OPERATOR_ALIVE, RIG_STATE
+from ankle_node.qos import LATEST_QOS, publisher_qos
 from biofeedback.errors import CommandError
 from biofeedback.session.drivers import ACTIONS, Drivers
 
 SERVICE = "std_srvs/srv/Trigger"
-STATE_TOPIC = "rig/state"
-"""Latched text of the driver's state, where it has one."""
-ALIVE_TOPIC = "rig/operator_alive"
-"""Published while an operator's page is alive; the driver stops when it stays away."""
 LOOK_PERIOD = 1.0
 """[s] How soon a driver that starts later is known."""
 REPEAT_PERIOD = 0.25
@@ -66,8 +63,12 @@ class RigServices:
         self._stop_requested_at = 0.0
         self._unconfirmed: set[str] = set()
         self._stop_next_driver = False
-        self._alive = self._node.create_publisher(String, ALIVE_TOPIC, 1)
-        self._node.create_subscription(String, STATE_TOPIC, self._receive_state, WORKED_OFF_QOS)
+        self._alive = self._node.create_publisher(
+            String, RIG_OPERATOR_ALIVE.name, publisher_qos(RIG_OPERATOR_ALIVE)
+        )
+        self._node.create_subscription(
+            String, RIG_STATE.name, self._receive_state, LATEST_QOS
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(LOOK_PERIOD, self.look, clock=steady)
         self._node.create_timer(REPEAT_PERIOD, self._repeat_stop, clock=steady)
@@ -134,9 +135,11 @@ class RigServices:
         whether a service is served, its client knows.
         """
         named: dict[str, set[str]] = {}
+        # In a namespace, the drivers of other laboratories are none of this one's.
+        namespace = f"{self._node.get_namespace().rstrip('/')}/"
         for service, types in self._node.get_service_names_and_types():
             owner, _, action = service.rpartition("/")
-            if SERVICE in types and action in ACTIONS:
+            if SERVICE in types and action in ACTIONS and service.startswith(namespace):
                 named.setdefault(owner.strip("/"), set()).add(action)
         for name, actions in named.items():
             if name not in self._clients and actions >= {"stop"} and actions & {"arm", "start"}:

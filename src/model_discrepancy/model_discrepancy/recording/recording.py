@@ -13,14 +13,15 @@ import numpy as np
 from ankle_interfaces.block import Block, require_columns
 from ankle_interfaces.continuity import sampling_rate
 from ankle_interfaces.errors import BlockError, UnitError
+from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, PERTURBATION_REFERENCE
 from model_discrepancy.errors import DiagnosisError
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.loss import account_of_bag
 
-SAMPLES_TOPIC = "/ankle/samples"
-REFERENCE_TOPIC = "/perturbation/reference"
-EMG_TOPIC = "/emg/samples"
+SAMPLES_TOPIC = ANKLE_SAMPLES.absolute
+REFERENCE_TOPIC = PERTURBATION_REFERENCE.absolute
+EMG_TOPIC = EMG_SAMPLES.absolute
 # Rates below this do not hold the reflex's onset (milliseconds) nor the band up to 80 Hz that is
 # fitted.
 LOWEST_RATE = 250.0

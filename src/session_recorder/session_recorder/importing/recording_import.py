@@ -16,6 +16,7 @@ import numpy as np
 from ankle_interfaces.block import TIME_COLUMN, Block
 from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity
 from ankle_interfaces.errors import UnitError
+from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, PERTURBATION_REFERENCE
 from ankle_interfaces.units import split_column, to_si
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import ImportRefused
@@ -37,14 +38,14 @@ TORQUE_SIGNS = {"rig": 1.0, "subject": -1.0}
 MISSING_POLICIES = ("nan", "gap")
 # Quantity -> topic and column there. EMG columns have the muscle's name and a unit of voltage.
 QUANTITIES = {
-    "position": ("/ankle/samples", "position[rad]"),
-    "velocity": ("/ankle/samples", "velocity[rad/s]"),
-    "torque": ("/ankle/samples", "torque[N.m]"),
-    "reference_position": ("/perturbation/reference", "position[rad]"),
-    "reference_velocity": ("/perturbation/reference", "velocity[rad/s]"),
-    "reference_acceleration": ("/perturbation/reference", "acceleration[rad/s^2]"),
+    "position": (ANKLE_SAMPLES.absolute, "position[rad]"),
+    "velocity": (ANKLE_SAMPLES.absolute, "velocity[rad/s]"),
+    "torque": (ANKLE_SAMPLES.absolute, "torque[N.m]"),
+    "reference_position": (PERTURBATION_REFERENCE.absolute, "position[rad]"),
+    "reference_velocity": (PERTURBATION_REFERENCE.absolute, "velocity[rad/s]"),
+    "reference_acceleration": (PERTURBATION_REFERENCE.absolute, "acceleration[rad/s^2]"),
 }
-EMG_TOPIC = "/emg/samples"
+EMG_TOPIC = EMG_SAMPLES.absolute
 # Slower does not show an ankle's mechanics, faster is no rig: such a rate is a time column in
 # another unit.
 RATE_RANGE = (50.0, 100_000.0)  # Hz
@@ -237,7 +238,7 @@ def _check_statement(
         raise ImportRefused(
             "no signal is stated; expected for example 'position[rad]' and 'torque[N.m]'"
         )
-    if ("/ankle/samples", "torque[N.m]") in held and torque_sign is None:
+    if (ANKLE_SAMPLES.absolute, "torque[N.m]") in held and torque_sign is None:
         raise ImportRefused(
             "the sign of torque is not stated: 'rig' (torque that moves the ankle) or 'subject' "
             "(the opposite)"
@@ -391,8 +392,8 @@ def _check_time(signals: _Signals, stated_rate: float | None) -> None:
 
 
 def _check_signals(signals: _Signals, torque_sign: str) -> Intrinsic | None:
-    ankle = signals.columns.get("/ankle/samples", {})
-    reference = signals.columns.get("/perturbation/reference", {})
+    ankle = signals.columns.get(ANKLE_SAMPLES.absolute, {})
+    reference = signals.columns.get(PERTURBATION_REFERENCE.absolute, {})
     signals.contradictions += check_ranges({**ankle, **signals.columns.get(EMG_TOPIC, {})})
     signals.contradictions += [f"reference: {sentence}" for sentence in check_ranges(reference)]
     # Where samples are missing in time, neighbours are not one step apart: such a place is kept out

@@ -1,0 +1,48 @@
+"""Quality of service of each kind of delivery in `ankle_interfaces.topics`."""
+
+from __future__ import annotations
+
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+
+from ankle_interfaces.topics import Delivery, Topic
+
+
+def _reliable(
+    depth: int, durability: QoSDurabilityPolicy = QoSDurabilityPolicy.VOLATILE
+) -> QoSProfile:
+    return QoSProfile(
+        history=QoSHistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=QoSReliabilityPolicy.RELIABLE,
+        durability=durability,
+    )
+
+
+BLOCK_QOS = _reliable(64)
+"""Of a reader of blocks: one second of blocks, so that a busy reader loses nothing."""
+PUBLISHED_BLOCKS_QOS = _reliable(2048)
+"""Of a publisher of blocks: half a minute, for readers that ask again for what was dropped on the
+way. A recorder of a graph that replays at a hundred times real time lost blocks with 64."""
+EVENT_QOS = _reliable(100)
+"""A session has a few hundred events in all; a slow recorder may be a hundred behind."""
+LATEST_QOS = _reliable(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
+"""The last message only, for readers that connect later, too."""
+PLOT_QOS = _reliable(10)
+"""The depth that ROS tools use."""
+
+_OF_READERS = {
+    Delivery.BLOCKS: BLOCK_QOS,
+    Delivery.EVENTS: EVENT_QOS,
+    Delivery.LATEST: LATEST_QOS,
+    Delivery.PLOT: PLOT_QOS,
+}
+
+
+def reader_qos(topic: Topic) -> QoSProfile:
+    """Profile of a subscription to a topic."""
+    return _OF_READERS[topic.delivery]
+
+
+def publisher_qos(topic: Topic) -> QoSProfile:
+    """Profile of a publisher of a topic."""
+    return PUBLISHED_BLOCKS_QOS if topic.delivery is Delivery.BLOCKS else reader_qos(topic)
