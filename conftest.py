@@ -8,12 +8,19 @@ from pathlib import Path
 
 from xdist.scheduler import LoadScopeScheduling
 
+from ankle_node.domain import take_free_domain
+
 BESIDE = 10  # niceness: a computation must not make a graph late that runs in real time
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Before NumPy is loaded: matrix products in two threads wait for each other where the other
     # process has the second core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def pytest_configure(config):
+    """Whatever runs beside on this computer, its topics are in another ROS domain."""
+    take_free_domain()
 
 
 @cache

@@ -24,6 +24,7 @@ from graph import processor_seconds
 
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
+from ankle_node.domain import take_free_domain
 from session_recorder.bag_reader import BagReader
 
 SIMULATED, BRIDGED = "/emg/simulated", "/emg/samples"
@@ -66,7 +67,7 @@ def main() -> int:
     )
     options.add_argument("--seconds", type=float, default=60.0)
     seconds = options.parse_args().seconds
-    os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
+    take_free_domain()
     stream = f"benchmark {os.getpid()}"
     with tempfile.TemporaryDirectory() as folder:
         settings = [

@@ -34,6 +34,7 @@ from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
+from ankle_node.domain import take_free_domain
 from biofeedback.web.server import SEEN
 from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 from session_recorder.bag_reader import BagReader
@@ -216,7 +217,7 @@ def main() -> int:
         "--rate-seconds", type=float, default=60.0, help="length of the frame rate's run"
     )
     rate_seconds = options.parse_args().rate_seconds
-    os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
+    take_free_domain()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     graph = load_graph("simulated_session")
     with tempfile.TemporaryDirectory() as name:

@@ -24,6 +24,7 @@ from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, REFERENCE, SAMPLES, LiveMonitor
 from ankle_bringup.processes import Processes
+from ankle_node.domain import take_free_domain
 from session_recorder.bag_reader import BagReader
 
 STARTING = 64
@@ -51,7 +52,7 @@ def main() -> int:
     )
     options.add_argument("--seconds", type=float, default=60.0)
     seconds = options.parse_args().seconds
-    os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
+    take_free_domain()
     with tempfile.TemporaryDirectory() as folder, observer("benchmark") as node:
         graph = load_graph("simulated_recorded").with_settings(
             [

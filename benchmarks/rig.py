@@ -29,6 +29,7 @@ from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
+from ankle_node.domain import take_free_domain
 from ankle_node.node import BLOCK_QOS, LATEST_QOS
 
 STILL = 0.02  # rad/s
@@ -123,7 +124,7 @@ def main() -> int:
     )
     options.add_argument("--stops", type=int, default=30)
     stops = options.parse_args().stops
-    os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
+    take_free_domain()
     graph = load_graph("rig").with_options(["emulator"])
     graph = graph.with_settings(
         ["perturbation_generator.signal=multisine", "rig_emulator.noise=false"]

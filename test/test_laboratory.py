@@ -2,8 +2,6 @@
 it.
 """
 
-import os
-
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -44,7 +42,6 @@ TOPICS = {
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     """A recorded session of the simulated laboratory."""
-    os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100 + 1)
     folder = tmp_path_factory.mktemp("laboratory")
     # A short settling time, so that there are estimates to compare within the test's few seconds.
     settings = [

@@ -35,7 +35,6 @@ GENERATOR = "perturbation_generator.perturbation_generator_node"
 @pytest.fixture(scope="module", autouse=True)
 def environment():
     kept = dict(os.environ)
-    os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     yield
     os.environ.clear()

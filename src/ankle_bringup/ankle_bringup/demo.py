@@ -23,6 +23,7 @@ from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, SAMPLES, TRUTH
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
 from ankle_bringup.up import status_table
+from ankle_node.domain import VARIABLE, take_free_domain
 from impedance_estimator.correlation.conceptual_experimental import ConceptualExperimental
 from impedance_estimator.offline.recorded_estimates import estimate_bag
 from session_recorder.bag_reader import BagReader
@@ -80,7 +81,8 @@ def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
         raise RunError(f"{out} is not empty; give another folder with --out, or remove it")
     out.mkdir(parents=True, exist_ok=True)
     # A domain of its own, so that a running laboratory is not disturbed.
-    os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+    if VARIABLE not in os.environ:
+        take_free_domain()
     result = Result()
     bag = out / "simulated_session"
     console.rule("1  A simulated ankle, live")

@@ -30,7 +30,6 @@ pytestmark = pytest.mark.live
 
 PATIENCE = 90.0
 RATE = 2048.0
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 

@@ -1,6 +1,5 @@
 """A session in a real Chromium, with every node of the laboratory as a process: from arm to report."""  # noqa: E501
 
-import os
 import time
 
 import pytest
@@ -20,7 +19,6 @@ PATIENCE = 240_000  # ms
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_from_arm_to_report(browser, tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     port = free_port()
     graph = load_graph("simulated_session").with_settings(

@@ -30,7 +30,6 @@ WINDOW = 20.0  # s
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
 PATIENCE = 90.0  # s
 BASE = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 

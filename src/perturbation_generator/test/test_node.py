@@ -24,7 +24,6 @@ from perturbation_generator.settings import Settings
 
 pytestmark = pytest.mark.live
 
-DOMAIN = 1 + os.getpid() % 100
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
 PROGRAM = (
     "import sys; from perturbation_generator.perturbation_generator_node import main; "
@@ -35,7 +34,6 @@ PROGRAM = (
 @pytest.fixture(scope="module")
 def environment():
     kept = dict(os.environ)
-    os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     yield
     os.environ.clear()
@@ -46,7 +44,7 @@ def environment():
 def ear(environment):
     """A listener on the node's topics."""
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
+    rclpy.init(context=context)
     listener = Ear(context)
     yield listener
     listener.close()

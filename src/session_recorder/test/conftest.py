@@ -49,12 +49,11 @@ def make_bag(tmp_path):
 
 
 class Graph:
-    """Processes in a ROS domain of their own, each with a hard end."""
+    """Processes in the tests' own ROS domain, each with a hard end."""
 
     def __init__(self):
         self.environment = {
             **os.environ,
-            "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONUNBUFFERED": "1",
         }

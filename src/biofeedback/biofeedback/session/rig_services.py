@@ -56,7 +56,10 @@ class RigServices:
             use_global_arguments=False,
             start_parameter_services=False,
         )
-        self._drivers = Drivers(name)
+        namespace = parent.get_namespace().strip("/")
+        self._drivers = Drivers(
+            f"{namespace}/{name}" if name and namespace and "/" not in name else name
+        )
         self._clients: dict[str, dict[str, Client]] = {}
         self._state = ""
         self._stop_number = 0
@@ -66,9 +69,7 @@ class RigServices:
         self._alive = self._node.create_publisher(
             String, RIG_OPERATOR_ALIVE.name, publisher_qos(RIG_OPERATOR_ALIVE)
         )
-        self._node.create_subscription(
-            String, RIG_STATE.name, self._receive_state, LATEST_QOS
-        )
+        self._node.create_subscription(String, RIG_STATE.name, self._receive_state, LATEST_QOS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(LOOK_PERIOD, self.look, clock=steady)
         self._node.create_timer(REPEAT_PERIOD, self._repeat_stop, clock=steady)
