@@ -1,55 +1,86 @@
 # The two commands of the README are `make demo` and `make test`; each sets up what it needs.
 PYTHON ?= python3
-VENV := .venv
+VENV ?= .venv
+# Another Python has its own build: make PYTHON=python3.12 VENV=.venv-3.12 BUILD=build/3.12 INSTALL=install/3.12 test
+BUILD ?= build
+INSTALL ?= install
+PYTHONS ?= 3.10 3.11 3.12 3.13
 BIN := $(VENV)/bin
 STAMP := $(VENV)/set-up
+REQUIREMENTS := $(wildcard requirements/*.txt)
 LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
+# Where the operating system keeps Chromium; the tests of the pages need one.
+CHROMIUM := $(shell command -v chromium chromium-browser google-chrome 2> /dev/null | head -n 1)
 
-.PHONY: setup demo test test-slow lint bench bench-live bench-diagnosis clean help
+.PHONY: setup demo test test-slow test-colcon test-pythons lint manifests docs bench bench-live bench-diagnosis clean help
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo    set up, then run the laboratory once on a simulated and on real ankles (about 6 minutes)"
-	@echo "make test    set up, lint, type-check and test (under 10 minutes)"
-	@echo "make test-slow   the long tests as well"
+	@echo "make test    set up, lint, type-check and test (under 8 minutes)"
+	@echo "make test-slow      the long tests as well"
+	@echo "make test-colcon    the tests that only compute, through colcon, as on a Jazzy install"
+	@echo "make test-pythons   make test with each of Python $(PYTHONS) that is installed"
+	@echo "make docs    the documentation as a site, in build/docs/index.html"
+	@echo "make manifests      write the imports of each package into its package.xml"
 	@echo "make bench   the benchmarks of simulation, estimators, files and graph (4 minutes)"
 	@echo "make bench-live   those with a rig, a browser and EMG (20 minutes)"
 	@echo "make bench-diagnosis   those of the diagnosis (5 minutes)"
 
 setup: $(STAMP)
 
-$(VENV)/packages: requirements.txt constraints.txt
+$(VENV)/packages: $(REQUIREMENTS)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || \
 	  { echo "Python 3.10 to 3.13 is needed; '$(PYTHON)' is `$(PYTHON) --version 2>&1`. Name another one: make PYTHON=python3.12 ..."; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
 	  { echo "Python's venv module is missing. On Debian or Ubuntu: sudo apt-get install python3-venv"; exit 1; }
 	@echo "Setting up the virtual environment in $(VENV) (about a minute, once) ..."
-	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/pip install -qq --disable-pip-version-check --requirement requirements.txt --constraint constraints.txt
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install -qq --disable-pip-version-check --requirement requirements/development.txt --constraint requirements/constraints.txt
 	@touch $@
 
 $(STAMP): $(VENV)/packages $(LAYOUT)
 	@echo "Building the workspace ..."
-	@$(BIN)/colcon --log-base build/log build --merge-install --symlink-install > build.log 2>&1 || { cat build.log; exit 1; }
+	@$(BIN)/colcon --log-base build/log build --base-paths src --build-base $(BUILD) --install-base $(INSTALL) --merge-install --symlink-install > build.log 2>&1 || { cat build.log; exit 1; }
 	@site=`$(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))'`; \
-	  $(BIN)/python -c 'import pathlib, sys; root = pathlib.Path.cwd(); print(*sorted(str(root / "build" / p.parent.name) for p in root.glob("src/*/setup.py")), sep="\n")' > $$site/ankle_workspace.pth
-	@ln -sf ../../install/lib/ankle_bringup/ankle $(BIN)/ankle
+	  $(BIN)/python -c 'import pathlib; root = pathlib.Path.cwd(); print(*sorted(str(root / "$(BUILD)" / p.parent.name) for p in root.glob("src/*/setup.py")), sep="\n")' > $$site/ankle_workspace.pth
+	@ln -sf $(CURDIR)/$(INSTALL)/lib/ankle_bringup/ankle $(BIN)/ankle
 	@touch $@
 
 # Compiling the estimators takes longest; the checks are made meanwhile.
 test: setup
 	@$(MAKE) --no-print-directory -j 3 compiled-simultaneous compiled-CE lint
 	@$(BIN)/python -m pytest -q -m "not slow" -n 2
+	@test -n "$(CHROMIUM)" || echo "NOT TESTED: the pages in a browser, because there is no Chromium (Debian: sudo apt-get install chromium; Ubuntu: sudo apt-get install chromium-browser)"
 
 test-slow: setup
 	@$(BIN)/python -m pytest -q -m slow
+
+test-colcon: setup
+	@$(BIN)/colcon --log-base build/log test --base-paths src --build-base $(BUILD) --install-base $(INSTALL) --merge-install --pytest-args -m "not slow and not live" --quiet > build.log 2>&1 || { cat build.log; exit 1; }
+	@$(BIN)/colcon test-result --test-result-base $(BUILD) --all
+
+test-pythons:
+	@for version in $(PYTHONS); do \
+	  command -v python$$version > /dev/null || { echo "NOT TESTED: Python $$version is not installed"; continue; }; \
+	  echo "Python $$version"; \
+	  $(MAKE) --no-print-directory PYTHON=python$$version VENV=.venv-$$version BUILD=build/$$version INSTALL=install/$$version test || exit 1; \
+	done
 
 compiled-%: setup
 	@$(BIN)/python -c 'from impedance_estimator.stream import compile_estimator; compile_estimator("$*")'
 
 lint: setup
 	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check -q .
 	@$(BIN)/mypy --no-error-summary src/*/[a-z]*_*/
+
+manifests: setup
+	@$(BIN)/python test/manifests.py
+
+docs: setup
+	@$(BIN)/python -m sphinx --fail-on-warning --keep-going -q -b html docs build/docs
+	@echo "build/docs/index.html"
 
 bench: setup
 	@$(BIN)/python benchmarks/simulation.py
@@ -69,4 +100,4 @@ demo: setup
 	@$(BIN)/ankle demo
 
 clean:
-	rm -rf $(VENV) build install build.log
+	rm -rf .venv .venv-3.* build install build.log

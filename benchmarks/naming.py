@@ -6,7 +6,7 @@ library that has one with fixed constants. Sequentially thresholded least square
 them, the threshold by the error on the other half of the recording; regressors that take less than
 3 % off unseen data name nothing, so that it may say "no mismatch" as well.
 
-    pip install -r requirements-bench.txt
+    pip install -r requirements/bench.txt
     ankle blind --cases 100 --seed 7 --out study
     python benchmarks/naming.py study
 """

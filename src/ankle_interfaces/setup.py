@@ -16,7 +16,6 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="Blocks of samples: the message format of every sampled signal, its units, gaps "
-    "and resampling.",
+    description="What travels between nodes: topics, blocks of samples, units, quantities.",
     license="Apache-2.0",
 )

@@ -16,7 +16,6 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="What every node shares: declared parameters, blocks in and out, diagnostics, "
-    "start and stop.",
+    description="The base of every node: parameters, blocks, diagnostics, start and stop.",
     license="Apache-2.0",
 )

@@ -16,8 +16,7 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="EMG from any Lab Streaming Layer amplifier to background and reflex activity for "
-    "every stretch.",
+    description="EMG of any Lab Streaming Layer amplifier, its background and reflex activity.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

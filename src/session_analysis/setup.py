@@ -16,7 +16,6 @@ setup(
     zip_safe=False,
     maintainer="Ankle perturbation laboratory",
     maintainer_email="ankle.lab@example.com",
-    description="Hold periods of recorded sessions: estimates against EMG, with confidence "
-    "intervals, pictures and a report.",
+    description="Hold periods of recorded sessions: estimates against EMG, pictures and a report.",
     license="Apache-2.0",
 )

@@ -1,0 +1,62 @@
+"""Each package's manifest against its imports, its set-up script and the requirements."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from manifests import FROM_PYPI, PACKAGES, ROOT, imported, modules_of, needed, stated
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_manifest_states_what_is_imported_and_nothing_else(package):
+    run, tests = stated(package)
+    assert (sorted(run), sorted(tests)) == tuple(map(sorted, needed(package))), (
+        "`make manifests` writes what is imported"
+    )
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_manifest_and_set_up_script_say_the_same(package):
+    folder = ROOT / "src" / package
+    manifest, script = (folder / "package.xml").read_text(), (folder / "setup.py").read_text()
+    for key in ("version", "description", "license"):
+        (value,) = re.findall(rf"<{key}>([^<]*)</{key}>", manifest)
+        assert f'{key}="{value}"' in script
+    assert 'extras_require={"test": ["pytest"]}' in script
+
+
+def test_what_rosdep_lacks_is_in_the_requirements():
+    named = {
+        re.split(r"[=<>~!\[; ]", line)[0].lower()
+        for path in (ROOT / "requirements").glob("*.txt")
+        for line in path.read_text().splitlines()
+        if line and line[0].isalpha()
+    }
+    modules = {module for package in PACKAGES for module in imported(package)}
+    for module in sorted(modules & set(FROM_PYPI)):
+        assert FROM_PYPI[module].lower() in named
+
+
+def test_the_workspace_has_no_circle():
+    colcon = Path(sys.executable).parent / "colcon"
+    if not colcon.exists():
+        pytest.skip("colcon is not installed beside this Python")
+    listed = subprocess.run(
+        [colcon, "list", "--topological-order", "--names-only", "--base-paths", "src"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert listed.returncode == 0, listed.stderr
+    assert sorted(listed.stdout.split()) == PACKAGES
+
+
+def test_a_module_of_unknown_origin_is_named(tmp_path):
+    (tmp_path / "probe.py").write_text(
+        "import os\nimport numpy.linalg\nfrom nowhere.at import all\n"
+    )
+    assert modules_of(tmp_path) == {"numpy", "nowhere"}
