@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +11,20 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
 from model_discrepancy.criticism.ceiling import ceiling_vaf
-from model_discrepancy.criticism.generic_bank import GenericBank, Remainder
+from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
 from model_discrepancy.criticism.unpredictable import Unpredictable, unpredictable
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fit, Fitter
-from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import HeldOut, held_out
-from model_discrepancy.fit.rows import WHITENING_ORDER, Rows, autoregression
+from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
-from model_discrepancy.recording.motion import ACTIVATION_HZ, motion_of
+from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.report.html_report import write_report
 from model_discrepancy.report.verdict import (
     SIGNIFICANT_REMAINDER,
@@ -44,7 +44,6 @@ from model_discrepancy.search.term_search import (
     REFINEMENT,
     Found,
     Progress,
-    fit_base,
     is_alignment,
     place_of,
     search,
@@ -132,31 +131,22 @@ def diagnose(
 def _diagnose(
     recording: Recording, baseline: Model | None, library: Sequence[str] | None, progress: Progress
 ) -> Diagnosis:
-    channels = channel_findings(recording)
-    motion = motion_of(trusted(recording, channels))
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    channels = channel_findings(recording, identify_servo(recording, motion_step(recording)))
     terms = (
         PAPER_TERMS
         if baseline is None
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )
-    base = fit_base(fitter, terms, progress)
-    # Only now voluntary torque can be told from the torque that the movement makes.
-    motion = replace(
-        motion,
-        activation=float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ),
-    )
-    fitter = Fitter(Columns(motion, fitter.rows))
-    bank = GenericBank(fitter.columns)
-    parts = interleaved(fitter.rows)
+    problem = prepare(trusted(recording, channels), terms, progress)
+    fitter, base, bank, parts = problem.fitter, problem.base, problem.bank, problem.parts
     before = bank.remainder(fitter, base.residual, base.plain, parts)
     base_map = residual_map(fitter.columns, base)
     found = search(fitter, base, library, progress)
     progress("scoring on unseen data")
     after = bank.remainder(fitter, found.final.residual, found.final.plain, parts)
     final_map = residual_map(fitter.columns, found.final)
-    base_scored = held_out(motion, found.base)
-    final_scored = held_out(motion, found.final) if found.effects else base_scored
+    base_scored = held_out(fitter, found.base)
+    final_scored = held_out(fitter, found.final) if found.effects else base_scored
     ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
     strange = unpredictable(fitter, found.final, base_map.onsets)
     findings = [*channels, *([strange.tremor] if strange.tremor is not None else [])]

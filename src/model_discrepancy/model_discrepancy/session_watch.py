@@ -15,17 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_interfaces.continuity import sampling_rate
-from model_discrepancy.criticism.generic_bank import GenericBank
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import vaf
-from model_discrepancy.fit.rows import Rows
-from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.search.screening import candidates, grid, screen
-from model_discrepancy.search.term_search import fit_base, place_of
+from model_discrepancy.search.term_search import place_of
 
 
 class RecentSamples:
@@ -128,13 +124,10 @@ class SessionWatch:
         found = tuple(faults(recording))
         if found:
             return Indicators(time, float("nan"), float("nan"), found)
-        motion = motion_of(recording)
-        fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
-        base = fit_base(fitter)
+        problem = prepare(recording)
+        fitter, base = problem.fitter, problem.base
         used = fitter.rows.used
-        remainder = GenericBank(fitter.columns).remainder(
-            fitter, base.residual, base.plain, interleaved(fitter.rows)
-        )
+        remainder = problem.bank.remainder(fitter, base.residual, base.plain, problem.parts)
         indicators = Indicators(
             time, vaf(fitter.plain_target[used], base.plain[used]), max(remainder.share, 0.0)
         )

@@ -13,8 +13,10 @@ from model_discrepancy.criticism.unpredictable import LEAST_VARIATION, unpredict
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.rows import Rows
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
-from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.recording.motion import motion_of, motion_step
+from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.term_search import fit_base, is_alignment
 from simulation_study.planted_trials import simulate_trial
 
@@ -26,9 +28,13 @@ def equal_steps():
 
 def found_in(recording):
     motion = motion_of(recording)
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    fitter = Fitter.of(motion)
     base = fit_base(fitter)
     return unpredictable(fitter, base, residual_map(fitter.columns, base).onsets)
+
+
+def servo_of(recording):
+    return identify_servo(recording, motion_step(recording))
 
 
 def test_nothing_is_found_in_a_clean_recording(equal_steps):
@@ -78,17 +84,19 @@ def test_responses_that_vary_at_random_are_seen(equal_steps):
 def test_a_wrong_gain_of_position_is_one_finding(equal_steps):
     reference = equal_steps.position
     recording = replace(equal_steps, position=1.1 * equal_steps.position, reference=reference)
-    assert [f.name for f in channel_findings(recording)] == ["position_gain"]
+    assert [f.name for f in channel_findings(recording, servo_of(recording))] == ["position_gain"]
     velocity = replace(equal_steps, velocity=1.1 * equal_steps.velocity, reference=reference)
-    assert [f.name for f in channel_findings(velocity)] == ["velocity_gain"]
+    assert [f.name for f in channel_findings(velocity, servo_of(velocity))] == ["velocity_gain"]
+    (ambiguous,) = channel_findings(replace(velocity, reference=None))
+    assert ambiguous.name == "channel_gain"
+    assert ambiguous.siblings == ("velocity_gain", "position_gain")
 
 
 def test_channels_apart_by_less_than_half_a_sample_are_aligned_and_not_a_finding():
     recording = simulate_trial({"channel_skew": {"skew": 0.00015}}, seed=4, duration=40.0)
-    motion = motion_of(recording)
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
-    base = fit_base(fitter)
-    assert is_alignment(fitter, base)
+    problem = prepare(recording)
+    base = problem.base
+    assert is_alignment(problem.fitter, base)
     assert base.values["channel_skew"]["skew"] == pytest.approx(0.00015, abs=0.00003)
 
 

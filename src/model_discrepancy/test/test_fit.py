@@ -7,9 +7,8 @@ import pytest
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter, bounded, from_unit, ranges, to_unit
-from model_discrepancy.fit.rows import Rows, autoregression
+from model_discrepancy.fit.rows import autoregression
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.term_search import fit_base
 from simulation_study.planted_trials import simulate_trial
@@ -24,7 +23,7 @@ JOINT = {
 
 def fitter_of(recording):
     motion = motion_of(recording)
-    return Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    return Fitter.of(motion)
 
 
 @pytest.mark.parametrize(("rate", "velocity"), [(2048.0, True), (1024.0, False)])

@@ -9,9 +9,7 @@ import pytest
 
 from model_discrepancy.criticism.locate import residual_map
 from model_discrepancy.criticism.missing_block import missing_block
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.term_search import fit_base
 from simulation_study.planted_trials import simulate_trial
@@ -19,7 +17,7 @@ from simulation_study.planted_trials import simulate_trial
 
 def block_of(recording):
     motion = motion_of(recording)
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    fitter = Fitter.of(motion)
     base = fit_base(fitter)
     return missing_block(fitter, base, residual_map(fitter.columns, base).onsets)
 

@@ -73,7 +73,7 @@ def test_a_small_lag_of_torque_is_no_fault(null_recording):
 
 def test_wrong_velocity_gain_and_lag_are_findings(null_recording):
     (gain,) = channel_findings(replace(null_recording, velocity=1.1 * null_recording.velocity))
-    assert gain.name == "velocity_gain"
+    assert gain.name == "channel_gain"
     assert gain.parameters["gain[1]"][0] == pytest.approx(1.1, abs=0.01)
     (lag,) = channel_findings(
         replace(

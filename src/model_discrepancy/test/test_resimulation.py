@@ -7,9 +7,7 @@ import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.verdict import to_model
@@ -28,9 +26,9 @@ def recording() -> Recording:
 
 def _fitted_models(trial: Recording) -> tuple[Model, Model]:
     motion = motion_of(trial)
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    fitter = Fitter.of(motion)
     base = fit_base(fitter)
-    fitter.whiten_by(base)
+    fitter.whiten_by(base.plain)
     return to_model(base, "base"), to_model(
         fitter.fit((*base.terms, "maxwell_relaxation"), base.values), "augmented"
     )

@@ -20,9 +20,7 @@ from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.term import Place, term_library
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fit, Fitter
-from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.search.screening import NOT_SEARCHED
@@ -61,7 +59,7 @@ def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray
 def plant(recording: Recording, name: str) -> Recording:
     """The trial with the term's torque added to the recorded one."""
     motion = motion_of(recording)
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    fitter = Fitter.of(motion)
     base = fit_base(fitter)
     rms = PLANTED_RMS * float(np.std(base.plain[fitter.rows.used]))
     added = added_torque(name, motion, base, rms)

@@ -146,6 +146,30 @@ class GenericBank:
         )
         return Remainder(float(np.mean(shares)), float(min(shares)), by_input, plain_share)
 
+    def cross_predicted(
+        self, plain: np.ndarray, parts: tuple[np.ndarray, np.ndarray]
+    ) -> np.ndarray:
+        """What each half of the rows predicts of the other, and both of the rows between them
+        [N.m], shape (rows.count,).
+
+        Parameters
+        ----------
+        plain
+            Residual rows [N.m], shape (rows.count,).
+        parts
+            Two masks of rows.
+        """
+        matrix = np.column_stack([self._rows.plain(s) for s in self._spectra])
+        predicted = []
+        for train in parts:
+            index = np.flatnonzero(train)
+            scale = _size(matrix[index])
+            ridge = _tuned(matrix, plain, index)
+            weights = _weights(matrix[index] / scale, plain[index], ridge)
+            predicted.append((matrix / scale) @ weights)
+        first, second = parts
+        return np.where(first, predicted[1], np.where(second, predicted[0], 0.5 * sum(predicted)))
+
     def learn(self, plain: np.ndarray) -> np.ndarray:
         """Weights with which the bank predicts this plain residual [N.m], shape (rows.count,); the
         ridge as in `cross_score`.

@@ -19,7 +19,8 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_errors
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Column, Columns
-from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
+from model_discrepancy.recording.motion import Motion
 
 Start = Mapping[str, Mapping[str, float]]
 Spectra = Mapping[Column, np.ndarray]
@@ -125,17 +126,37 @@ class Fitter:
     ----------
     columns
         Of the recording.
+    rows
+        With the whitening that is to be used; None for those of the columns.
     """
 
-    def __init__(self, columns: Columns) -> None:
+    def __init__(self, columns: Columns, rows: Rows | None = None) -> None:
         self.columns = columns
-        self.rows = columns.rows
+        self.rows = columns.rows if rows is None else rows
         self.plain_target = self.rows.plain(columns.target)
         self._refresh()
 
-    def whiten_by(self, fit: Fit) -> None:
-        """Whiten by this fit's residual from now on."""
-        self.rows.whiten_by(fit.plain)
+    @classmethod
+    def of(cls, motion: Motion, limit: float = LOW_PASS_HZ) -> Fitter:
+        """The problem of one recording: its columns and rows up to a limit [Hz], not whitened."""
+        return cls(Columns(motion, Rows(len(motion.position), motion.rate, limit)))
+
+    def unwhitened(self) -> Fitter:
+        """The same problem by the plain error."""
+        return Fitter(self.columns, self.rows.unwhitened())
+
+    def along(self, motion: Motion) -> Fitter:
+        """The same problem and whitening with another movement of the same length."""
+        return Fitter(Columns(motion, self.rows))
+
+    @property
+    def motion(self) -> Motion:
+        """What the model is driven by."""
+        return self.columns.motion
+
+    def whiten_by(self, noise: np.ndarray) -> None:
+        """Whiten by these plain rows [N.m], shape (rows.count,), from now on."""
+        self.rows.whiten_by(noise)
         self._refresh()
 
     def _refresh(self) -> None:

@@ -11,11 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from model_discrepancy.criticism.locate import BANDS_HZ, WINDOWS_S, find_onsets
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import first_and_second
-from model_discrepancy.fit.rows import Rows
-from model_discrepancy.recording.motion import Motion
 
 BLOCK_S = 5.0
 
@@ -44,9 +41,9 @@ class HeldOut:
     residual: np.ndarray
 
 
-def held_out(motion: Motion, fit: Fit, evaluations: int = 15) -> HeldOut:
+def held_out(problem: Fitter, fit: Fit, evaluations: int = 15) -> HeldOut:
     """Refit the fit's terms on each half by the plain error and score on the other."""
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
+    fitter = problem.unwhitened()
     rows = fitter.rows
     parts = first_and_second(rows)
     residual = np.zeros(rows.count)

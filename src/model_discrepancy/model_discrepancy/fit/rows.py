@@ -11,7 +11,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.linalg import solve_toeplitz
 
-from model_discrepancy.recording.motion import low_pass
+from model_discrepancy.recording.spectrum import low_pass
 
 # Slower torque is voluntary; a perturbation says nothing there.
 HIGH_PASS_HZ = 0.1
@@ -24,6 +24,8 @@ ROW_RATE_HZ = 200.0
 # The model starts from rest and the joint did not; the longest reflex response lasts 0.6 s.
 SKIP_START_S = 1.5
 SKIP_END_S = 0.5
+# Falls to 1/166 between the limit of 80 Hz and the end of the rows at 100 Hz.
+EDGE_ORDER = 24
 # 0.2 s of past: resolves a tremor peak of 5 Hz width, and voluntary torque as a slope.
 WHITENING_ORDER = 40
 
@@ -37,9 +39,13 @@ class Rows:
         N, of the columns.
     rate
         Of the columns [Hz].
+    limit
+        Highest frequency that is fitted [Hz]; half the power is left there.
 
     Attributes
     ----------
+    limit
+        As given [Hz].
     count
         Rows of a recording.
     rate
@@ -50,8 +56,10 @@ class Rows:
         Rows that are fitted (without the ends), bool, shape (count,).
     """
 
-    def __init__(self, samples: int, rate: float) -> None:
+    def __init__(self, samples: int, rate: float, limit: float = LOW_PASS_HZ) -> None:
         self._samples = samples
+        self._rate = rate
+        self.limit = limit
         self._length = next_fast_len(samples + int(SKIP_START_S * rate), real=True)
         # The rows' grid has the same period as the columns'.
         self._short = 2 * next_fast_len(round(0.5 * self._length * ROW_RATE_HZ / rate), real=True)
@@ -61,9 +69,22 @@ class Rows:
         self.used = (self.time >= SKIP_START_S) & (self.time < samples / rate - SKIP_END_S)
         self.frequency = rfftfreq(self._length, 1.0 / rate)[: self._short // 2 + 1]
         high = (self.frequency / HIGH_PASS_HZ) ** 4
-        self.band = high / (1.0 + high) * low_pass(self.frequency, LOW_PASS_HZ, LOW_PASS_ORDER)
+        self.band = high / (1.0 + high) * low_pass(self.frequency, limit, LOW_PASS_ORDER)
         self._whitening = self.band.astype(complex)
         self._scale = self._short / self._length
+        # Beyond the limit the whitening must not lift what the low-pass took away.
+        self._edge = low_pass(self.frequency, limit, EDGE_ORDER)
+
+    def unwhitened(self) -> Rows:
+        """The same operator without a whitening filter."""
+        return Rows(self._samples, self._rate, self.limit)
+
+    @property
+    def independent(self) -> int:
+        """Independent values in the fitted rows: they hold no more than twice the limit each
+        second.
+        """
+        return int(self.used.sum() * min(2.0 * self.limit / self.rate, 1.0))
 
     def spectrum(self, column: np.ndarray) -> np.ndarray:
         """Spectrum of a column (n,) up to half the row rate."""
@@ -71,8 +92,12 @@ class Rows:
 
     def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
         """What lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
+        return self.torque(spectrum * low_pass(self.frequency, cutoff, 4))
+
+    def torque(self, spectrum: np.ndarray) -> np.ndarray:
+        """What a spectrum holds below half the row rate, at the columns' rate, shape (n,)."""
         whole = np.zeros(self._length // 2 + 1, dtype=complex)
-        whole[: len(spectrum)] = spectrum * low_pass(self.frequency, cutoff, 4)
+        whole[: len(spectrum)] = spectrum
         return irfft(whole, self._length)[: self._samples]
 
     def plain(self, spectrum: np.ndarray) -> np.ndarray:
@@ -98,8 +123,10 @@ class Rows:
         them.
         """
         angle = 2.0 * np.pi * self.frequency / self.rate
-        self._whitening = self.band * (
-            np.exp(-1j * np.outer(angle, np.arange(len(coefficients)))) @ coefficients
+        self._whitening = (
+            self._edge
+            * self.band
+            * (np.exp(-1j * np.outer(angle, np.arange(len(coefficients)))) @ coefficients)
         )
 
     def gain(self) -> np.ndarray:
@@ -108,9 +135,19 @@ class Rows:
 
 
 def autoregression(series: np.ndarray, order: int) -> np.ndarray:
-    """Prediction-error filter ``[1, -a1, ...
+    """Prediction-error filter by Yule-Walker, scaled to unit variance of its output.
 
-    -ap]`` by Yule-Walker, scaled to unit variance of its output, shape (order + 1,).
+    Parameters
+    ----------
+    series
+        Shape (n,).
+    order
+        Number p of past values.
+
+    Returns
+    -------
+    np.ndarray
+        ``[1, -a1, ... -ap]`` over the spread of the prediction error, shape (order + 1,).
     """
     series = series - series.mean()
     n = len(series)

@@ -1,4 +1,4 @@
-"""Gain and lag of one channel against another that measures the same movement: named as findings."""  # noqa: E501
+"""Gain and lag of one channel against another that measures the same movement."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model_discrepancy.recording.encoder_backlash import encoder_gap, motion_without_play
-from model_discrepancy.recording.motion import low_pass
+from model_discrepancy.recording.encoder_backlash import encoder_gap, motion_without_backlash
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.servo import Servo
 
 # Encoders and amplifiers are calibrated to better than this; three standard errors are asked for as
 # well.
 LEAST_GAIN_ERROR = 0.03
 LEAST_LAG_S = 0.001
-SENSOR, PLAY = "position sensor", "backlash"
+SENSOR, BACKLASH = "position sensor", "backlash"
+VELOCITY_GAIN, POSITION_GAIN, CHANNEL_GAIN = "velocity_gain", "position_gain", "channel_gain"
 
 
 @dataclass(frozen=True)
@@ -24,55 +25,55 @@ class Finding:
     Attributes
     ----------
     name
-        ``velocity_gain``, ``velocity_lag``, ``position_gain``, ``backlash`` (of the encoder) or
-        ``tremor``.
+        ``velocity_gain``, ``position_gain``, ``channel_gain`` (one of the two), ``velocity_lag`` or
+        ``backlash`` (of the encoder).
     location
         Place in the signal path.
     parameters
         Value and standard error by name with unit.
     sentence
         In plain words with the number.
+    siblings
+        What else would look the same in this recording.
     """
 
     name: str
     location: str
     parameters: dict[str, tuple[float, float]]
     sentence: str
+    siblings: tuple[str, ...] = ()
 
 
-def channel_findings(recording: Recording) -> list[Finding]:
-    """Findings from velocity against position, and position against the reference, where they were
-    recorded.
+def channel_findings(recording: Recording, servo: Servo | None = None) -> list[Finding]:
+    """Findings from velocity against position, and of both against the command.
+
+    A servo that does not reach its command, or gives way under load, is a property of the rig and
+    no finding. A channel is accused only where two others agree against it: position where command
+    and velocity do, velocity where command and position do.
+
+    Parameters
+    ----------
+    recording
+        Where velocity was not recorded there are no findings.
+    servo
+        How position follows the command; None without a command.
     """
+    if recording.velocity is None:
+        return []
     gap = encoder_gap(recording)
     if gap is not None:
-        # Play also shrinks and delays what position reads; one error, not three.
+        # Backlash also shrinks and delays what position reads; one error, not three.
         sentence = (
-            f"Position stands still for {1000 * gap[0]:.2f} mrad at each reversal: play "
+            f"Position stands still for {1000 * gap[0]:.2f} mrad at each reversal: backlash "
             "between shaft and encoder."
         )
-        return [Finding(PLAY, SENSOR, {"gap[rad]": gap}, sentence)]
-    found = []
-    position = _position_gain(recording)
-    if position is not None:
-        found.append(position)
-    if recording.velocity is None:
-        return found
+        return [Finding(BACKLASH, SENSOR, {"gap[rad]": gap}, sentence)]
     gain, gain_error, lag, lag_error = _gain_and_lag(
         recording.position, recording.velocity, recording.rate, derivative=True
     )
-    # Where position reads too much against the reference, velocity reads too little against
-    # position: one error, not two.
-    true_gain = gain if position is None else gain * position.parameters["gain[1]"][0]
-    if abs(true_gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
-        found.append(
-            _gain(
-                "velocity_gain",
-                true_gain,
-                gain_error,
-                f"The velocity channel reads {true_gain:.3f} times the true velocity.",
-            )
-        )
+    found = []
+    if abs(gain - 1.0) > max(LEAST_GAIN_ERROR, 3 * gain_error):
+        found.append(_disagreement(gain, gain_error, servo))
     if abs(lag) > max(LEAST_LAG_S, 3 * lag_error):
         word = "late" if lag > 0 else "early"
         sentence = f"The velocity channel is {1000 * abs(lag):.1f} ms {word}."
@@ -81,36 +82,47 @@ def channel_findings(recording: Recording) -> list[Finding]:
 
 
 def trusted(recording: Recording, findings: list[Finding]) -> Recording:
-    """The recording with its position in true radians, and without a velocity that disagrees: both
-    are merged into one motion.
-    """
+    """The recording with its position in true radians, and without a velocity that disagrees."""
     for finding in findings:
-        if finding.name == PLAY:
-            recording = replace(recording, position=motion_without_play(recording))
-        elif finding.name == "position_gain":
+        if finding.name == BACKLASH:
+            recording = replace(recording, position=motion_without_backlash(recording))
+        elif finding.name == POSITION_GAIN:
             middle = recording.position.mean()
             recording = replace(
                 recording,
                 position=middle + (recording.position - middle) / finding.parameters["gain[1]"][0],
             )
-        else:
-            recording = replace(recording, velocity=None)
+        recording = replace(recording, velocity=None)
     return recording
 
 
-def _position_gain(recording: Recording) -> Finding | None:
-    """Whether held positions differ from the commanded ones."""
-    if recording.reference is None or np.std(recording.reference) == 0:
-        return None
-    gain, error = _static_gain(recording)
-    if abs(gain - 1.0) <= max(LEAST_GAIN_ERROR, 3 * error):
-        return None
-    sentence = f"Held positions read {gain:.3f} times the commanded ones: a gain error of position."
-    return _gain("position_gain", gain, error, sentence)
-
-
-def _gain(name: str, gain: float, error: float, sentence: str) -> Finding:
-    return Finding(name, SENSOR, {"gain[1]": (gain, error)}, sentence)
+def _disagreement(gain: float, error: float, servo: Servo | None) -> Finding:
+    """Which of position and velocity is wrong where velocity reads `gain` times the derivative of
+    position.
+    """
+    if servo is not None:
+        follows, spread = servo.following
+        tolerance = max(LEAST_GAIN_ERROR, 3.0 * float(np.hypot(spread, error)))
+        if abs(follows - 1.0) < tolerance < abs(gain - 1.0):
+            sentence = (
+                f"The velocity channel reads {gain:.3f} times the true velocity; position agrees "
+                "with the command."
+            )
+            return Finding(VELOCITY_GAIN, SENSOR, {"gain[1]": (gain, error)}, sentence)
+        if abs(follows * gain - 1.0) < tolerance < abs(follows - 1.0):
+            wrong = (1.0 / gain, error / gain**2)
+            sentence = (
+                f"Position reads {1.0 / gain:.3f} times the true angle: command and velocity agree "
+                "against it."
+            )
+            return Finding(POSITION_GAIN, SENSOR, {"gain[1]": wrong}, sentence)
+    sentence = (
+        f"Velocity reads {gain:.3f} times the derivative of position; no third channel tells "
+        "which of the two is wrong."
+    )
+    return Finding(
+        CHANNEL_GAIN, SENSOR, {"gain[1]": (gain, error)}, sentence, (VELOCITY_GAIN, POSITION_GAIN)
+    )
 
 
 def _gain_and_lag(
@@ -147,22 +159,3 @@ def _gain_and_lag(
         float(np.mean(lags)),
         float(np.std(lags) / root),
     )
-
-
-def _static_gain(recording: Recording) -> tuple[float, float]:
-    """Position per reference below 2 Hz, where any actuator follows, with a standard error over ten
-    parts.
-    """
-    reference = recording.reference
-    assert reference is not None
-    gains = []
-    for part in np.array_split(np.arange(len(reference)), 10):
-        f = np.fft.rfftfreq(len(part), 1.0 / recording.rate)
-        window = np.hanning(len(part))
-        r, x = (
-            np.fft.rfft((s[part] - s[part].mean()) * window) * low_pass(f, 2.0, 8)
-            for s in (reference, recording.position)
-        )
-        if np.sum(np.abs(r) ** 2) > 0:
-            gains.append(float(np.abs(np.sum(x * np.conj(r))) / np.sum(np.abs(r) ** 2)))
-    return float(np.mean(gains)), float(np.std(gains) / np.sqrt(len(gains)))

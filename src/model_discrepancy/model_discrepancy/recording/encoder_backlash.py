@@ -23,7 +23,7 @@ SMALLEST_GAP = 3e-4
 LEAST_CUT = 0.5
 
 
-def motion_without_play(recording: Recording) -> np.ndarray:
+def motion_without_backlash(recording: Recording) -> np.ndarray:
     """Position [rad], shape (n,): slowly the measured one, otherwise the integrated velocity."""
     assert recording.velocity is not None
     travelled = cumulative_trapezoid(recording.velocity, dx=1.0 / recording.rate, initial=0.0)
@@ -40,7 +40,7 @@ def encoder_gap(recording: Recording) -> tuple[float, float] | None:
     """
     if recording.velocity is None:
         return None
-    moved, read = motion_without_play(recording), _fast(recording.position, recording.rate)
+    moved, read = motion_without_backlash(recording), _fast(recording.position, recording.rate)
     plain = _fast(moved, recording.rate)
     apart = float(np.var(read - plain))
     scaled = float(np.var(read - plain * (read @ plain) / (plain @ plain)))

@@ -1,31 +1,36 @@
 """Position, velocity and acceleration for fitting: zero-phase, band-limited, from what was
 measured.
 
-Everything is done on the spectrum of the recording, extended at both ends by its own point
-reflection so that the ends do not ring. Motion is limited by its own noise only (Wiener), because a
-nonlinear term, friction for one, must see the movement as sharp as it was; the 80 Hz low-pass comes
-afterwards, in `rows`, on torque and model torque alike.
+Where the command was recorded, the movement is what command and load make of the servo (`servo`),
+which is free of the encoder's noise; what they do not explain is added as far as it is above that
+noise (Wiener). Without a command the measured position is limited by its noise only. A nonlinear
+term, friction for one, must see the movement as sharp as it was; the low-pass comes afterwards, in
+`rows`, on torque and model torque alike.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.servo import Compliance, Servo
+from model_discrepancy.recording.spectrum import (
+    Spectrum,
+    clear_share,
+    low_pass,
+    noise_floor,
+    signal_share,
+    white_density,
+)
 
 # Terms are simulated at this rate or just above: six times the highest frequency that is fitted.
 MODEL_RATE_HZ = 500.0
-# Anti-alias filter of the model's rate: cut-off as a share of it, and order of the zero-phase gain.
-_ANTI_ALIAS = 0.4
-_ANTI_ALIAS_ORDER = 24
 # Slow torque stands for muscle activation: a subject changes it over seconds, perturbations over
 # tenths of a second.
 ACTIVATION_HZ = 0.3
-_EXTENSION_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,9 @@ class Motion:
     sample_time
         Between two samples of the recording [s]: channels are aligned no better than to half of it;
         0 for a simulation.
+    noise
+        Power density of the errors of position [rad^2/Hz] and of an independent velocity
+        [rad^2/s^2/Hz], infinite without one.
     """
 
     rate: float
@@ -55,73 +63,101 @@ class Motion:
     torque: np.ndarray
     activation: np.ndarray
     sample_time: float = 0.0
+    noise: tuple[float, float] = (0.0, math.inf)
+
+    def position_noise(self, frequency: np.ndarray) -> np.ndarray:
+        """Power density of the error of `position` [rad^2/Hz] at each frequency [Hz]."""
+        position, velocity = self.noise
+        return position / (1.0 + position * (2.0 * np.pi * frequency) ** 2 / velocity)
 
     @property
     def time(self) -> np.ndarray:
         """Time since the first sample [s], shape (n,)."""
         return np.arange(len(self.position)) / self.rate
 
+    def undisturbed(
+        self, compliance: Compliance, disturbance: np.ndarray, joint: tuple[float, float, float]
+    ) -> Motion:
+        """The movement as it would have been without a torque that no movement causes.
 
-def low_pass(frequency: np.ndarray, cutoff: float, order: int) -> np.ndarray:
-    """Gain of the zero-phase low-pass at each frequency [Hz]; half at the cutoff."""
-    return 1.0 / (1.0 + (frequency / cutoff) ** order)
+        The torque that such a movement would have made differs too: compliance C and joint
+        impedance Z are in a loop, which moves the plate by ``C / (1 + C Z)``.
 
-
-class _Spectrum:
-    """A signal, extended at its ends, in the frequency domain, to be filtered and read at a lower
-    rate.
-    """
-
-    def __init__(self, signal: np.ndarray, rate: float, step: int) -> None:
-        edge = int(_EXTENSION_S * rate) // step * step
-        edge = min(edge, (len(signal) - 1) // step * step)
-        before = 2.0 * signal[0] - signal[edge:0:-1]
-        after = 2.0 * signal[-1] - signal[-2 : -2 - edge : -1]
-        length = next_fast_len(math.ceil((len(signal) + 2 * edge) / step), real=True) * step
-        known = np.concatenate([before, signal, after])
-        # The rest of the period leads from the last value back to the first.
-        filler = np.linspace(known[-1], known[0], length - len(known) + 2)[1:-1]
-        self.values = rfft(np.concatenate([known, filler]))
-        self.frequency = rfftfreq(length, 1.0 / rate)
-        self._step, self._edge, self._length = step, edge, length
-        self._samples = math.ceil(len(signal) / step)
-
-    def read(self, gain: np.ndarray) -> np.ndarray:
-        """Filtered signal at the lower rate."""
-        short = self._length // self._step
-        part = (self.values * gain)[: short // 2 + 1]
-        start = self._edge // self._step
-        return irfft(part, short)[start : start + self._samples] / self._step
+        Parameters
+        ----------
+        compliance
+            That lets this torque move the plate.
+        disturbance
+            Torque [N.m], shape (n,), that the model does not make of the movement.
+        joint
+            Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of Z.
+        """
+        spectrum = Spectrum(disturbance - disturbance.mean(), self.rate, 1)
+        frequency = spectrum.frequency
+        s = 2j * np.pi * frequency
+        inertia, viscosity, stiffness = joint
+        giving = compliance.response(frequency)
+        gain = giving / (1.0 + giving * (inertia * s**2 + viscosity * s + stiffness))
+        return replace(
+            self,
+            position=self.position + spectrum.read(gain),
+            velocity=self.velocity + spectrum.read(gain * s),
+            acceleration=self.acceleration + spectrum.read(gain * s**2),
+        )
 
 
-def motion_of(recording: Recording) -> Motion:
+def motion_step(recording: Recording) -> int:
+    """Samples of the recording for one sample at the model's rate."""
+    return max(1, int(recording.rate // MODEL_RATE_HZ))
+
+
+def motion_of(recording: Recording, servo: Servo | None = None) -> Motion:
     """Filtered motion and torque of a recording at the model's rate.
 
-    Where velocity was measured it is merged with position, each frequency weighted by the two
-    channels' noise floors (the best linear combination for independent white noises).
+    Parameters
+    ----------
+    recording
+        Where velocity was measured and no command, it is merged with position, each frequency
+        weighted by the two channels' noise floors (the best linear combination for independent
+        white noises).
+    servo
+        What the command explains of the position, by `servo.identify_servo`; None where no command
+        was recorded.
     """
-    step = max(1, int(recording.rate // MODEL_RATE_HZ))
-    position = _Spectrum(recording.position, recording.rate, step)
-    frequency = position.frequency
-    keep = low_pass(frequency, _ANTI_ALIAS * recording.rate / step, _ANTI_ALIAS_ORDER)
-    s = 2j * np.pi * frequency
-    merged = position.values
-    if recording.velocity is not None:
-        merged = _merge(position, _Spectrum(recording.velocity, recording.rate, step), s)
-    position.values = merged * signal_share(merged, frequency)
-    torque = _Spectrum(recording.torque, recording.rate, step)
+    step = motion_step(recording)
+    torque = Spectrum(recording.torque, recording.rate, step)
+    if servo is not None:
+        noise = white_density(servo.unexplained, servo.rate) * servo.uncertainty, math.inf
+        rest = Spectrum(servo.unexplained, servo.rate, 1)
+        position = Spectrum(servo.position, servo.rate, 1)
+        position.values = position.values + rest.values * clear_share(rest.values, rest.frequency)
+        keep = np.ones(len(position.frequency))
+        middle = float(recording.position.mean())
+    else:
+        position = Spectrum(recording.position, recording.rate, step)
+        keep = position.anti_alias()
+        middle = 0.0
+        merged = position.values
+        noise = white_density(recording.position, recording.rate), math.inf
+        if recording.velocity is not None:
+            velocity = Spectrum(recording.velocity, recording.rate, step)
+            noise = noise[0], white_density(recording.velocity, recording.rate)
+            merged = _merge(position, velocity, 2j * np.pi * position.frequency)
+        position.values = merged * signal_share(merged, position.frequency)
+    s = 2j * np.pi * position.frequency
     return Motion(
         rate=recording.rate / step,
-        position=position.read(keep),
+        position=position.read(keep) + middle,
         velocity=position.read(keep * s),
         acceleration=position.read(keep * s**2),
-        torque=torque.read(keep),
-        activation=torque.read(low_pass(frequency, ACTIVATION_HZ, 4)),
+        torque=torque.read(torque.anti_alias()),
+        activation=torque.read(low_pass(torque.frequency, ACTIVATION_HZ, 4)),
         sample_time=1.0 / recording.rate,
+        noise=noise,
     )
 
 
-def _merge(position: _Spectrum, velocity: _Spectrum, s: np.ndarray) -> np.ndarray:
+def _merge(position: Spectrum, velocity: Spectrum, s: np.ndarray) -> np.ndarray:
     """Spectrum of position from both channels; at zero frequency position alone."""
     noise_x = noise_floor(position.values, position.frequency)
     noise_v = noise_floor(velocity.values, position.frequency)
@@ -134,34 +170,3 @@ def _merge(position: _Spectrum, velocity: _Spectrum, s: np.ndarray) -> np.ndarra
     return (weight_x * position.values + weight_v * velocity.values / s_safe) / (
         weight_x + weight_v
     )
-
-
-def signal_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """Wiener gain: the share of a channel's power at each frequency that is movement, not noise,
-    0...1.
-
-    Fitting with the movement that is expected, given what was read, keeps noise from biasing the
-    parameters (regression calibration, Carroll et al. 2006, Measurement Error in Nonlinear Models,
-    chapter 4).
-    """
-    noise = noise_floor(spectrum, frequency)
-    power = np.abs(spectrum) ** 2
-    # Means over a sixteenth of an octave at least 40 bins wide, so that the estimate's own scatter
-    # is small.
-    total = np.concatenate([[0.0], np.cumsum(power)])
-    index = np.arange(len(power))
-    half = np.maximum(20, index // 32)
-    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, len(power))
-    mean = (total[high] - total[low]) / (high - low)
-    return np.clip(1.0 - noise / np.maximum(mean, 1e-30), 0.0, 1.0)
-
-
-def noise_floor(spectrum: np.ndarray, frequency: np.ndarray) -> float:
-    """Power of the flat noise in a spectrum (per bin): the median between 50 % and 80 % of the
-    highest frequency.
-    """
-    top = frequency[-1]
-    band = (frequency > 0.5 * top) & (frequency < 0.8 * top)
-    # The median of an exponentially distributed power is ln 2 times its mean.
-    floor = float(np.median(np.abs(spectrum[band]) ** 2)) / math.log(2.0)
-    return max(floor, 1e-30)

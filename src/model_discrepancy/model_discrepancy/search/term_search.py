@@ -14,10 +14,8 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fit, Fitter, Start, bounded, orthonormal
 from model_discrepancy.fit.halves import interleaved
-from model_discrepancy.fit.rows import Rows
 from model_discrepancy.search.effect_size import torque_share
 from model_discrepancy.search.screening import (
     Point,
@@ -167,24 +165,20 @@ class Found:
     base_score: float = 0.0
 
 
-def fit_base(
-    fitter: Fitter, terms: Sequence[str] = PAPER_TERMS, progress: Progress = lambda _: None
-) -> Fit:
-    """The paper's model refitted from several starts; leaves the fitter whitened by its residual."""  # noqa: E501
-    progress("fitting the base model")
+def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS) -> Fit:
+    """The base model from several starts; leaves the fitter whitened by its residual."""
     best = min(
         (fitter.fit(terms, {"reflex": dict(start)}, evaluations=15) for start in BASE_STARTS),
         key=lambda fit: fit.score,
     )
     for _ in range(2):
-        fitter.whiten_by(best)
+        fitter.whiten_by(best.plain)
         starts = [best.values, *({"reflex": dict(start)} for start in BASE_STARTS[:2])]
         best = min(
             (fitter.fit(terms, start, evaluations=25) for start in starts),
             key=lambda fit: fit.score,
         )
-    fitter.whiten_by(best)
-    return align(fitter, fitter.fit(terms, best.values))
+    return best
 
 
 def align(fitter: Fitter, fit: Fit) -> Fit:
@@ -290,7 +284,6 @@ def _add_terms(
             found.near = trials[:3]
             break
         best = _chosen(fitter, good)
-        fitter.whiten_by(best.fit)
         current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
         found.effects.append(Effect(best, _errors(current, yardstick), tentative=not best.accepted))
         current = _drop_superfluous(fitter, found, current, progress)
@@ -388,12 +381,7 @@ def _slow_step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) 
     or one.
     """
     progress("looking for slow terms")
-    plain = Fitter(
-        Columns(
-            fitter.columns.motion,
-            Rows(len(fitter.columns.motion.position), fitter.columns.motion.rate),
-        )
-    )
+    plain = fitter.unwhitened()
     screened = screen(plain, plain.evaluate(current.values), grids.best(current))
     found: list[tuple[float, Trial]] = []
     for s in screened[:SLOW_REFITTED]:
@@ -425,7 +413,7 @@ def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int
 
 def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
     """BIC of the new fit minus that of the old one."""
-    n = int(fitter.rows.used.sum())
+    n = fitter.rows.independent
     return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))
 
 

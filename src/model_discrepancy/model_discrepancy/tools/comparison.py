@@ -285,12 +285,12 @@ def _side(recording: Recording, start: Fit | None, progress: Callable[[str], Non
     `start`.
     """
     motion = motion_of(recording)
-    fitter = Fitter(Columns(motion, Rows(len(motion.position), motion.rate)))
-    base = fitter.with_errors(fit_base(fitter, progress=progress))
+    fitter = Fitter.of(motion)
+    base = fitter.with_errors(fit_base(fitter))
     known = base
     if start is not None and set(start.terms) != set(base.terms):
         known = fitter.fit(start.terms, start.values)
-        fitter.whiten_by(known)
+        fitter.whiten_by(known.plain)
         known = fitter.fit(start.terms, known.values)
     found = search(fitter, known, None, progress)
     return Side(

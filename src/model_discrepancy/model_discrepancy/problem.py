@@ -1,0 +1,150 @@
+"""One recording made ready for the search: its movement, its noise, its rows, and the base model's
+fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import coherence, welch
+
+from ankle_physics.model import PAPER_TERMS
+from model_discrepancy.criticism.generic_bank import GenericBank
+from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.fit.rows import LOW_PASS_HZ
+from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.servo import Compliance, Servo, held_compliance, identify_servo
+from model_discrepancy.search.term_search import align, fit_base
+
+Progress = Callable[[str], None]
+
+# Where less of the torque follows the movement than this, rows hold noise alone.
+LEAST_COHERENCE = 0.3
+# Of the residual's power that the noise of the position may make at any frequency.
+LARGEST_NOISE_SHARE = 0.1
+# The reflex and the joint's own resonance lie below; a recording is never cut further down.
+LOWEST_LIMIT_HZ = 25.0
+# Resolution of the coherence: 2 Hz, so that a minute gives more than a hundred averages.
+_SEGMENT_S = 0.5
+
+
+@dataclass
+class Problem:
+    """What every later stage of a diagnosis works on.
+
+    Attributes
+    ----------
+    recording
+        As it was read.
+    servo
+        How the servo follows its command and gives way; None without a command.
+    compliance
+        How far the servo gives way, from the command or from the holds; None where neither tells.
+    fitter
+        Columns and rows, whitened by the recording's noise.
+    base
+        The base model's fit.
+    bank
+        Generic regressors of the same movement.
+    parts
+        Two interleaved halves of the rows, each bool, shape (rows.count,).
+    """
+
+    recording: Recording
+    servo: Servo | None
+    compliance: Compliance | None
+    fitter: Fitter
+    base: Fit
+    bank: GenericBank
+    parts: tuple[np.ndarray, np.ndarray]
+
+
+def prepare(
+    recording: Recording, terms: Sequence[str] = PAPER_TERMS, progress: Progress = lambda _: None
+) -> Problem:
+    """Fit the base model to a recording and learn its noise.
+
+    Parameters
+    ----------
+    recording
+        A usable one.
+    terms
+        Of the base model.
+    progress
+        Called with one line for each step.
+    """
+    progress("finding how the servo follows its command")
+    servo = identify_servo(recording, motion_step(recording))
+    motion = motion_of(recording, servo)
+    fitter = Fitter.of(motion, coherent_limit(motion))
+    progress("fitting the base model")
+    base = fit_base(fitter, terms)
+    clear = clear_limit(fitter, base)
+    if clear < fitter.rows.limit:
+        fitter = Fitter.of(motion, clear)
+        base = fit_base(fitter, terms)
+    # What the base model does not make of the movement is voluntary torque, and what is missing.
+    left = fitter.rows.torque(base.left)
+    activation = fitter.rows.slow(base.left, ACTIVATION_HZ)
+    motion = replace(motion, activation=float(np.mean(motion.torque)) + activation)
+    compliance = (
+        servo.compliance
+        if servo is not None
+        else held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
+    )
+    if compliance is not None and compliance.significant:
+        motion = motion.undisturbed(compliance, left, joint_impedance(base))
+    fitter = fitter.along(motion)
+    bank = GenericBank(fitter.columns)
+    parts = interleaved(fitter.rows)
+    base = fitter.fit(terms, base.values, evaluations=15)
+    fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
+    base = align(fitter, fitter.fit(terms, base.values))
+    return Problem(recording, servo, compliance, fitter, base, bank, parts)
+
+
+def joint_impedance(base: Fit) -> tuple[float, float, float]:
+    """Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of a fit; 0 where it has no
+    such term.
+    """
+    inertia, viscosity, stiffness = (
+        base.values.get(name, {}).get(symbol, 0.0)
+        for name, symbol in (("inertia", "I"), ("viscosity", "B"), ("stiffness", "K"))
+    )
+    return inertia, viscosity, stiffness
+
+
+def clear_limit(fitter: Fitter, base: Fit) -> float:
+    """Highest frequency up to which the position's own noise, seen through the joint, is a small
+    part of the residual [Hz].
+
+    Above it the residual would hold the very noise that stands in the regressors, and they would
+    seem to predict it.
+
+    Parameters
+    ----------
+    fitter, base
+        The base model's fit.
+    """
+    rows = fitter.rows
+    frequency, left = welch(base.plain[rows.used], rows.rate, nperseg=int(_SEGMENT_S * rows.rate))
+    s = 2j * np.pi * frequency
+    inertia, viscosity, stiffness = joint_impedance(base)
+    impedance = inertia * s**2 + viscosity * s + stiffness
+    seen = np.abs(impedance) ** 2 * fitter.motion.position_noise(frequency)
+    inside = frequency <= rows.limit
+    above = frequency[inside & (seen > LARGEST_NOISE_SHARE * left) & (frequency > LOWEST_LIMIT_HZ)]
+    return float(above[0]) if len(above) else rows.limit
+
+
+def coherent_limit(motion: Motion) -> float:
+    """Highest frequency up to which torque and movement are coherent [Hz], 25 to 80."""
+    frequency, alike = coherence(
+        motion.acceleration, motion.torque, motion.rate, nperseg=int(_SEGMENT_S * motion.rate)
+    )
+    both = frequency[(alike > LEAST_COHERENCE) & (frequency < LOW_PASS_HZ)]
+    return float(np.clip(both[-1] if len(both) else 0.0, LOWEST_LIMIT_HZ, LOW_PASS_HZ))

@@ -1,0 +1,277 @@
+"""How the servo follows its command and how far it gives way under load.
+
+``position = H reference - C torque``: H is how the drive follows its command, C [rad/N.m] its
+compliance. Both are linear and are fitted to the recording itself by least squares. What the joint
+does to the torque without any movement (voluntary torque, tremor, a reflex that varies) moves the
+plate by ``-C`` times itself, and therefore stands in the measured position. A fit that regresses
+torque on that position would explain such torque by the movement that it made (a closed loop, Ljung
+1999, System Identification, section 13.4). The command does not contain it: it is the instrument.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.signal import lfilter
+
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.spectrum import Spectrum, low_pass
+
+# A drive of 20 Hz has settled within 0.1 s; slower parts (an integrator) are in the slow poles.
+FOLLOWING_S = 0.1
+# Between two lags of H: an edge of 11 ms holds nothing above 120 Hz, and each lag costs precision.
+LAG_S = 0.004
+# The reference may be stamped somewhat later than the motion that it caused.
+EARLIEST_S = 0.01
+# Poles of the compliance and of the slow part of H [s]: from a stiff current loop to an integrator.
+COMPLIANCE_POLES_S = (0.005, 0.015, 0.05, 0.2, 1.0)
+SLOW_POLES_S = (0.03, 0.1, 0.4, 1.5)
+# Relative to the largest eigenvalue: keeps frequencies that the command does not hold at zero.
+_RIDGE = 1e-11
+# The filters start from rest and the rig did not.
+_SKIP_S = 1.2
+_FADE_S = 0.4
+# Torque acts on the plate from below this frequency [Hz]; what is faster the drive's mass holds.
+_TORQUE_HZ = 60.0
+# The plate counts as held below this share of its highest speed, after the servo has settled, and
+# where that lasts long enough for torque to change.
+_STILL_SHARE = 0.1
+_SETTLED_S = 0.12
+_HELD_S = 0.08
+_FEWEST_HOLDS = 24
+# Torque during a hold is slow; what is faster is the sensors' noise.
+_HELD_HZ = 15.0
+# Stretches that the standard errors are taken from.
+_STRETCHES = 8
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """How far the servo gives way under load.
+
+    Attributes
+    ----------
+    rate
+        Of the samples that it was fitted at [Hz].
+    weights
+        Of the direct path and of each low-pass [rad/N.m], shape (1 + len(COMPLIANCE_POLES_S),).
+    at_rest
+        Their sum with its standard error [rad/N.m].
+    """
+
+    rate: float
+    weights: np.ndarray
+    at_rest: tuple[float, float]
+
+    @property
+    def significant(self) -> bool:
+        """Whether it differs from zero by three standard errors and is positive."""
+        value, error = self.at_rest
+        return value > 3.0 * error
+
+    def response(self, frequency: np.ndarray) -> np.ndarray:
+        """Compliance at each frequency [Hz], complex [rad/N.m]."""
+        return compliance_response(self.weights, frequency, self.rate)
+
+
+@dataclass(frozen=True)
+class Servo:
+    """The servo of one recording.
+
+    Attributes
+    ----------
+    rate
+        Of the samples that it was fitted at [Hz].
+    position
+        What the command and the torque explain of the position [rad], shape (n,), about its mean.
+    unexplained
+        The rest of the position [rad], shape (n,), faded out at both ends: the encoder's noise,
+        and what is not linear.
+    compliance
+        Under load.
+    following
+        Gain of position against command at rest without load, with its standard error [1].
+    share
+        Share of the position's variance that is explained, 0...1.
+    uncertainty
+        Power of the error of `position` as a share of that of `unexplained`: weights per sample.
+    """
+
+    rate: float
+    position: np.ndarray
+    unexplained: np.ndarray
+    compliance: Compliance
+    following: tuple[float, float]
+    share: float
+    uncertainty: float
+
+
+def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float) -> np.ndarray:
+    """Frequency response of a sum of low-passes with `COMPLIANCE_POLES_S`.
+
+    Parameters
+    ----------
+    weights
+        Of the direct path and of each low-pass [rad/N.m].
+    frequency
+        [Hz].
+    rate
+        At which the low-passes run [Hz].
+    """
+    z = np.exp(-2j * np.pi * frequency / rate)
+    total = np.full(len(frequency), weights[0], dtype=complex)
+    for weight, pole in zip(weights[1:], COMPLIANCE_POLES_S, strict=True):
+        decay = np.exp(-1.0 / (rate * pole))
+        total += weight * (1.0 - decay) / (1.0 - decay * z)
+    return total * low_pass(frequency, _TORQUE_HZ, 4)
+
+
+def identify_servo(recording: Recording, step: int) -> Servo | None:
+    """The servo of a recording; None where no command was recorded or it does not move.
+
+    Parameters
+    ----------
+    recording
+        With its reference.
+    step
+        Samples of the recording for one sample of the fit.
+    """
+    if recording.reference is None or np.std(recording.reference) == 0.0:
+        return None
+    rate = recording.rate / step
+    x, torque, command = (
+        _thinned(signal, recording.rate, step)
+        for signal in (recording.position, recording.torque, recording.reference)
+    )
+    following = _following_columns(command, rate)
+    servo = _fitted(x, following, _compliance_columns(torque, rate), rate)
+    if servo is None or servo.compliance.significant:
+        return servo
+    # A compliance that is not there would only carry the torque's noise into the position.
+    return _fitted(x, following, np.zeros((len(x), 0)), rate)
+
+
+def _fitted(x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: float) -> Servo | None:
+    """Least squares with standard errors; None where the recording is too short for it."""
+    columns = np.column_stack([following, giving])
+    inner = np.zeros(len(x), dtype=bool)
+    inner[int(_SKIP_S * rate) : -int(0.5 * rate)] = True
+    if inner.sum() < 4 * columns.shape[1]:
+        return None
+    scale = np.linalg.norm(columns[inner], axis=0)
+    scale[scale == 0.0] = 1.0
+    parts = np.array_split(np.flatnonzero(inner), _STRETCHES)
+    grams = np.array([(columns[p] / scale).T @ (columns[p] / scale) for p in parts])
+    rights = np.array([(columns[p] / scale).T @ x[p] for p in parts])
+    weights = _solved(grams.sum(axis=0), rights.sum(axis=0)) / scale
+    count = following.shape[1]
+    # The jackknife over stretches (Künsch 1989): each draw leaves one of them out.
+    drawn = np.array(
+        [
+            _solved(grams.sum(axis=0) - g, rights.sum(axis=0) - r) / scale
+            for g, r in zip(grams, rights, strict=True)
+        ]
+    )
+    at_rest = np.column_stack([drawn[:, :count].sum(axis=1), -drawn[:, count:].sum(axis=1)])
+    spread = np.sqrt((_STRETCHES - 1) * at_rest.var(axis=0))
+    position = columns @ weights
+    return Servo(
+        rate,
+        position,
+        (x - position) * _fade(inner, rate),
+        Compliance(
+            rate,
+            -weights[count:] if giving.shape[1] else np.zeros(1 + len(COMPLIANCE_POLES_S)),
+            (float(-weights[count:].sum()), float(spread[1])),
+        ),
+        (float(weights[:count].sum()), float(spread[0])),
+        1.0 - float(np.var((x - position)[inner]) / np.var(x[inner])),
+        columns.shape[1] / float(inner.sum()),
+    )
+
+
+def _fade(inner: np.ndarray, rate: float) -> np.ndarray:
+    """1 inside and 0 outside, with edges that do not ring."""
+    edge = np.hanning(2 * int(0.5 * _FADE_S * rate) + 1)
+    return np.asarray(np.convolve(inner, edge / edge.sum(), mode="same"))
+
+
+def _thinned(signal: np.ndarray, rate: float, step: int) -> np.ndarray:
+    spectrum = Spectrum(signal - signal.mean(), rate, step)
+    return spectrum.read(spectrum.anti_alias())
+
+
+def _following_columns(command: np.ndarray, rate: float) -> np.ndarray:
+    lags = range(-int(EARLIEST_S * rate), int(FOLLOWING_S * rate), max(1, round(LAG_S * rate)))
+    columns = [np.roll(command, lag) for lag in lags]
+    return np.column_stack(columns + [_low_passed(command, rate, pole) for pole in SLOW_POLES_S])
+
+
+def _compliance_columns(torque: np.ndarray, rate: float) -> np.ndarray:
+    # Fast torque is noise and what the movement's inertia makes; the drive's own mass holds it.
+    spectrum = Spectrum(torque, rate, 1)
+    smooth = spectrum.read(low_pass(spectrum.frequency, _TORQUE_HZ, 4))
+    return np.column_stack(
+        [smooth] + [_low_passed(smooth, rate, pole) for pole in COMPLIANCE_POLES_S]
+    )
+
+
+def _low_passed(signal: np.ndarray, rate: float, pole: float) -> np.ndarray:
+    decay = np.exp(-1.0 / (rate * pole))
+    settled = [decay * signal[0]]
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal, zi=settled)[0])
+
+
+def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    regular = gram + _RIDGE * np.trace(gram) * np.eye(len(gram))
+    return np.asarray(cho_solve(cho_factor(regular), right))
+
+
+def held_compliance(
+    position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, rate: float
+) -> Compliance | None:
+    """The compliance where no command was recorded, from the moments at which it stands still.
+
+    While the command is held, whatever the position does is what torque makes of it.
+
+    Parameters
+    ----------
+    position, velocity, torque
+        Without the encoder's noise [rad, rad/s, N.m], each of shape (n,).
+    rate
+        Of them [Hz].
+
+    Returns
+    -------
+    Compliance | None
+        None where the plate is hardly ever held.
+    """
+    moving = np.abs(velocity) > _STILL_SHARE * np.percentile(np.abs(velocity), 99.0)
+    settling = np.convolve(moving, np.ones(int(_SETTLED_S * rate)))[: len(moving)] > 0.5
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], settling.astype(int), [1]])))
+    runs = [
+        (begin, end)
+        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+        if end - begin > _HELD_S * rate
+    ]
+    if len(runs) < _FEWEST_HOLDS:
+        return None
+    slow = [Spectrum(signal - signal.mean(), rate, 1) for signal in (position, torque)]
+    x, t = (s.read(low_pass(s.frequency, _HELD_HZ, 8)) for s in slow)
+    products = np.array(
+        [
+            (np.sum(own * (x[b:e] - x[b:e].mean())), np.sum(own**2))
+            for b, e in runs
+            for own in (t[b:e] - t[b:e].mean(),)
+        ]
+    )
+    groups = np.array([g.sum(axis=0) for g in np.array_split(products, _STRETCHES)])
+    rest = groups.sum(axis=0) - groups
+    drawn = -rest[:, 0] / rest[:, 1]
+    value = -float(products[:, 0].sum() / products[:, 1].sum())
+    error = float(np.sqrt((_STRETCHES - 1) * drawn.var()))
+    weights = np.zeros(1 + len(COMPLIANCE_POLES_S))
+    weights[0] = value
+    return Compliance(rate, weights, (value, error))

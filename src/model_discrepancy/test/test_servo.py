@@ -1,0 +1,79 @@
+"""What the servo does is told from what the joint does: the command is the instrument."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from model_discrepancy.problem import prepare
+from model_discrepancy.recording.channel_gains import channel_findings
+from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.servo import identify_servo
+from simulation_study.planted_trials import simulate_trial
+
+COMPLIANCE = 1 / 2500.0
+
+
+@pytest.fixture(scope="module")
+def on_a_soft_servo():
+    """A trial whose plate gives way under a tremor and under slow torque, and its disturbance."""
+    rigid = simulate_trial({}, seed=11, duration=40.0, protocol="equal")
+    command = rigid.position
+    generator = np.random.default_rng(3)
+    drive = generator.standard_normal(len(command))
+    slow = lfilter([1.0], [1.0, -0.998], drive)
+    disturbance = 0.5 * (slow / slow.std())
+    # The joint answers the movement with its own stiffness, which is small beside the servo.
+    moved = -COMPLIANCE * (rigid.torque - rigid.torque.mean() + disturbance)
+    moved = lfilter([0.05], [1.0, -0.95], moved)
+    torque = rigid.torque + disturbance + 100.0 * moved
+    recording = replace(
+        rigid, position=command + moved, torque=torque, velocity=None, reference=command
+    )
+    return recording, disturbance
+
+
+def test_a_servo_that_gives_way_is_measured(on_a_soft_servo):
+    recording, _ = on_a_soft_servo
+    servo = identify_servo(recording, motion_step(recording))
+    value, error = servo.compliance.at_rest
+    assert servo.compliance.significant
+    assert value == pytest.approx(COMPLIANCE, rel=0.1)
+    assert error < 0.05 * COMPLIANCE
+    assert servo.following[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_rigid_servo_has_no_compliance():
+    recording = simulate_trial({}, seed=12, duration=30.0, protocol="equal")
+    recording = replace(recording, reference=recording.position)
+    servo = identify_servo(recording, motion_step(recording))
+    assert not servo.compliance.significant
+    assert np.all(servo.compliance.weights == 0.0)
+
+
+def test_a_servo_that_sags_is_no_gain_error(on_a_soft_servo):
+    recording, _ = on_a_soft_servo
+    velocity = np.gradient(recording.position) * recording.rate
+    recording = replace(recording, velocity=velocity)
+    servo = identify_servo(recording, motion_step(recording))
+    assert channel_findings(recording, servo) == []
+
+
+def test_the_movement_that_is_fitted_with_holds_no_torque_that_no_movement_causes(
+    on_a_soft_servo,
+):
+    recording, disturbance = on_a_soft_servo
+    problem = prepare(recording)
+    step = motion_step(recording)
+    inner = slice(int(4 * problem.fitter.motion.rate), -int(2 * problem.fitter.motion.rate))
+    slow = disturbance[::step] - disturbance.mean()
+    command = recording.reference[::step]
+
+    def leak(position):
+        rest = position - command
+        columns = np.column_stack([slow, command - command.mean(), np.gradient(command)])[inner]
+        return abs(np.linalg.lstsq(columns, (rest - rest.mean())[inner], rcond=None)[0][0])
+
+    measured = leak(recording.position[::step])
+    assert leak(problem.fitter.motion.position) < 0.25 * measured
