@@ -137,6 +137,16 @@ class Term(ABC):
     has_memory
         Whether the torque of an intrinsic term depends on the movement before: relaxation,
         hysteresis, short-range stiffness. Such torque is no part of the stiffness K.
+    family
+        Terms of one place and signature, which one recording can hardly tell apart; empty where the
+        term is a family of its own.
+    separated_by
+        The measurement that tells this term from others of its family.
+    searched
+        False where no recording tells the term from the base model, or no movement causes its
+        torque: a diagnosis does not look for it.
+    companions
+        Terms that come with this one and can be told from the base model only beside it.
     """
 
     name: ClassVar[str]
@@ -146,6 +156,10 @@ class Term(ABC):
     turn: ClassVar[Turn | None] = None
     belongs_to: ClassVar[Owner] = Owner.SUBJECT
     has_memory: ClassVar[bool] = False
+    family: ClassVar[str] = ""
+    separated_by: ClassVar[str] = ""
+    searched: ClassVar[bool] = True
+    companions: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Set the owner of a term by its place where the class does not state it."""

@@ -14,31 +14,32 @@ from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
-from model_discrepancy.criticism.unpredictable import Unpredictable, unpredictable
+from model_discrepancy.criticism.variability import Variability, variability
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
-from model_discrepancy.problem import prepare
+from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.report.html_report import write_report
+from model_discrepancy.report.operating_point import operating_point, stated_impedance
 from model_discrepancy.report.verdict import (
-    SIGNIFICANT_REMAINDER,
     Scores,
     Verdict,
     alternatives,
-    bias,
+    before_and_after,
     effect_entry,
     finding_entry,
     kind,
     separating_measurements,
-    to_model,
 )
 from model_discrepancy.search.effect_size import size_of
+from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import (
     ALIGNMENT,
     REFINEMENT,
@@ -118,10 +119,10 @@ def diagnose(
         folder.mkdir(parents=True, exist_ok=True)
         diagnosis.verdict.save(folder / "verdict.json")
         if diagnosis.found is not None:
-            to_model(
+            fitted_model(
                 diagnosis.found.base, f"{recording.name}: base model, fitted by diagnosis"
             ).save(folder / BASE_FILE)
-            to_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(
+            fitted_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(
                 folder / AUGMENTED_FILE
             )
         write_report(diagnosis, folder / "report.html")
@@ -139,29 +140,32 @@ def _diagnose(
     )
     problem = prepare(trusted(recording, channels), terms, progress)
     fitter, base, bank, parts = problem.fitter, problem.base, problem.bank, problem.parts
-    before = bank.remainder(fitter, base.residual, base.plain, parts)
+    null = Null.of(problem.noise, fitter.rows.time, fitter.rows.used)
+    progress("asking what chance finds in this recording's noise")
+    before = bank.remainder(fitter, base.residual, base.plain, parts, null.noise)
     base_map = residual_map(fitter.columns, base)
-    found = search(fitter, base, library, progress)
+    found = search(fitter, base, null, library, progress)
     progress("scoring on unseen data")
-    after = bank.remainder(fitter, found.final.residual, found.final.plain, parts)
+    after = bank.remainder(fitter, found.final.residual, found.final.plain, parts, null.noise)
     final_map = residual_map(fitter.columns, found.final)
     base_scored = held_out(fitter, found.base)
     final_scored = held_out(fitter, found.final) if found.effects else base_scored
     ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
-    strange = unpredictable(fitter, found.final, base_map.onsets)
-    findings = [*channels, *([strange.tremor] if strange.tremor is not None else [])]
+    varies = variability(fitter, found.final, base_map.onsets)
     verdict = _conclude(
         fitter,
         found,
         after,
-        findings,
-        strange,
+        channels,
+        varies,
         base_map,
         base_scored,
         final_scored,
         ceiling,
         baseline,
     )
+    verdict.variability = varies.content()
+    verdict.rig = _rig(problem)
     verdict.recording = _conditions(recording, fitter, found.final)
     block = None
     if verdict.verdict == "unexplained":
@@ -182,6 +186,17 @@ def _diagnose(
         ceiling,
         block,
     )
+
+
+def _rig(problem: Problem) -> dict[str, Any]:
+    """What the recording tells of the servo: how it follows its command, and how it gives way."""
+    found: dict[str, Any] = {}
+    if problem.servo is not None:
+        found["position_per_command[1]"] = list(problem.servo.following)
+    if problem.compliance is not None and problem.compliance.significant:
+        value, error = problem.compliance.at_rest
+        found["servo_stiffness[N.m/rad]"] = [1.0 / value, error / value**2]
+    return found
 
 
 def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, Any]:
@@ -221,14 +236,16 @@ def _conclude(
     found: Found,
     after: Remainder,
     findings: list[Finding],
-    strange: Unpredictable,
+    varies: Variability,
     base_map: ResidualMap,
     base: HeldOut,
     final: HeldOut,
     ceiling: tuple[float, float],
     baseline: Model | None,
 ) -> Verdict:
-    word, closed = kind(found, after, findings, strange, Scores(base.vaf, final.vaf, *ceiling))
+    word, closed = kind(
+        found, after, findings, varies.unusual, Scores(base.vaf, final.vaf, *ceiling)
+    )
     named = found.effects if word != "no_mismatch" else []
     effects = [
         effect_entry(
@@ -251,7 +268,7 @@ def _conclude(
         f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened "
         "residual on unseen data"
     )
-    reasons += strange.sentences
+    reasons += varies.unusual
     if named != found.effects:
         names = ", ".join(effect.trial.name for effect in found.effects)
         reasons.append(
@@ -269,7 +286,7 @@ def _conclude(
             f"torque and position are apart by {1000 * found.final.values[ALIGNMENT]['skew']:.2f} "
             "ms, less than half a sample"
         )
-    if word == "unexplained" and after.share > SIGNIFICANT_REMAINDER:
+    if word == "unexplained" and after.significant:
         strongest = max(after.by_input, key=lambda key: after.by_input[key])
         reasons.append(
             f"no term of the library explains it; regressors of {strongest} predict most of it "
@@ -288,6 +305,7 @@ def _conclude(
         "gap_closed": None if np.isnan(closed) else round(closed, 3),
         "remaining_predictable_share": round(max(after.share, 0.0), 4),
     }
+    at = operating_point(fitter.motion, base_map.onsets)
     place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)
     localisation = base_map.summary(place) if word != "no_mismatch" else {}
     return Verdict(
@@ -297,7 +315,7 @@ def _conclude(
         fit,
         alternatives(found),
         reasons,
-        bias(found.base, found.final),
+        before_and_after(stated_impedance(found.base, at), stated_impedance(found.final, at)),
     )
 
 

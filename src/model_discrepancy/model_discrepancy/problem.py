@@ -52,6 +52,8 @@ class Problem:
         Generic regressors of the same movement.
     parts
         Two interleaved halves of the rows, each bool, shape (rows.count,).
+    noise
+        Whitened residual without what generic regressors predict of it, shape (rows.count,).
     """
 
     recording: Recording
@@ -61,6 +63,7 @@ class Problem:
     base: Fit
     bank: GenericBank
     parts: tuple[np.ndarray, np.ndarray]
+    noise: np.ndarray
 
 
 def prepare(
@@ -104,7 +107,8 @@ def prepare(
     base = fitter.fit(terms, base.values, evaluations=15)
     fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
     base = align(fitter, fitter.fit(terms, base.values))
-    return Problem(recording, servo, compliance, fitter, base, bank, parts)
+    noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())
+    return Problem(recording, servo, compliance, fitter, base, bank, parts, noise)
 
 
 def joint_impedance(base: Fit) -> tuple[float, float, float]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model_discrepancy.fit.block_bootstrap import bootstrap_errors
+from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 
 RATE = 200.0
 COUNT = 12_000
@@ -17,7 +17,7 @@ def test_white_residuals_give_what_least_squares_gives() -> None:
     random = np.random.default_rng(1)
     derivatives = random.standard_normal((COUNT, 3)) * [1.0, 10.0, 0.1]
     residual = random.standard_normal(COUNT)
-    drawn = bootstrap_errors(derivatives, residual, np.ones(COUNT, bool), RATE)
+    drawn = bootstrap_changes(derivatives, residual, np.ones(COUNT, bool), RATE).std(axis=0)
     np.testing.assert_allclose(drawn, _formula(derivatives, residual), rtol=0.35)
 
 
@@ -28,7 +28,7 @@ def test_a_parameter_that_changes_over_the_recording_is_less_certain_than_least_
     derivatives = random.standard_normal((COUNT, 1))
     drift = np.repeat(random.standard_normal(COUNT // 1200), 1200)
     residual = drift * derivatives[:, 0] + random.standard_normal(COUNT)
-    drawn = bootstrap_errors(derivatives, residual, np.ones(COUNT, bool), RATE)
+    drawn = bootstrap_changes(derivatives, residual, np.ones(COUNT, bool), RATE).std(axis=0)
     assert drawn[0] > 3 * _formula(derivatives, residual)[0]
 
 
@@ -38,12 +38,12 @@ def test_rows_that_were_not_fitted_do_not_count() -> None:
     used = np.arange(COUNT) < COUNT // 2
     wild = np.where(used, residual, 1e6)
     np.testing.assert_array_equal(
-        bootstrap_errors(derivatives, wild, used, RATE),
-        bootstrap_errors(derivatives, residual, used, RATE),
+        bootstrap_changes(derivatives, wild, used, RATE),
+        bootstrap_changes(derivatives, residual, used, RATE),
     )
 
 
 def test_too_few_stretches_say_nothing() -> None:
     assert np.isnan(
-        bootstrap_errors(np.ones((800, 2)), np.ones(800), np.ones(800, bool), RATE)
+        bootstrap_changes(np.ones((800, 2)), np.ones(800), np.ones(800, bool), RATE)
     ).all()

@@ -9,7 +9,6 @@ from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion, motion_of
-from model_discrepancy.search.screening import NOT_SEARCHED
 from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.planted_trials import STRENGTHS, simulate_trial
 
@@ -23,7 +22,7 @@ BASE = {
 TERMS = [
     n
     for n, term in term_library().items()
-    if n not in NOT_SEARCHED and term.place is not Place.POSITION_SENSOR
+    if term.searched and term.place is not Place.POSITION_SENSOR
 ]
 
 

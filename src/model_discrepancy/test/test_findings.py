@@ -9,7 +9,7 @@ import pytest
 
 from ankle_physics.memory_elements import Play
 from model_discrepancy.criticism.locate import find_onsets, residual_map
-from model_discrepancy.criticism.unpredictable import LEAST_VARIATION, unpredictable
+from model_discrepancy.criticism.variability import LEAST_VARIATION, variability
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.rows import Rows
@@ -30,7 +30,7 @@ def found_in(recording):
     motion = motion_of(recording)
     fitter = Fitter.of(motion)
     base = fit_base(fitter)
-    return unpredictable(fitter, base, residual_map(fitter.columns, base).onsets)
+    return variability(fitter, base, residual_map(fitter.columns, base).onsets)
 
 
 def servo_of(recording):
@@ -41,7 +41,7 @@ def test_nothing_is_found_in_a_clean_recording(equal_steps):
     assert channel_findings(equal_steps) == []
     found = found_in(equal_steps)
     assert found.tremor is None
-    assert found.sentences == []
+    assert found.unusual == []
 
 
 def test_tremor_is_named_with_frequency_and_size(equal_steps):
@@ -53,8 +53,8 @@ def test_tremor_is_named_with_frequency_and_size(equal_steps):
     )
     tremor = 0.3 * np.sin(2 * np.pi * 9.0 * t + drift)
     found = found_in(replace(equal_steps, torque=equal_steps.torque + tremor))
-    assert found.tremor.parameters["frequency[Hz]"][0] == pytest.approx(9.0, abs=0.5)
-    assert found.tremor.parameters["rms[N.m]"][0] == pytest.approx(0.3 / np.sqrt(2.0), rel=0.25)
+    assert found.tremor[0][0] == pytest.approx(9.0, abs=0.5)
+    assert found.tremor[1][0] == pytest.approx(0.3 / np.sqrt(2.0), rel=0.25)
 
 
 def test_a_line_is_no_tremor(equal_steps):

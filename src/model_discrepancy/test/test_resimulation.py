@@ -10,7 +10,7 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.report.verdict import to_model
+from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.search.term_search import fit_base
 from model_discrepancy.tools.resimulation import resimulate, resimulate_bag
 from simulation_study.planted_trials import simulate_trial
@@ -29,7 +29,7 @@ def _fitted_models(trial: Recording) -> tuple[Model, Model]:
     fitter = Fitter.of(motion)
     base = fit_base(fitter)
     fitter.whiten_by(base.plain)
-    return to_model(base, "base"), to_model(
+    return fitted_model(base, "base"), fitted_model(
         fitter.fit((*base.terms, "maxwell_relaxation"), base.values), "augmented"
     )
 

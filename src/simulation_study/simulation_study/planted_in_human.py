@@ -23,7 +23,6 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.search.screening import NOT_SEARCHED
 from model_discrepancy.search.term_search import fit_base
 from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.human_trials import load_trial
@@ -108,7 +107,7 @@ def main() -> None:
     names = [
         n
         for n, term in term_library().items()
-        if n not in NOT_SEARCHED and term.place is not Place.POSITION_SENSOR
+        if term.searched and term.place is not Place.POSITION_SENSOR
     ]
     todo = [{"trial": trial, "planted": name} for trial in trials for name in (None, *names)]
 

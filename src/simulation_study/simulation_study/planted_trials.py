@@ -25,7 +25,6 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.search.screening import NOT_SEARCHED
 
 INTERNAL_RATE = 4096.0
 # Position, velocity, torque: van 't Veld et al. 2018, section II-C.
@@ -129,7 +128,7 @@ def cases(nulls: int, seed: int, leave_out: bool = False) -> list[dict[str, Any]
     the term out of the library.
     """
     names: list[str | None] = [None] * nulls
-    names += [name for name in term_library() if name not in NOT_SEARCHED]
+    names += [name for name, term in term_library().items() if term.searched]
     return [
         {
             "planted": name,

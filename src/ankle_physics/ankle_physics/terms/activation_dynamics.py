@@ -17,6 +17,8 @@ class ActivationDynamics(Term):
 
     name = "activation_dynamics"
     place = Place.REFLEX_INPUT
+    family = "reflex lag"
+    separated_by = "EMG of the calf beside torque"
     sentence = "The reflex contraction builds up quickly and dies away slowly."
     parameters = (
         Parameter("rising", "s", 0.002, 0.05, 0.01, "Zajac 1989: 10 to 20 ms"),

@@ -20,6 +20,8 @@ class ActivationStiffness(Term):
 
     name = "activation_stiffness"
     place = Place.INTRINSIC
+    family = "joint follows activation or time"
+    separated_by = "holding at several torque levels"
     sentence = "Stiffness changes with the torque that the muscles hold."
     turn = Turn(
         "ka",

@@ -20,6 +20,8 @@ class AntagonistReflex(Term):
 
     name = "antagonist_reflex"
     place = Place.REFLEX_DYNAMICS
+    family = "further reflex arc"
+    separated_by = "EMG of the shin muscle"
     sentence = (
         "Moving the foot down evokes a reflex, too: the shin muscle pulls, or the calf lets go."
     )

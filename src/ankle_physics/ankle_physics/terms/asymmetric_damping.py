@@ -18,6 +18,8 @@ class AsymmetricDamping(Term):
 
     name = "asymmetric_damping"
     place = Place.INTRINSIC
+    family = "nonlinear damping"
+    separated_by = "steps of one size with several rise times"
     sentence = (
         "Moving the foot up is damped differently from moving it down, at once and without "
         "a reflex."

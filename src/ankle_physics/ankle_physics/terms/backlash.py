@@ -16,6 +16,8 @@ class Backlash(Term):
 
     name = "backlash"
     place = Place.COUPLING
+    family = "backlash"
+    separated_by = "slow triangular movements of several sizes"
     sentence = (
         "When the movement reverses the plate crosses a gap before it takes the foot "
         "along: a loose fixation."

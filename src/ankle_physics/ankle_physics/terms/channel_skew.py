@@ -17,6 +17,8 @@ class ChannelSkew(Term):
 
     name = "channel_skew"
     place = Place.TORQUE_SENSOR
+    family = "torque channel timing"
+    separated_by = "fast pulses with the foot out of the plate"
     sentence = "The torque and position channels are not read at the same moment."
     turn = Turn(
         "skew",

@@ -16,6 +16,8 @@ class CoulombFriction(Term):
     name = "coulomb_friction"
     place = Place.INTRINSIC
     belongs_to = Owner.RIG
+    family = "intrinsic memory"
+    separated_by = "slow triangular movements of several sizes"
     sentence = "A constant torque opposes every movement, however fast: dry friction."
     parameters = (
         Parameter(

@@ -19,6 +19,8 @@ class DahlHysteresis(Term):
 
     name = "dahl_hysteresis"
     place = Place.INTRINSIC
+    family = "intrinsic memory"
+    separated_by = "slow triangular movements of several sizes"
     has_memory = True
     sentence = (
         "Going there and coming back meet different torques, however slow the movement: "

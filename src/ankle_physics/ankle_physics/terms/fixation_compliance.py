@@ -22,6 +22,9 @@ class FixationCompliance(CompliantCoupling):
 
     name = "fixation_compliance"
     place = Place.COUPLING
+    family = "resonance in the load path"
+    separated_by = "fast pulses with the foot out of the plate"
+    companions = ("footplate_inertia",)
     sentence = (
         "The straps and the sole give way, so that the foot moves less than the footplate "
         "and rings on it."

@@ -17,6 +17,7 @@ class FootplateGravity(Term):
     name = "footplate_gravity"
     place = Place.COUPLING
     belongs_to = Owner.RIG
+    searched = False
     sentence = "The weight of the footplate adds a torque that depends on its angle."
     parameters = (
         Parameter(

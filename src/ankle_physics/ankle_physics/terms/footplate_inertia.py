@@ -16,6 +16,7 @@ class FootplateInertia(Term):
     name = "footplate_inertia"
     place = Place.COUPLING
     belongs_to = Owner.RIG
+    searched = False
     sentence = "The torque sensor also feels the inertia of the footplate."
     parameters = (
         Parameter(

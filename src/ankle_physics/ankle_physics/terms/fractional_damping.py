@@ -24,6 +24,8 @@ class FractionalDamping(Term):
 
     name = "fractional_damping"
     place = Place.INTRINSIC
+    family = "intrinsic memory"
+    separated_by = "steps of several sizes held for two seconds and more"
     has_memory = True
     sentence = "Tissues resist with a power law of time: neither a pure spring nor a pure damper."
     parameters = (

@@ -18,6 +18,7 @@ class Gravity(Term):
 
     name = "gravity"
     place = Place.INTRINSIC
+    searched = False
     sentence = "The weight of foot and footplate adds a torque that depends on the angle."
     parameters = (
         Parameter(

@@ -15,6 +15,8 @@ class HardeningStiffness(Term):
 
     name = "hardening_stiffness"
     place = Place.INTRINSIC
+    family = "static curve"
+    separated_by = "steps about several mean positions"
     sentence = "Large movements, in either direction, meet a different stiffness than small ones."
     turn = Turn(
         "k3",

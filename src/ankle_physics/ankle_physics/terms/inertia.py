@@ -13,6 +13,7 @@ class Inertia(Term):
 
     name = "inertia"
     place = Place.INTRINSIC
+    searched = False
     sentence = "The foot resists acceleration by its inertia."
     parameters = (
         Parameter(

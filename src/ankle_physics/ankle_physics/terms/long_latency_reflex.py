@@ -19,6 +19,8 @@ class LongLatencyReflex(Term):
 
     name = "long_latency_reflex"
     place = Place.REFLEX_DYNAMICS
+    family = "further reflex arc"
+    separated_by = "EMG of the calf beside torque"
     sentence = "A second, later reflex follows the first one."
     parameters = (
         Parameter(

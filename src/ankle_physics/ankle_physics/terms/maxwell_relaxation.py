@@ -18,6 +18,8 @@ class MaxwellRelaxation(Term):
 
     name = "maxwell_relaxation"
     place = Place.INTRINSIC
+    family = "intrinsic memory"
+    separated_by = "steps of several sizes held for two seconds and more"
     has_memory = True
     sentence = "After a movement the torque relaxes: tissues give way while the angle is held."
     parameters = (

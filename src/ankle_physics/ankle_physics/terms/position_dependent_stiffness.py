@@ -17,6 +17,8 @@ class PositionDependentStiffness(Term):
 
     name = "position_dependent_stiffness"
     place = Place.INTRINSIC
+    family = "static curve"
+    separated_by = "steps about several mean positions"
     sentence = "Stiffness changes with the angle of the foot."
     turn = Turn(
         "k1",

@@ -22,6 +22,8 @@ class PositionReflex(Term):
 
     name = "position_reflex"
     place = Place.REFLEX_DYNAMICS
+    family = "further reflex arc"
+    separated_by = "steps that are held for one second and more"
     sentence = (
         "Reflex activity lasts as long as the stretch is held: it follows position, not only speed."
     )

@@ -21,6 +21,8 @@ class PositionReflexGain(Term):
 
     name = "position_reflex_gain"
     place = Place.REFLEX_DYNAMICS
+    family = "reflex gain by position"
+    separated_by = "steps about several mean positions"
     sentence = "The reflex depends on the angle of the foot."
     turn = Turn(
         "Gx",

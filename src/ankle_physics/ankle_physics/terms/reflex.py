@@ -22,6 +22,7 @@ class Reflex(Term):
 
     name = "reflex"
     place = Place.REFLEX_DYNAMICS
+    searched = False
     sentence = (
         "A stretch makes the calf muscles contract after a delay, in proportion to its speed."
     )

@@ -15,6 +15,8 @@ class ReflexDepression(Term):
 
     name = "reflex_depression"
     place = Place.REFLEX_INPUT
+    family = "reflex history"
+    separated_by = "pairs of stretches at intervals from 0.2 to 3 s"
     sentence = "A reflex soon after another one is smaller: it needs time to recover."
     parameters = (
         Parameter(

@@ -22,6 +22,8 @@ class ReflexDrift(Term):
 
     name = "reflex_drift"
     place = Place.REFLEX_DYNAMICS
+    family = "reflex follows activation or time"
+    separated_by = "the same torque level at the start and at the end"
     sentence = "The reflex changes steadily in the course of the recording."
     turn = Turn(
         "Gt",

@@ -15,6 +15,8 @@ class ReflexExponent(Term):
 
     name = "reflex_exponent"
     place = Place.REFLEX_INPUT
+    family = "reflex input curve"
+    separated_by = "steps of one size with several rise times"
     sentence = "The reflex does not grow in proportion to the speed of the stretch."
     turn = Turn(
         "p",

@@ -13,6 +13,8 @@ class ReflexSaturation(Term):
 
     name = "reflex_saturation"
     place = Place.REFLEX_INPUT
+    family = "reflex input curve"
+    separated_by = "steps of one size with several rise times"
     sentence = "Beyond a certain speed a faster stretch evokes no larger reflex."
     parameters = (
         Parameter(

@@ -15,6 +15,8 @@ class ReflexThreshold(Term):
 
     name = "reflex_threshold"
     place = Place.REFLEX_INPUT
+    family = "reflex input curve"
+    separated_by = "steps of one size with several rise times"
     sentence = "Slow stretches evoke no reflex: a velocity threshold has to be passed."
     parameters = (
         Parameter(

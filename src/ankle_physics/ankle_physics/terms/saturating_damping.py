@@ -17,6 +17,8 @@ class SaturatingDamping(Term):
 
     name = "saturating_damping"
     place = Place.INTRINSIC
+    family = "nonlinear damping"
+    separated_by = "steps of one size with several rise times"
     sentence = "Slow movements are damped more strongly, for their speed, than fast ones."
     parameters = (
         Parameter("D", "N.m.s/rad", 0.0, 20.0, 0.6, "the order of B", linear=True),

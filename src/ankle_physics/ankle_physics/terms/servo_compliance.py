@@ -15,6 +15,7 @@ class ServoCompliance(Term):
 
     name = "servo_compliance"
     place = Place.ACTUATOR
+    searched = False
     sentence = "The drive gives way under load, so that the plate moves less than commanded."
     parameters = (
         Parameter(

@@ -21,6 +21,8 @@ class ShortRangeStiffness(Term):
 
     name = "short_range_stiffness"
     place = Place.INTRINSIC
+    family = "intrinsic memory"
+    separated_by = "slow triangular movements of several sizes"
     has_memory = True
     sentence = (
         "Small movements meet a stiffer muscle than large ones: cross-bridges hold at "

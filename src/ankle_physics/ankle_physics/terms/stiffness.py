@@ -17,6 +17,7 @@ class Stiffness(Term):
 
     name = "stiffness"
     place = Place.INTRINSIC
+    searched = False
     sentence = "Muscles and tissues resist in proportion to the size of the movement."
     parameters = (
         Parameter(

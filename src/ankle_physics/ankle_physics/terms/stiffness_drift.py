@@ -18,6 +18,8 @@ class StiffnessDrift(Term):
 
     name = "stiffness_drift"
     place = Place.INTRINSIC
+    family = "joint follows activation or time"
+    separated_by = "the same torque level at the start and at the end"
     sentence = "Stiffness changes steadily in the course of the recording."
     turn = Turn(
         "kt",

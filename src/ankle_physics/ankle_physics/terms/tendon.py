@@ -13,6 +13,8 @@ class Tendon(Term):
 
     name = "tendon"
     place = Place.REFLEX_INPUT
+    family = "reflex lag"
+    separated_by = "EMG of the calf beside torque"
     sentence = "The tendon gives way first, so the spindles feel a slower, later stretch."
     parameters = (
         Parameter(

@@ -19,6 +19,8 @@ class Thixotropy(Term):
 
     name = "thixotropy"
     place = Place.INTRINSIC
+    family = "intrinsic memory"
+    separated_by = "movements after pauses from 0.2 to 5 s"
     has_memory = True
     sentence = "The joint is stiff after a rest and loosens while it is moved."
     parameters = (

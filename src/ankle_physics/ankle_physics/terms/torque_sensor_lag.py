@@ -14,6 +14,8 @@ class TorqueSensorLag(Term):
 
     name = "torque_sensor_lag"
     place = Place.TORQUE_SENSOR
+    family = "torque channel timing"
+    separated_by = "fast pulses with the foot out of the plate"
     sentence = "The torque channel smooths and lags behind: a filter in front of the recording."
     parameters = (
         Parameter(

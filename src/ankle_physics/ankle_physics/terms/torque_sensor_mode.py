@@ -16,6 +16,8 @@ class TorqueSensorMode(Term):
 
     name = "torque_sensor_mode"
     place = Place.TORQUE_SENSOR
+    family = "resonance in the load path"
+    separated_by = "fast pulses with the foot out of the plate"
     sentence = (
         "After each movement the torque reading rings: the rig or its torque sensor vibrates."
     )

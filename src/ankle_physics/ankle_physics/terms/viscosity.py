@@ -13,6 +13,7 @@ class Viscosity(Term):
 
     name = "viscosity"
     place = Place.INTRINSIC
+    searched = False
     sentence = "Muscles and tissues resist in proportion to the speed of the movement."
     parameters = (
         Parameter(

@@ -34,6 +34,7 @@ class VoluntaryTorque(Term):
 
     name = "voluntary_torque"
     place = Place.ACTIVATION
+    searched = False
     sentence = "The subject pushes or pulls with a torque that drifts slowly."
     parameters = (
         Parameter(

@@ -9,15 +9,20 @@ not trained on is structure that the model lacks, whatever its name.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.search.null import exceeded_by_chance
 
 # Lag windows: from just before the movement (a torque channel that runs ahead) to beyond the
 # reflex.
 LAGS_S = (-0.01, 0.0, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.19, 0.26, 0.36, 0.5)
+# Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
+# is below any instrument's own errors.
+MATERIAL_SHARE = 1e-3
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
 
 
@@ -35,12 +40,28 @@ class Remainder:
         Share that each input's regressors predict alone.
     plain_share
         Share of the plain residual's power, on unseen rows.
+    torque_share
+        Power of the predicted torque as a share of the recorded torque's, without what chance
+        predicts.
+    by_chance
+        Share that the bank exceeds by chance in `FALSE_ALARM` of recordings like this one.
     """
 
     share: float
     worst: float
     by_input: dict[str, float]
     plain_share: float
+    torque_share: float = 0.0
+    by_chance: float = 0.0
+
+    @property
+    def significant(self) -> bool:
+        """Whether more is predicted than chance does, in both directions, and it matters."""
+        return (
+            self.share > max(self.by_chance, 0.0)
+            and self.worst > 0.0
+            and self.torque_share > MATERIAL_SHARE
+        )
 
 
 class GenericBank:
@@ -106,6 +127,7 @@ class GenericBank:
         residual: np.ndarray,
         plain: np.ndarray,
         parts: tuple[np.ndarray, np.ndarray],
+        surrogates: np.ndarray | None = None,
     ) -> Remainder:
         """What the bank predicts of this residual.
 
@@ -119,8 +141,11 @@ class GenericBank:
             Plain, shape (rows.count,).
         parts
             Two masks of rows; each in turn is for training, the other for scoring.
+        surrogates
+            Of the noise in the fitted rows, shape (rows.used.sum(), draws); None leaves
+            `Remainder.by_chance` at 0.
         """
-        matrix = np.column_stack([self._rows.whitened(s) for s in self._spectra])
+        matrix = self.whitened()
         shares = [
             cross_score(matrix, residual, train, test) for train, test in (parts, parts[::-1])
         ]
@@ -144,29 +169,71 @@ class GenericBank:
                 ]
             )
         )
-        return Remainder(float(np.mean(shares)), float(min(shares)), by_input, plain_share)
+        share = float(np.mean(shares))
+        predicted = self.cross_predicted(residual, parts, matrix, unfiltered)
+        chance = 0.0
+        if surrogates is not None:
+            noise = np.zeros((len(residual), surrogates.shape[1]), dtype=surrogates.dtype)
+            noise[fitter.rows.used] = surrogates
+            scores = [
+                cross_score(matrix, noise, train, test) for train, test in (parts, parts[::-1])
+            ]
+            chance = exceeded_by_chance(np.mean(scores, axis=0))
+        used = fitter.rows.used
+        own, made = self.cross_predicted(residual, parts, matrix), predicted
+        reliable = share * float(np.var(residual[used])) / max(float(np.var(own[used])), 1e-30)
+        torque_share = float(np.var(made[used]) / np.var(fitter.plain_target[used]))
+        return Remainder(
+            share,
+            float(min(shares)),
+            by_input,
+            plain_share,
+            torque_share * min(max(reliable, 0.0), 1.0),
+            chance,
+        )
+
+    def whitened(self) -> np.ndarray:
+        """Whitened regressors, shape (rows.count, size)."""
+        return np.column_stack([self._rows.whitened(s) for s in self._spectra])
 
     def cross_predicted(
-        self, plain: np.ndarray, parts: tuple[np.ndarray, np.ndarray]
+        self,
+        target: np.ndarray,
+        parts: tuple[np.ndarray, np.ndarray],
+        known: np.ndarray | None = None,
+        made: np.ndarray | None = None,
     ) -> np.ndarray:
-        """What each half of the rows predicts of the other, and both of the rows between them
-        [N.m], shape (rows.count,).
+        """What each half of the rows predicts of the other, and both of the rows between them.
 
         Parameters
         ----------
-        plain
-            Residual rows [N.m], shape (rows.count,).
+        target
+            Rows to learn from, shape (rows.count,).
         parts
             Two masks of rows.
+        known
+            Regressors that learn, shape (rows.count, size); None for the plain ones.
+        made
+            Regressors that the prediction is made of; None for those that learn.
+
+        Returns
+        -------
+        np.ndarray
+            Shape (rows.count,).
         """
-        matrix = np.column_stack([self._rows.plain(s) for s in self._spectra])
+        matrix = (
+            np.column_stack([self._rows.plain(s) for s in self._spectra])
+            if known is None
+            else known
+        )
+        other = matrix if made is None else made
         predicted = []
         for train in parts:
             index = np.flatnonzero(train)
             scale = _size(matrix[index])
-            ridge = _tuned(matrix, plain, index)
-            weights = _weights(matrix[index] / scale, plain[index], ridge)
-            predicted.append((matrix / scale) @ weights)
+            ridge = _tuned(matrix, target, index)
+            weights = _weights(matrix[index] / scale, target[index], ridge)
+            predicted.append(other @ (weights / scale))
         first, second = parts
         return np.where(first, predicted[1], np.where(second, predicted[0], 0.5 * sum(predicted)))
 
@@ -184,33 +251,48 @@ class GenericBank:
         return np.tensordot(weights, np.stack(self._spectra), axes=1)
 
 
-def cross_score(
-    matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray
-) -> float:
+def cross_score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
     """Share of the target's power on `test` rows predicted by ridge regression on `train` rows; may
     be negative.
 
     The ridge is chosen on the last third of the training rows, never on the test rows.
+
+    Parameters
+    ----------
+    matrix
+        Regressors, shape (rows, size).
+    target
+        Shape (rows,), or (rows, count) for many targets at once, which share a ridge.
+    train, test
+        Masks of rows, each bool, shape (rows,).
+
+    Returns
+    -------
+    Any
+        A float, or an array of shape (count,).
     """
     index = np.flatnonzero(train)
-    return _score(matrix, target, index, np.flatnonzero(test), _tuned(matrix, target, index))
+    score = _score(matrix, target, index, np.flatnonzero(test), _tuned(matrix, target, index))
+    return float(score) if target.ndim == 1 else score
 
 
 def _tuned(matrix: np.ndarray, target: np.ndarray, index: np.ndarray) -> float:
     """The ridge that does best on the last third of these rows when fitted to the first two."""
     cut = 2 * len(index) // 3
-    scores = [_score(matrix, target, index[:cut], index[cut:], ridge) for ridge in _RIDGES]
+    scores = [
+        float(np.mean(_score(matrix, target, index[:cut], index[cut:], ridge))) for ridge in _RIDGES
+    ]
     return _RIDGES[int(np.argmax(scores))]
 
 
 def _score(
     matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray, ridge: float
-) -> float:
+) -> Any:
     scale = _size(matrix[train])
     weights = _weights(matrix[train] / scale, target[train], ridge)
     error = target[test] - (matrix[test] / scale) @ weights
-    power = float(np.sum(target[test] ** 2))
-    return 1.0 - float(np.sum(error**2)) / power if power > 0 else 0.0
+    power = np.sum(target[test] ** 2, axis=0)
+    return 1.0 - np.sum(error**2, axis=0) / np.maximum(power, 1e-30)
 
 
 def _size(matrix: np.ndarray) -> np.ndarray:

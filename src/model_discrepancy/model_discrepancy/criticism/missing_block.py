@@ -248,12 +248,17 @@ def missing_block(fitter: Fitter, fit: Fit, onsets: Onsets, seed: int = 0) -> Mi
         signal = signal_of(fitter.columns.motion)
         levels = _levels(signal)
         spectra = _spectra(fitter, signal, levels)
+        if not spectra:
+            # Too few different values for a curve.
+            continue
         columns = np.zeros((rows.count, len(spectra)))
         whitened = np.column_stack([rows.whitened(s) for s in spectra])[inside]
         columns[inside] = whitened - basis @ (basis.T @ whitened)
         scale = np.sqrt(np.mean(columns[inside] ** 2, axis=0)) + 1e-30
         products = _Products(columns / scale, residual, stretches)
         found[name] = (_predicted(products, len(levels) - 1), levels, scale, products)
+    if not found:
+        return None
     shares = {name: entry[0] for name, entry in found.items()}
     name = _simplest(shares)
     return _describe(

@@ -18,10 +18,10 @@ STRETCH_S = 2.0
 DRAWS = 200
 
 
-def bootstrap_errors(
+def bootstrap_changes(
     derivatives: np.ndarray, residual: np.ndarray, used: np.ndarray, rate: float, seed: int = 0
 ) -> np.ndarray:
-    """Standard errors of parameters from draws of stretches.
+    """Changes of the parameters from draw to draw of stretches.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def bootstrap_errors(
     Returns
     -------
     np.ndarray
-        Standard errors in the parameters' units, shape (p,); NaN where fewer than six stretches
-        hold fitted rows.
+        In the parameters' units, shape (DRAWS, p); NaN where fewer than six stretches hold fitted
+        rows. Their spread is the standard error.
     """
     length = max(int(STRETCH_S * rate), 1)
     stretches = [
@@ -50,7 +50,7 @@ def bootstrap_errors(
     ]
     size = derivatives.shape[1]
     if len(stretches) < 6 or size == 0:
-        return np.full(size, np.nan)
+        return np.full((DRAWS, size), np.nan)
     scale = np.linalg.norm(derivatives[used], axis=0)
     scale[scale == 0] = 1.0
     information = np.array([(d / scale).T @ (d / scale) for d, _ in stretches])
@@ -63,4 +63,4 @@ def bootstrap_errors(
         @ (count @ pull)
         for count in times.astype(float)
     ]
-    return np.std(changes, axis=0, ddof=1) / scale
+    return np.asarray(changes) / scale

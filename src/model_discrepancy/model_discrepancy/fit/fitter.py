@@ -17,7 +17,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, term_library
-from model_discrepancy.fit.block_bootstrap import bootstrap_errors
+from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Column, Columns
 from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
 from model_discrepancy.recording.motion import Motion
@@ -57,6 +57,9 @@ class Fit:
         Number of fitted parameters.
     at_bounds
         "term.symbol" of parameters that ended at a bound.
+    draws
+        Change of each free parameter from draw to draw of the recording's stretches, by term and
+        symbol, each of shape (block_bootstrap.DRAWS,); empty without standard errors.
     """
 
     values: dict[str, dict[str, float]]
@@ -67,6 +70,7 @@ class Fit:
     size: int
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
     at_bounds: tuple[str, ...] = ()
+    draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
 
     @cached_property
     def plain(self) -> np.ndarray:
@@ -384,17 +388,17 @@ class Fitter:
         covariance = (
             np.diag(np.linalg.pinv(information, rcond=1e-12, hermitian=True)) * variance / scale**2
         )
-        drawn = bootstrap_errors(matrix[:, free], fit.residual, used, self.rows.rate)
+        changes = bootstrap_changes(matrix[:, free], fit.residual, used, self.rows.rate)
+        drawn = np.std(changes, axis=0, ddof=1)
         errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
-        for k, spread in zip(
-            free, np.fmax(np.sqrt(np.maximum(covariance, 0.0)), drawn), strict=True
-        ):
+        spreads = np.fmax(np.sqrt(np.maximum(covariance, 0.0)), drawn)
+        for place, (k, spread) in enumerate(zip(free, spreads, strict=True)):
             name, symbol = labels[k]
             parameter = term_library()[name].parameter(symbol)
-            errors[name][symbol] = float(
-                spread
-                * (1.0 if parameter.linear else _stretch(parameter, fit.values[name][symbol]))
-            )
+            unit = 1.0 if parameter.linear else _stretch(parameter, fit.values[name][symbol])
+            errors[name][symbol] = float(spread * unit)
+            if np.isfinite(drawn[place]) and drawn[place] > 0.0:
+                fit.draws[name, symbol] = changes[:, place] * unit * spread / drawn[place]
         fit.errors = errors
         return fit
 

@@ -9,24 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.generic_bank import Remainder
-from model_discrepancy.criticism.unpredictable import Unpredictable
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.search.effect_size import Size, sentence_of
-from model_discrepancy.search.term_search import MATERIAL, RIVAL_EXCESS, Effect, Found
+from model_discrepancy.search.term_search import RIVAL_EXCESS, Effect, Found
 
-# What the generic bank predicts of pure noise stays below this (largest of 30 simulated recordings
-# without mismatch: 0.7 %).
-SIGNIFICANT_REMAINDER = 0.03
 # Named effects must close most of the gap between the base model and what is predictable at all:
 # fifteen per cent may stay open.
 GAP_CLOSED = 0.85
 # Names that let the plain torque be predicted better by less than this share of what is missing
 # explain nothing by themselves.
-USEFUL = 0.1
+MIN_GAP_SHARE = 0.1
 # The best names of a set; further ones stand among the alternatives.
 LARGEST_SET = 3
 # A model that leaves so much of the whitened residual predictable is not complete: a further name
@@ -40,38 +35,6 @@ TENTATIVE_CERTAINTY = 0.5
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
 # it.
 _ODDS_SCALE = RIVAL_EXCESS / 3.0
-
-# Terms that one recording can hardly tell apart, and what would.
-SEPARATED_BY = (
-    (
-        {"maxwell_relaxation", "fractional_damping", "short_range_stiffness"},
-        "steps of several sizes held for two seconds and more",
-    ),
-    (
-        {"reflex_threshold", "reflex_exponent", "reflex_saturation"},
-        "steps of one size with several rise times",
-    ),
-    (
-        {"reflex_depression", "reflex_drift", "reflex_saturation"},
-        "pairs of stretches at intervals from 0.2 to 3 s",
-    ),
-    (
-        {"antagonist_reflex", "asymmetric_damping"},
-        "EMG of the shin muscle, or holding at several torque levels",
-    ),
-    (
-        {"dahl_hysteresis", "coulomb_friction", "short_range_stiffness", "backlash"},
-        "slow triangular movements of several sizes",
-    ),
-    (
-        {"channel_skew", "torque_sensor_lag", "torque_sensor_mode", "fixation_compliance"},
-        "fast pulses with the foot out of the plate",
-    ),
-    (
-        {"tendon", "activation_dynamics", "long_latency_reflex", "position_reflex"},
-        "EMG of the calf beside torque",
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -98,6 +61,8 @@ class Verdict:
     reasons: list[str] = field(default_factory=list)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     recording: dict[str, Any] = field(default_factory=dict)
+    variability: dict[str, Any] = field(default_factory=dict)
+    rig: dict[str, Any] = field(default_factory=dict)
 
     def content(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -109,6 +74,8 @@ class Verdict:
             "alternatives": self.alternatives,
             "reasons": self.reasons,
             "parameters": self.parameters,
+            "variability": self.variability,
+            "rig": self.rig,
             "recording": self.recording,
         }
 
@@ -121,7 +88,7 @@ def kind(
     found: Found,
     remainder: Remainder,
     findings: list[Finding],
-    strange: Unpredictable,
+    unusual: list[str],
     scores: Scores,
 ) -> tuple[str, float]:
     """Verdict, and the share of the predictable mismatch that the effects close (NaN without a
@@ -135,31 +102,22 @@ def kind(
         What generic regressors predict of the residual that is left.
     findings
         What the signals themselves show.
-    strange
-        What no movement predicts.
+    unusual
+        What no movement predicts and no subject's usual variability makes.
     scores
-        VAF on unseen data; tentative names that gain nothing there are no mismatch.
+        VAF on unseen data.
     """
     left = max(remainder.share, 0.0)
-    material = scores.ceiling - scores.augmented > 100.0 * MATERIAL
-    predictable = (
-        material and left > SIGNIFICANT_REMAINDER and remainder.worst > 0.5 * SIGNIFICANT_REMAINDER
-    )
-    gained = scores.augmented > scores.base or not all(effect.tentative for effect in found.effects)
-    if not found.effects or not (gained or predictable or strange.sentences):
-        # A little of the whitened rows and nothing of the torque: the noise of the position, seen
-        # through the inertia.
-        felt = predictable and (
-            scores.generic > scores.augmented or left > 2.0 * SIGNIFICANT_REMAINDER
-        )
-        if felt or strange.sentences:
+    predictable = remainder.significant
+    if not found.effects:
+        if predictable or unusual:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
     cut = 1.0 - found.final.score / found.base_score
     closed = cut / (cut + (1.0 - cut) * left)
-    useless = scores.augmented - scores.base < USEFUL * (scores.ceiling - scores.base)
+    gains_little = scores.augmented - scores.base < MIN_GAP_SHARE * (scores.ceiling - scores.base)
     unexplained = (predictable and closed < GAP_CLOSED) or (
-        useless and (predictable or bool(strange.sentences))
+        gains_little and (predictable or bool(unusual))
     )
     return ("unexplained" if unexplained else "explained"), closed
 
@@ -189,11 +147,13 @@ def effect_entry(
         float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / _ODDS_SCALE)) for t in rivals
     ]
     complete = left < INCOMPLETE
-    tentative = effect.tentative or not (first or complete)
+    tentative = not (first or complete)
     certainty = min(CERTAINTY[first, complete], TENTATIVE_CERTAINTY if tentative else 1.0)
     errors = final.errors.get(name, {})
     return {
         "name": name,
+        "family": term.family or name,
+        "belongs_to": term.belongs_to.value,
         "location": term.place.value,
         "parameters": {
             p.key: [final.values[name][p.symbol], errors.get(p.symbol)]
@@ -212,11 +172,13 @@ def finding_entry(finding: Finding) -> dict[str, Any]:
     """What the signals themselves show, as an effect."""
     return {
         "name": finding.name,
+        "family": "gain or lag of a channel" if finding.name != "backlash" else "backlash",
+        "belongs_to": "rig",
         "location": finding.location,
         "parameters": {key: list(value) for key, value in finding.parameters.items()},
         "probability": 0.95,
         "tentative": False,
-        "set": [finding.name],
+        "set": [finding.name, *finding.siblings],
         "sentence": finding.sentence,
     }
 
@@ -255,9 +217,13 @@ def separating_measurements(effects: list[dict[str, Any]]) -> list[str]:
         names = set(effect["set"])
         if len(names) < 2:
             continue
-        ways = [way for group, way in SEPARATED_BY if len(group & names) >= 2]
+        ways = [
+            term_library()[name].separated_by
+            for name in effect["set"]
+            if name in term_library() and term_library()[name].separated_by
+        ]
         way = (
-            " or ".join(ways)
+            " or ".join(dict.fromkeys(ways))
             if ways
             else "a second recording with other step sizes, rise times and intervals"
         )
@@ -267,33 +233,11 @@ def separating_measurements(effects: list[dict[str, Any]]) -> list[str]:
     return advice
 
 
-def bias(base: Fit, final: Fit) -> dict[str, dict[str, Any]]:
-    """Base parameters before and after the new physics is in the model."""
-    table = {}
-    for name in PAPER_TERMS:
-        if name not in base.values or name not in final.values:
-            continue
-        for p in term_library()[name].parameters:
-            if p.fitted:
-                before, after = base.values[name][p.symbol], final.values[name][p.symbol]
-                table[p.key] = {
-                    "base": before,
-                    "augmented": after,
-                    "standard_error": final.errors.get(name, {}).get(p.symbol),
-                }
-    return table
-
-
-def to_model(fit: Fit, title: str) -> Model:
-    """The fitted model as a model file's content, with standard errors."""
-    values = {}
-    for name, given in fit.values.items():
-        term = term_library()[name]
-        values[name] = {
-            s: min(max(v, term.parameter(s).lower), term.parameter(s).upper)
-            for s, v in given.items()
-        }
-    model = Model.of(values, title)
-    for entry in model.entries:
-        entry.standard_errors = dict(fit.errors.get(entry.term.name, {}))
-    return model
+def before_and_after(
+    base: dict[str, tuple[float, float | None]], final: dict[str, tuple[float, float | None]]
+) -> dict[str, dict[str, Any]]:
+    """Impedance at the operating point before and after the new physics is in the model."""
+    return {
+        key: {"base": base[key][0], "augmented": value, "standard_error": error}
+        for key, (value, error) in final.items()
+    }

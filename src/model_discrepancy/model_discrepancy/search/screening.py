@@ -25,27 +25,8 @@ from model_discrepancy.fit.fitter import (
     orthonormal,
     ranges,
 )
+from model_discrepancy.search.null import Null
 
-# Not searched: their torque follows no movement (voluntary torque), or a recording cannot tell them
-# from inertia or stiffness, which the projection would only show after much work.
-NOT_SEARCHED = frozenset(
-    {
-        "inertia",
-        "viscosity",
-        "stiffness",
-        "reflex",
-        "voluntary_torque",
-        "gravity",
-        "footplate_inertia",
-        "footplate_friction",
-        "footplate_gravity",
-        "servo_compliance",
-        "tremor",
-    }
-)
-# What can be told from the base model only once another term is there: a plate that moves with the
-# foot is one with it. Comes and goes with that term and is no effect of its own.
-COMPANIONS: dict[str, tuple[str, ...]] = {"fixation_compliance": ("footplate_inertia",)}
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}
 # A column that keeps less than this share of its norm is what the model already has.
 _DISTINCT = 0.02
@@ -77,7 +58,12 @@ class Screened:
     tried: tuple[tuple[float, Point], ...]
 
 
-def screen(fitter: Fitter, fit: Fit, points: Mapping[str, Sequence[Point]]) -> list[Screened]:
+def screen(
+    fitter: Fitter,
+    fit: Fit,
+    points: Mapping[str, Sequence[Point]],
+    null: Null | None = None,
+) -> list[Screened]:
     """Candidates, the most promising first.
 
     Parameters
@@ -88,21 +74,29 @@ def screen(fitter: Fitter, fit: Fit, points: Mapping[str, Sequence[Point]]) -> l
         The present model.
     points
         Values of the nonlinear parameters to try, by candidate.
+    null
+        Surrogates that every candidate tries as well.
     """
     used = fitter.rows.used
     derivatives, labels = fitter.derivatives(fit)
     basis = orthonormal(derivatives[used])
     residual = fit.residual[used]
     residual = residual - basis @ (basis.T @ residual)
+    if null is not None:
+        null.project_out(basis)
     slopes = derivatives[
         :, [k for k, (n, s) in enumerate(labels) if not term_library()[n].parameter(s).linear]
     ][used]
     found = []
     for name, tried in points.items():
         if any(p.linear for p in term_library()[name].parameters):
-            results = [_additive(fitter, fit, name, point, basis, residual) for point in tried]
+            results = [
+                _additive(fitter, fit, name, point, basis, residual, null) for point in tried
+            ]
         else:
             results = _shaping(fitter, fit, name, tried, slopes)
+            if null is not None:
+                _observe_shaping(fitter, fit, name, tried, basis, null)
         best = max(range(len(tried)), key=lambda k: results[k][0])
         shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
         found.append(Screened(name, results[best][1], results[best][0], shares))
@@ -111,27 +105,26 @@ def screen(fitter: Fitter, fit: Fit, points: Mapping[str, Sequence[Point]]) -> l
 
 def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
     """Terms that may be added to the model."""
-    names = library if library is not None else list(term_library())
-    rigid = any(
-        term_library()[n].place is Place.COUPLING for n in fit.terms if n not in NOT_SEARCHED
-    )
+    terms = term_library()
+    names = library if library is not None else list(terms)
+    coupled = any(terms[n].place is Place.COUPLING and terms[n].searched for n in fit.terms)
     return [
         n
         for n in names
         if n not in fit.terms
-        and n not in NOT_SEARCHED
-        and not (rigid and term_library()[n].place is Place.COUPLING)
+        and terms[n].searched
+        and not (coupled and terms[n].place is Place.COUPLING)
     ]
 
 
 def with_term(terms: Sequence[str], name: str) -> list[str]:
     """The terms with one more and its companions."""
-    return [*terms, *(n for n in (name, *COMPANIONS.get(name, ())) if n not in terms)]
+    return [*terms, *(n for n in (name, *term_library()[name].companions) if n not in terms)]
 
 
 def without_term(terms: Sequence[str], name: str) -> list[str]:
     """The terms without this one and its companions."""
-    return [n for n in terms if n != name and n not in COMPANIONS.get(name, ())]
+    return [n for n in terms if n != name and n not in term_library()[name].companions]
 
 
 def grid(name: str) -> list[Point]:
@@ -146,7 +139,13 @@ def grid(name: str) -> list[Point]:
 
 
 def _additive(
-    fitter: Fitter, fit: Fit, name: str, point: Point, basis: np.ndarray, residual: np.ndarray
+    fitter: Fitter,
+    fit: Fit,
+    name: str,
+    point: Point,
+    basis: np.ndarray,
+    residual: np.ndarray,
+    null: Null | None,
 ) -> tuple[float, dict[str, float]]:
     """Share and start of a candidate that adds torque."""
     columns, rows = fitter.columns, fitter.rows
@@ -157,6 +156,8 @@ def _additive(
     matrix = matrix - basis @ (basis.T @ matrix)
     if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _DISTINCT:
         return 0.0, values[name]
+    if null is not None:
+        null.observe(orthonormal(matrix))
     amplitudes = bounded(matrix, residual, *ranges(spectra))
     left = residual - matrix @ amplitudes
     start = values[name] | {
@@ -193,6 +194,26 @@ def _shaping(
         # it out.
         shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
     return [(share, values[name]) for share, (_, values, _) in zip(shares, results, strict=True)]
+
+
+def _observe_shaping(
+    fitter: Fitter,
+    fit: Fit,
+    name: str,
+    points: Sequence[Point],
+    basis: np.ndarray,
+    null: Null,
+) -> None:
+    """Let a candidate that changes a signal try the surrogates, by the torque that it changes."""
+    columns, used = fitter.columns, fitter.rows.used
+    here = columns.spectra(fit.values)
+    for point in points:
+        changed = columns.spectra(_with(columns, fit, name, point))
+        shift = sum(fit.values[n][s] * (changed[n, s] - here[n, s]) for n, s in here)
+        column = fitter.rows.whitened(np.asarray(shift))[used][:, None]
+        column = column - basis @ (basis.T @ column)
+        if np.linalg.norm(column) > 0.0:
+            null.observe(orthonormal(column))
 
 
 def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:

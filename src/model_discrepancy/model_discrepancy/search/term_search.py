@@ -1,8 +1,9 @@
 """The search for missing terms: base fit, screening, joint refit of the best few, accept or stop.
 
-A term is accepted when the whitened error on rows that were not fitted falls by at least 3 % in
-both directions between the two halves and BIC falls by more than 50; between 1.5 and 3 % it is
-tentative. Deciding by the plain error would never stop: voluntary torque is autocorrelated.
+A term is accepted when it takes more off the whitened error than any term of the library does by
+chance on noise like this recording's (`null`), when the error falls in both directions between two
+halves, and when the torque that it changes matters at all. Deciding by the plain error would never
+stop: voluntary torque is autocorrelated.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
+from model_discrepancy.criticism.generic_bank import MATERIAL_SHARE
 from model_discrepancy.fit.fitter import Fit, Fitter, Start, bounded, orthonormal
 from model_discrepancy.fit.halves import interleaved
-from model_discrepancy.search.effect_size import torque_share
+from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import (
     Point,
     Screened,
@@ -27,11 +29,9 @@ from model_discrepancy.search.screening import (
     without_term,
 )
 
-ACCEPTED = 0.03
-TENTATIVE = 0.015
-BIC_FALL = 50.0
-# A rival is excluded when it leaves this much more whitened error than the best one: the yardstick
-# of acceptance.
+# An alignment of less than half a sample is worth its parameter when BIC falls by this much.
+ALIGNMENT_BIC = 50.0
+# A rival is excluded when it leaves this much more whitened error than the best one.
 RIVAL_EXCESS = 0.03
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
 RIVAL_PROMISE = 0.6
@@ -39,35 +39,25 @@ RIVALS_REFITTED = 3
 # Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
 # equation of a larger one, it seems.
 REFINEMENT = 0.05
-# Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
-# is below any instrument's own errors.
-MATERIAL = 1e-3
 # Of the whitened residual that a candidate promises, to be refitted at all.
-LEAST_PROMISE = 0.003
+MIN_PROMISE = 0.003
 # Grids are halved from step to step down to so many points.
-LEAST_POINTS = 3
+MIN_GRID_POINTS = 3
 # The term whose smallest values say no more than how well two channels are aligned.
 ALIGNMENT = "channel_skew"
 # Joint refits per step; the screening's order is right about the first few only.
 REFITTED = 4
-# Candidates that gain less than this share of the best one's are not refitted to the end.
-CLOSE = 0.6
-# Of those, so many are scored on unseen rows: the best, and one that may generalise better.
+# Candidates that gain less than this ratio of the best one's are not refitted to the end.
+NEAR_BEST_RATIO = 0.6
+# Of those, so many are scored on unseen rows: the best, and those that may generalise better.
 JUDGED = 3
-# Of the candidates for slow effects, so many are refitted: half of the plain error is voluntary
-# torque, which no order survives well.
-SLOW_REFITTED = 5
 # Whitened gains within this ratio are too near to choose by: which of two comes first depends on
 # what is still missing.
-EQUAL = 0.5
+RIVAL_GAIN_RATIO = 0.5
 MOST_TERMS = 9
-# Weight of the plain error beside the whitened one (both as logarithms) where they are judged
-# together: slow torque has about a quarter as many independent values as rows, and what acts
-# slowly, a reflex, shows there.
-PLAIN_WEIGHT = 0.25
 # A term that keeps off so much of the error, by a linear refit of the others, is not tried without:
 # no refit makes up for that.
-NEEDED = 0.1
+INDISPENSABLE_SHARE = 0.1
 # Starts of the base fit: its delay and muscle speed have several minima.
 BASE_STARTS = tuple(
     {"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0)
@@ -92,6 +82,11 @@ class Trial:
         The same on unseen rows, in both directions; 0 for candidates far behind the best.
     bic
         Change of BIC; negative is better.
+    by_chance
+        Gain that the library reaches by chance.
+    torque_share
+        Power of the torque that it changes beyond what the other terms imitate, as a share of the
+        recorded torque's.
     """
 
     name: str
@@ -99,16 +94,17 @@ class Trial:
     gain: float
     held_out: tuple[float, float]
     bic: float
+    by_chance: float = 0.0
+    torque_share: float = 0.0
 
     @property
     def accepted(self) -> bool:
-        """Whether it passes both criteria."""
-        return min(self.held_out) >= ACCEPTED and self.bic < -BIC_FALL
-
-    @property
-    def tentative(self) -> bool:
-        """Whether it passes the weaker one."""
-        return min(self.held_out) >= TENTATIVE and self.bic < -BIC_FALL
+        """Whether it is no work of chance, holds on unseen rows, and matters."""
+        return (
+            self.gain > self.by_chance
+            and min(self.held_out) > 0.0
+            and self.torque_share > MATERIAL_SHARE
+        )
 
 
 @dataclass(eq=False)
@@ -121,8 +117,6 @@ class Effect:
         With the final model.
     errors
         Whitened and plain error after it was added, as `_errors` gives them.
-    tentative
-        Whether it passed the weaker criteria only.
     rivals
         Those that would do instead.
     without
@@ -131,7 +125,6 @@ class Effect:
 
     trial: Trial
     errors: np.ndarray
-    tentative: bool = False
     rivals: list[Trial] = field(default_factory=list)
     without: Fit = field(init=False, repr=False)
 
@@ -154,7 +147,9 @@ class Found:
     near
         Best candidates that were not accepted.
     base_score
-        Whitened sum of squares of the base model under the last whitening.
+        Whitened sum of squares of the base model.
+    by_chance
+        Gain that the library reaches by chance on this recording.
     """
 
     base: Fit
@@ -163,6 +158,7 @@ class Found:
     refinements: list[Effect] = field(default_factory=list)
     near: list[Trial] = field(default_factory=list)
     base_score: float = 0.0
+    by_chance: float = 0.0
 
 
 def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS) -> Fit:
@@ -192,7 +188,7 @@ def align(fitter: Fitter, fit: Fit) -> Fit:
     )
     return (
         aligned
-        if is_alignment(fitter, aligned) and bic_change(fitter, fit, aligned) < -BIC_FALL
+        if is_alignment(fitter, aligned) and bic_change(fitter, fit, aligned) < -ALIGNMENT_BIC
         else fit
     )
 
@@ -228,7 +224,7 @@ class _Grids:
         for s in screened:
             ranked = [point for _, point in sorted(s.tried, key=lambda entry: -entry[0])]
             self._kept[s.name] = ranked[
-                : max((len(ranked) + 1) // 2, min(LEAST_POINTS, len(ranked)))
+                : max((len(ranked) + 1) // 2, min(MIN_GRID_POINTS, len(ranked)))
             ]
             known = self._best.setdefault(s.name, [])
             known += [point for point in ranked[:2] if point not in known]
@@ -237,14 +233,29 @@ class _Grids:
 def search(
     fitter: Fitter,
     base: Fit,
+    null: Null,
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
 ) -> Found:
-    """Add terms to the base model while they are worth it."""
+    """Add terms to the base model while they are worth it.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    base
+        The base model's fit.
+    null
+        Surrogates of that noise.
+    library
+        Terms that may be added; None for all.
+    progress
+        Called with one line for each step.
+    """
     found = Found(base, base)
     grids = _Grids(library)
     yardstick = fitter.rows.gain()
-    current = _add_terms(fitter, found, base, grids, yardstick, progress)
+    current = _add_terms(fitter, found, base, grids, null, yardstick, progress)
     current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
     _settle_alignment(fitter, found, current, yardstick)
     found.final = current
@@ -268,24 +279,24 @@ def _add_terms(
     found: Found,
     current: Fit,
     grids: _Grids,
+    null: Null,
     yardstick: np.ndarray,
     progress: Progress,
 ) -> Fit:
     """The model with as many further terms as are worth it; they are noted in `found`."""
     while len(found.effects) < MOST_TERMS:
         progress(f"looking for term {len(found.effects) + 1}: screening")
-        trials = _step(fitter, current, grids, progress)
-        good = (
-            [t for t in trials if t.accepted]
-            or [t for t in trials if t.tentative]
-            or _slow_step(fitter, current, grids, progress)
-        )
+        # The library is tried on the noise once: later models imitate no less of it.
+        first = None if found.effects or null.largest.any() else null
+        trials = _step(fitter, current, grids, first, null, progress)
+        found.by_chance = null.threshold
+        good = [t for t in trials if t.accepted]
         if not good:
             found.near = trials[:3]
             break
         best = _chosen(fitter, good)
         current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
-        found.effects.append(Effect(best, _errors(current, yardstick), tentative=not best.accepted))
+        found.effects.append(Effect(best, _errors(current, yardstick)))
         current = _drop_superfluous(fitter, found, current, progress)
     return current
 
@@ -295,7 +306,7 @@ def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
     torque best.
     """
     largest = max(min(t.held_out) for t in good)
-    equal = [t for t in good if min(t.held_out) >= EQUAL * largest]
+    equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
     return (
         equal[0]
         if len(equal) == 1
@@ -333,82 +344,59 @@ def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.
             gains,
             bic_change(fitter, without, current),
         )
-        if trial.tentative:
-            found.effects.append(
-                Effect(trial, _errors(current, yardstick), tentative=not trial.accepted)
-            )
+        trial = _judged(fitter, without, trial, found.by_chance)
+        if trial.accepted:
+            found.effects.append(Effect(trial, _errors(current, yardstick)))
 
 
-def _step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> list[Trial]:
+def _step(
+    fitter: Fitter,
+    current: Fit,
+    grids: _Grids,
+    first: Null | None,
+    null: Null,
+    progress: Progress,
+) -> list[Trial]:
     """The most promising candidates, refitted and scored on unseen rows, best first."""
-    screened = screen(fitter, current, grids.points(current))
+    screened = screen(fitter, current, grids.points(current), first)
     grids.learn(screened)
+    by_chance = null.threshold
     trials = []
     for s in screened[:REFITTED]:
-        if s.share > LEAST_PROMISE:
+        if s.share > max(MIN_PROMISE, 0.5 * by_chance):
             progress(f"refitting with {s.name}")
             trials.append(
                 _try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5)
             )
     best = max((t.gain for t in trials), default=0.0)
     # The first steps of a refit tell which ones are worth the others.
-    close = [
+    near = [
         _try(fitter, current, t.name, t.fit.values)
-        if t.gain > max(0.5 * TENTATIVE, CLOSE * best)
+        if t.gain > max(0.5 * by_chance, NEAR_BEST_RATIO * best)
         else t
         for t in trials
     ]
-    close.sort(key=lambda t: -t.gain)
-    judged = []
-    before = halves_errors(fitter, current) if any(t.gain > TENTATIVE for t in close) else None
-    for place, trial in enumerate(close):
-        worth = (
-            place < JUDGED
-            and trial.gain > max(TENTATIVE, CLOSE * close[0].gain)
-            and trial.bic < -BIC_FALL
-        )
-        held_out = (
-            halves_gain(before, halves_errors(fitter, trial.fit))
-            if worth and before
-            else (0.0, 0.0)
-        )
-        judged.append(Trial(trial.name, trial.fit, trial.gain, held_out, trial.bic))
-    return judged
+    near.sort(key=lambda t: -t.gain)
+    return [
+        _judged(fitter, current, t, by_chance)
+        if place < JUDGED and t.gain > max(by_chance, NEAR_BEST_RATIO * near[0].gain)
+        else replace(t, by_chance=by_chance)
+        for place, t in enumerate(near)
+    ]
 
 
-def _slow_step(fitter: Fitter, current: Fit, grids: _Grids, progress: Progress) -> list[Trial]:
-    """The candidate that gains most in the plain error, if it gains in the whitened error too; none
-    or one.
-    """
-    progress("looking for slow terms")
-    plain = fitter.unwhitened()
-    screened = screen(plain, plain.evaluate(current.values), grids.best(current))
-    found: list[tuple[float, Trial]] = []
-    for s in screened[:SLOW_REFITTED]:
-        if s.share < ACCEPTED:
-            continue
-        trial = _try(fitter, current, s.name, {**current.values, s.name: s.start})
-        gains, together = _gains(fitter, current, trial.fit)
-        if min(gains) > 0.0 and together >= TENTATIVE and trial.bic < -BIC_FALL:
-            found.append((together, replace(trial, held_out=gains)))
-    return [max(found, key=lambda entry: entry[0])[1]] if found else []
-
-
-def _gains(fitter: Fitter, old: Fit, new: Fit) -> tuple[tuple[float, float], float]:
-    """Gain on unseen rows: whitened, in both directions, and together with the plain one, in the
-    worse direction.
-    """
-    white, plain = (
-        halves_gain(halves_errors(fitter, old, kind), halves_errors(fitter, new, kind))
-        for kind in (False, True)
-    )
-    return white, min(w + PLAIN_WEIGHT * p for w, p in zip(white, plain, strict=True))
+def _judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Trial:
+    """The trial with its gain on unseen rows and the torque that it changes."""
+    held_out = halves_gain(halves_errors(fitter, current), halves_errors(fitter, trial.fit))
+    used = fitter.rows.used
+    changed = np.var((trial.fit.plain - current.plain)[used]) / np.var(fitter.plain_target[used])
+    return replace(trial, held_out=held_out, by_chance=by_chance, torque_share=float(changed))
 
 
 def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int = 12) -> Trial:
     fit = fitter.fit(with_term(current.terms, name), start, evaluations=evaluations)
     gain = 1.0 - fit.score / current.score
-    return Trial(name, fit, gain, (np.nan, np.nan), bic_change(fitter, current, fit))
+    return Trial(name, fit, gain, (0.0, 0.0), bic_change(fitter, current, fit))
 
 
 def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
@@ -441,13 +429,11 @@ def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Prog
     """Remove earlier terms that the later ones made superfluous."""
     for effect in list(found.effects[:-1]):
         name = effect.trial.name
-        if _promised_loss(fitter, current, name) > NEEDED:
+        if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
             continue
         without = fitter.fit(without_term(current.terms, name), current.values, evaluations=20)
-        if (
-            1.0 - current.score / without.score < TENTATIVE
-            and _gains(fitter, without, current)[1] < TENTATIVE
-        ):
+        gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
+        if 1.0 - current.score / without.score < found.by_chance or min(gains) <= 0.0:
             progress(f"{name} is superfluous now")
             found.effects.remove(effect)
             current = without
@@ -478,7 +464,6 @@ def _weigh(fitter: Fitter, found: Found, before: np.ndarray) -> None:
     effects, found.effects = found.effects, []
     for effect in effects:
         small = bool(np.all(before - effect.errors < REFINEMENT * whole))
-        small = small or torque_share(fitter, final, effect.trial.name) ** 2 < MATERIAL
         before = np.minimum(before, effect.errors)
         (found.refinements if small else found.effects).append(effect)
     for effect in found.effects:
@@ -488,6 +473,7 @@ def _weigh(fitter: Fitter, found: Found, before: np.ndarray) -> None:
         effect.trial = replace(
             effect.trial, fit=final, gain=gain, bic=bic_change(fitter, effect.without, final)
         )
+        effect.trial = _judged(fitter, effect.without, effect.trial, found.by_chance)
 
 
 def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> None:

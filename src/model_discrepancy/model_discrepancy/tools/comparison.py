@@ -20,7 +20,7 @@ import numpy as np
 from scipy.signal import correlate
 
 from ankle_physics.term import term_library
-from model_discrepancy.criticism.generic_bank import GenericBank
+from model_discrepancy.criticism.generic_bank import MATERIAL_SHARE, GenericBank
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
 from model_discrepancy.fit.columns import Columns
@@ -28,16 +28,17 @@ from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.rows import Rows
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_quality import (
     FollowingResponse,
     following_response,
     noise_levels,
 )
-from model_discrepancy.recording.motion import Motion, motion_of
+from model_discrepancy.recording.motion import Motion
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import SHORTEST_S, faults
-from model_discrepancy.report.verdict import SIGNIFICANT_REMAINDER
-from model_discrepancy.search.term_search import Found, fit_base, search
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.term_search import Found, search
 
 # Movements that differ by less than this share of their variance are the same: below it position
 # noise of 20 dB would hide a difference.
@@ -284,18 +285,17 @@ def _side(recording: Recording, start: Fit | None, progress: Callable[[str], Non
     """Fit one bag: the paper's model, then whatever else it holds, beginning with the terms of
     `start`.
     """
-    motion = motion_of(recording)
-    fitter = Fitter.of(motion)
-    base = fitter.with_errors(fit_base(fitter))
+    problem = prepare(recording, progress=progress)
+    fitter = problem.fitter
+    base = fitter.with_errors(problem.base)
     known = base
     if start is not None and set(start.terms) != set(base.terms):
         known = fitter.fit(start.terms, start.values)
-        fitter.whiten_by(known.plain)
-        known = fitter.fit(start.terms, known.values)
-    found = search(fitter, known, None, progress)
+    null = Null.of(problem.noise, fitter.rows.time, fitter.rows.used)
+    found = search(fitter, known, null, None, progress)
     return Side(
         recording,
-        motion,
+        fitter.motion,
         fitter,
         base,
         found,
@@ -355,7 +355,7 @@ def _described(first: Side, fitter: Fitter) -> np.ndarray:
     remainder = bank.remainder(
         first.fitter, final.residual, final.plain, interleaved(first.fitter.rows)
     )
-    if min(remainder.worst, remainder.plain_share) > SIGNIFICANT_REMAINDER:
+    if remainder.worst > 0.0 and remainder.torque_share > MATERIAL_SHARE:
         total = total + GenericBank(fitter.columns, like=bank).prediction(bank.learn(final.plain))
     return total
 
@@ -472,7 +472,7 @@ def _conclude(result: Comparison, second: Side) -> None:
     remainder = GenericBank(second.fitter.columns).remainder(
         second.fitter, final.residual, final.plain, interleaved(second.fitter.rows)
     )
-    if remainder.worst > SIGNIFICANT_REMAINDER:
+    if remainder.worst > 0.0 and remainder.torque_share > MATERIAL_SHARE:
         assert result.where is not None
         result.block = missing_block(second.fitter, final, result.where.onsets)
         result.reasons.append(

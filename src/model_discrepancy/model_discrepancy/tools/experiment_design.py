@@ -31,13 +31,15 @@ from model_discrepancy.fit.fitter import Fitter, orthonormal
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.verdict import separating_measurements
-from model_discrepancy.search.term_search import BIC_FALL, RIVAL_EXCESS
+from model_discrepancy.search.term_search import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
 
 Values = dict[str, dict[str, float]]
 # Enough movements (60 and more) for an expectation, little enough to compute for dozens of
 # candidates.
 SIMULATED_S = 30.0
+# Whitened misfit, twice the log-likelihood ratio, at which the wrong one of two models has lost.
+DECIDING_MISFIT = 50.0
 REFITTED = 5
 # Shorter recordings give few stretches to judge on unseen data.
 LEAST_MINUTES = 1.0
@@ -87,8 +89,8 @@ class Proposal:
 
     @property
     def minutes(self) -> float:
-        """Recording time [min] after which the wrong model has lost by the search's margin of BIC."""  # noqa: E501
-        return BIC_FALL / self.misfit if self.misfit > 0 else float("inf")
+        """Recording time [min] after which the wrong model has lost."""
+        return DECIDING_MISFIT / self.misfit if self.misfit > 0 else float("inf")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,240 @@
+"""What a residual holds that no movement predicts: tremor, slow torque, a reflex that varies from
+stretch to stretch, and what is beyond a subject's usual variability.
+
+Generic regressors of the movement cannot see any of them. The first three are properties of every
+subject and no mismatch. A narrow line in the torque, or responses that vary more than a reflex
+does, are not explained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.signal import welch
+
+from model_discrepancy.criticism.locate import Onsets
+from model_discrepancy.fit.fitter import Fit, Fitter
+
+# Physiological tremor of the ankle: 6 to 12 Hz (Lakie, Vernooij, Osborne & Reynolds 2012, J.
+# Physiol. 590, 6145), and a margin.
+TREMOR_HZ = (5.5, 13.0)
+LINES_HZ = (13.0, 78.0)
+# Power of a peak over the median of its surroundings. Residuals of 10 simulated recordings without
+# tremor or line: 1.0 to 1.7.
+LEAST_PEAK = 4.0
+# Periodograms of 2 s: half a hertz wide, 30 of them in a minute.
+SEGMENT_S = 2.0
+# Width of a tremor's peak, and of the surroundings that it is compared with.
+_PEAK_HZ, _AROUND_HZ = 1.5, 5.0
+# After a movement: intrinsic torque, short-latency reflex, its tail. Then the joint is at rest
+# again.
+WINDOWS_S = ((0.0, 0.04), (0.04, 0.12), (0.12, 0.25))
+REST_S = 0.3
+# Whitened power after movements over that at rest. Recordings without mismatch: 0.94 to 1.12 once
+# the channels are aligned, up to 1.9 where torque is so clean (37 dB) that the noise of position
+# shows.
+LEAST_VARIATION = 2.2
+# Rows at rest that give the ratio to 10 %.
+_LEAST_ROWS = 200
+
+
+# Stretch reflexes at rest vary by 10 to 40 % from one stretch to the next, habituation included
+# (Kearney & Chan 1979; Stein & Kearney 1995); beyond this they do something else.
+USUAL_REFLEX_VARIATION = 0.5
+# The response of one stretch, from the reflex' delay on.
+_RESPONSE_S = 0.3
+_FEWEST_STRETCHES = 10
+# Of the highest velocity, at which a stretch begins.
+_STRETCH_SHARE = 0.15
+# Voluntary torque is slower than the perturbation.
+_SLOW_HZ = 2.0
+
+
+@dataclass(frozen=True)
+class Variability:
+    """What no movement predicts.
+
+    Attributes
+    ----------
+    tremor
+        Frequency [Hz] and rms [N.m] with standard errors, or None.
+    reflex
+        Standard deviation of the reflex' size from stretch to stretch as a share of its mean, with
+        its standard error; None where the reflex is too small or stretches are too few.
+    slow_torque
+        Rms of the torque below 2 Hz that no movement makes [N.m].
+    line_hz
+        Frequency of a narrow line outside the tremor's band, or None.
+    variation
+        Largest ratio of the residual's power after movements to that at rest, the reflex' variation
+        taken out; NaN where the joint is never at rest.
+    window
+        In which window after the movement [s].
+    """
+
+    tremor: tuple[tuple[float, float], tuple[float, float]] | None
+    reflex: tuple[float, float] | None
+    slow_torque: float
+    line_hz: float | None
+    variation: float
+    window: tuple[float, float]
+
+    @property
+    def unusual(self) -> list[str]:
+        """What is more than a subject's usual variability, one sentence each."""
+        found = []
+        if self.line_hz is not None:
+            found.append(
+                f"the torque holds a line at {self.line_hz:.1f} Hz that no movement makes: "
+                "pick-up or a vibration"
+            )
+        if self.reflex is not None:
+            size, error = self.reflex
+            if size - 2.0 * error > USUAL_REFLEX_VARIATION:
+                found.append(
+                    f"the reflex varies by {100 * size:.0f} % from stretch to stretch, more than "
+                    f"the {100 * USUAL_REFLEX_VARIATION:.0f} % of a subject at rest"
+                )
+        if self.variation > LEAST_VARIATION:
+            low, high = (1000 * side for side in self.window)
+            found.append(
+                f"{low:.0f} to {high:.0f} ms after a movement the torque differs from one "
+                f"movement to the next {self.variation:.1f} times as much (in power) as at rest: "
+                "something that is no function of the movement changes the response"
+            )
+        return found
+
+    def content(self) -> dict[str, Any]:
+        """The verdict's ``variability``."""
+        found: dict[str, Any] = {"slow_torque": {"rms[N.m]": round(self.slow_torque, 4)}}
+        if self.tremor is not None:
+            found["tremor"] = {
+                "frequency[Hz]": list(self.tremor[0]),
+                "rms[N.m]": list(self.tremor[1]),
+            }
+        if self.reflex is not None:
+            found["reflex_from_stretch_to_stretch"] = {"share_of_mean[1]": list(self.reflex)}
+        return found
+
+
+def variability(fitter: Fitter, fit: Fit, onsets: Onsets) -> Variability:
+    """Look for it in the residual of this fit."""
+    tremor, line = _peaks(fitter, fit)
+    reflex, left = _reflex_variation(fitter, fit, onsets)
+    variation, window = _variation(fitter, left, onsets)
+    slow = fitter.rows.slow(fit.left, _SLOW_HZ)
+    return Variability(tremor, reflex, float(np.std(slow)), line, variation, window)
+
+
+def _reflex_variation(
+    fitter: Fitter, fit: Fit, onsets: Onsets
+) -> tuple[tuple[float, float] | None, np.ndarray]:
+    """Relative spread of the reflex with its standard error, and the whitened residual without what
+    each stretch's own size makes of it.
+    """
+    residual = fit.residual.copy()
+    reflex = fit.values.get("reflex")
+    if reflex is None or reflex["G"] <= 0.0:
+        return None, residual
+    rows = fitter.rows
+    spectra = fitter.columns.spectra(fit.values)
+    response = rows.whitened(reflex["G"] * spectra["reflex", "G"])
+    starts = _stretch_times(fitter) + reflex["delay"]
+    length = int(_RESPONSE_S * rows.rate)
+    sizes, powers = [], []
+    for begin, following in zip(starts, [*starts[1:], np.inf], strict=True):
+        first = int(begin * rows.rate)
+        last = min(first + length, int(min(following, 1e9) * rows.rate), rows.count)
+        if last - first < length // 3 or not rows.used[first:last].all():
+            continue
+        own, left = response[first:last], residual[first:last]
+        power = float(own @ own)
+        if power > 0.0:
+            sizes.append(float(own @ left) / power)
+            powers.append(power)
+            residual[first:last] = left - sizes[-1] * own
+    if len(sizes) < _FEWEST_STRETCHES:
+        return None, fit.residual
+    noise = _level_at_rest(fitter, fit.residual, onsets)
+    size, weight = np.array(sizes), np.array(powers)
+    # A stretch with a small response says little about its size and much about the noise.
+    total = float(weight.sum())
+    chance = len(size) * noise / total
+    variance = float(weight @ size**2) / total - chance
+    error = np.sqrt(2.0 / len(size)) * (max(variance, 0.0) + chance)
+    if np.sqrt(chance) > USUAL_REFLEX_VARIATION:
+        return None, fit.residual
+    spread = float(np.sqrt(max(variance, 0.0)))
+    return (spread, float(error / (2.0 * max(spread, np.sqrt(error))))), residual
+
+
+def _stretch_times(fitter: Fitter) -> np.ndarray:
+    """When each stretch of the calf begins [s], also right after another movement."""
+    motion = fitter.motion
+    fast = motion.velocity > _STRETCH_SHARE * np.percentile(motion.velocity, 99.5)
+    return np.flatnonzero(np.diff(fast.astype(int)) == 1) / motion.rate
+
+
+def _since_movement(fitter: Fitter, onsets: Onsets) -> np.ndarray:
+    """Time of each row since the last movement began [s]; infinite before the first."""
+    rows = fitter.rows
+    since = np.full(rows.count, np.inf)
+    for time in onsets.time:
+        first = int(np.ceil(time * rows.rate))
+        since[first:] = (np.arange(first, rows.count)) / rows.rate - time
+    return since
+
+
+def _level_at_rest(fitter: Fitter, residual: np.ndarray, onsets: Onsets) -> float:
+    """Power of the whitened residual at rest, or everywhere where the joint is never at rest."""
+    used = fitter.rows.used
+    rest = used & (_since_movement(fitter, onsets) > REST_S)
+    return float(np.mean(residual[rest if rest.sum() >= _LEAST_ROWS else used] ** 2))
+
+
+def _peaks(
+    fitter: Fitter, fit: Fit
+) -> tuple[tuple[tuple[float, float], tuple[float, float]] | None, float | None]:
+    """Tremor, as `Variability.tremor`, and the frequency of a narrow line."""
+    rows = fitter.rows
+    segments = int(rows.used.sum() / (SEGMENT_S * rows.rate))
+    frequency, power = welch(fit.plain[rows.used], rows.rate, nperseg=int(SEGMENT_S * rows.rate))
+    distance = np.abs(frequency[:, None] - frequency[None, :])
+    around = np.array([np.median(power[(d < _AROUND_HZ) & (d > _PEAK_HZ)]) for d in distance])
+    ratio = power / np.maximum(around, 1e-30)
+    tremor = None
+    k = _highest(ratio, frequency, TREMOR_HZ)
+    if ratio[k] > LEAST_PEAK:
+        inside = distance[k] < _PEAK_HZ
+        excess = float(np.sum(power[inside] - around[inside]) * (frequency[1] - frequency[0]))
+        rms = float(np.sqrt(max(excess, 0.0)))
+        # A narrow-band process has 2 T Δf degrees of freedom, at least the number of segments.
+        error = rms / np.sqrt(2.0 * max(segments, 1))
+        tremor = (float(frequency[k]), float(frequency[1])), (rms, error)
+    k = _highest(ratio, frequency, LINES_HZ)
+    return tremor, float(frequency[k]) if ratio[k] > LEAST_PEAK else None
+
+
+def _highest(ratio: np.ndarray, frequency: np.ndarray, band: tuple[float, float]) -> int:
+    return int(np.argmax(np.where((frequency >= band[0]) & (frequency <= band[1]), ratio, 0.0)))
+
+
+def _variation(
+    fitter: Fitter, residual: np.ndarray, onsets: Onsets
+) -> tuple[float, tuple[float, float]]:
+    rows = fitter.rows
+    since = _since_movement(fitter, onsets)
+    squared = residual**2
+    rest = rows.used & (since > REST_S)
+    if rest.sum() < _LEAST_ROWS:
+        return float("nan"), WINDOWS_S[0]
+    level = float(np.mean(squared[rest]))
+    ratios = [
+        float(np.mean(squared[inside])) / level
+        for low, high in WINDOWS_S
+        if (inside := rows.used & (since >= low) & (since < high)).any()
+    ]
+    k = int(np.argmax(ratios))
+    return ratios[k], WINDOWS_S[k]
