@@ -7,13 +7,15 @@ nodes:
     executable: ankle_sim
     name: ankle_sim            # optional, the executable's name unless given
     parameters: {K: 100.0}
-    remappings: {/ankle/samples: /left/ankle/samples}
+    remappings: {ankle/samples: left/ankle/samples}
     when: emulator             # optional: part of the graph only with the option of that name
 ```
 """
 
 from __future__ import annotations
 
+import fnmatch
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -27,6 +29,7 @@ from ankle_bringup.executables import declared_parameters, find_executable
 from ankle_bringup.suggestion import require_known
 
 OF_EVERY_NODE = ("use_sim_time",)  # rclpy declares it
+_NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?", re.ASCII)
 _NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when"}
 
 
@@ -40,10 +43,18 @@ class NodeDescription:
     parameters: dict[str, Any] = field(default_factory=dict)
     remappings: dict[str, str] = field(default_factory=dict)
     when: str = ""
+    namespace: str = ""
+
+    @property
+    def full_name(self) -> str:
+        """Name with its namespace, as ``/left/ankle_sim``."""
+        return "/" + "/".join(part for part in (self.namespace.strip("/"), self.name) if part)
 
     def ros_arguments(self) -> list[str]:
         """What follows the executable on its command line."""
         arguments = ["--ros-args", "-r", f"__node:={self.name}"]
+        if self.namespace:
+            arguments += ["-r", f"__ns:={self.namespace}"]
         for key, value in self.parameters.items():
             text = (
                 yaml.safe_dump(value, default_flow_style=True).strip().removesuffix("...").strip()
@@ -77,6 +88,11 @@ class Graph:
     description: str
     nodes: tuple[NodeDescription, ...]
 
+    @property
+    def namespace(self) -> str:
+        """Namespace of its nodes; empty for the root."""
+        return self.nodes[0].namespace if self.nodes else ""
+
     def with_settings(self, settings: Iterable[str]) -> Graph:
         """The graph with parameters replaced, each as ``node.parameter=value`` (value in YAML).
 
@@ -103,6 +119,52 @@ class Graph:
         for name in changed:
             nodes[name].require_declared()
         return replace(self, nodes=tuple(nodes.values()))
+
+    def in_namespace(self, namespace: str) -> Graph:
+        """The graph with all of its nodes in a namespace: a laboratory of its own beside others.
+
+        Raises
+        ------
+        GraphError
+            No name that ROS accepts.
+        """
+        if not namespace.strip("/"):
+            return self
+        if not _NAMESPACE.fullmatch(namespace):
+            raise GraphError(
+                f"namespace '{namespace}' is refused; allowed: letters, digits and '_', parts "
+                "joined by '/', none beginning with a digit, as in 'left'"
+            )
+        absolute = f"/{namespace.strip('/')}"
+        return replace(self, nodes=tuple(replace(node, namespace=absolute) for node in self.nodes))
+
+    def with_parameter_file(self, path: str | Path) -> Graph:
+        """The graph with the parameters of a ROS parameter file laid over its own.
+
+        Parameters
+        ----------
+        path
+            A file with ``NODE: {ros__parameters: {NAME: VALUE}}``; ``/**`` stands for every node.
+
+        Raises
+        ------
+        GraphError
+            Not such a file, or a parameter that the node named for it does not declare.
+        OSError
+            The file cannot be read.
+        """
+        entries = read_parameter_file(path)
+        nodes = []
+        for node in self.nodes:
+            parameters, named = dict(node.parameters), False
+            for pattern, values in entries.items():
+                if names_node(pattern, node.full_name):
+                    parameters.update(values)
+                    named |= "*" not in pattern
+            nodes.append(replace(node, parameters=parameters))
+            if named:
+                nodes[-1].require_declared()
+        return replace(self, nodes=tuple(nodes))
 
     def with_options(self, options: Iterable[str]) -> Graph:
         """The graph with the nodes of these options, and without those of others.
@@ -189,3 +251,49 @@ def load_graph(name: str) -> Graph:
                 f"{name}: node name '{node_name}' appears twice; give each its own 'name'"
             )
     return Graph(str(content.get("description", "")), tuple(nodes))
+
+
+def read_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
+    """Parameters by the node name or pattern for which a ROS parameter file gives them.
+
+    Nested groups are joined by dots, as ROS does.
+
+    Raises
+    ------
+    GraphError
+        Not such a file; names the file and the entry.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text())
+    except yaml.YAMLError as error:
+        raise GraphError(f"{path}: not YAML: {error}") from None
+    if not isinstance(content, dict):
+        raise GraphError(f"{path}: a parameter file has NODE: {{ros__parameters: ...}}")
+    entries = {}
+    for pattern, entry in content.items():
+        if not isinstance(entry, dict) or not isinstance(entry.get("ros__parameters"), dict):
+            raise GraphError(f"{path}: '{pattern}' has no 'ros__parameters'")
+        entries[str(pattern)] = _joined(entry["ros__parameters"])
+    return entries
+
+
+def _joined(group: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in group.items():
+        if isinstance(value, dict):
+            found.update(_joined(value, f"{prefix}{key}."))
+        else:
+            found[f"{prefix}{key}"] = value
+    return found
+
+
+def names_node(pattern: str, full_name: str) -> bool:
+    """Whether an entry of a parameter file is for a node: its name, its name with the namespace,
+    or a pattern with ``*``.
+    """
+    wanted = pattern.strip("/")
+    if "*" in wanted:
+        return fnmatch.fnmatchcase(full_name.strip("/"), wanted.replace("**/", "*"))
+    return wanted in (full_name.strip("/"), full_name.rpartition("/")[2])

@@ -29,7 +29,9 @@ ANSWER_SECONDS = 5.0
 
 
 @contextmanager
-def observer(name: str = "ankle_observer", own_signals: bool = False) -> Iterator[Node]:
+def observer(
+    name: str = "ankle_observer", own_signals: bool = False, namespace: str = ""
+) -> Iterator[Node]:
     """A node that only looks; discovery stays on this host unless the environment says otherwise.
 
     Parameters
@@ -38,12 +40,14 @@ def observer(name: str = "ankle_observer", own_signals: bool = False) -> Iterato
         Beginning of the node's name.
     own_signals
         Whether the caller handles signals: rclpy would end the node at the first one.
+    namespace
+        Of the laboratory that it looks at.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rclpy.init(
         signal_handler_options=SignalHandlerOptions.NO if own_signals else SignalHandlerOptions.ALL
     )
-    node = rclpy.create_node(f"{name}_{os.getpid()}")
+    node = rclpy.create_node(f"{name}_{os.getpid()}", namespace=namespace)
     try:
         yield node
     finally:

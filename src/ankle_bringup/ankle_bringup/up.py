@@ -79,11 +79,11 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         )
     with (
         ending_by_signal(),
-        observer(own_signals=True) as node,
+        observer(own_signals=True, namespace=graph.namespace) as node,
         Processes(graph, logs) as processes,
     ):
         drivers = [
-            node.create_client(Trigger, f"/{one.name}/stop")
+            node.create_client(Trigger, f"{one.full_name}/stop")
             for one in graph.nodes
             if one.package == DRIVER
         ]

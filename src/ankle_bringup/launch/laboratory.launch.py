@@ -19,13 +19,18 @@ def nodes_of(context):
     graph = (
         load_graph(LaunchConfiguration("graph").perform(context))
         .with_options(options)
-        .with_settings(settings)
+        .in_namespace(LaunchConfiguration("namespace").perform(context))
     )
+    params_file = LaunchConfiguration("params_file").perform(context)
+    if params_file:
+        graph = graph.with_parameter_file(params_file)
+    graph = graph.with_settings(settings)
     return [
         Node(
             package=node.package,
             executable=node.executable,
             name=node.name,
+            namespace=node.namespace,
             parameters=[node.parameters] if node.parameters else [],
             remappings=list(node.remappings.items()),
             output="screen",
@@ -53,6 +58,16 @@ def generate_launch_description():
                 default_value="false",
                 choices=["true", "false"],
                 description="with graph:=rig: emulate the rig",
+            ),
+            DeclareLaunchArgument(
+                "namespace",
+                default_value="",
+                description="namespace of all nodes and topics: a laboratory of its own",
+            ),
+            DeclareLaunchArgument(
+                "params_file",
+                default_value="",
+                description="ROS parameter file, laid over the graph's parameters",
             ),
             SetEnvironmentVariable(
                 "ROS_AUTOMATIC_DISCOVERY_RANGE",

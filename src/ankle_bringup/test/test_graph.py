@@ -76,3 +76,49 @@ def test_a_failing_node_is_told_with_its_last_line(tmp_path):
         pytest.raises(RunError, match=r"'K' = -5\.0 N\.m/rad is refused"),
     ):
         processes.wait_for_end("ankle_sim", 60.0)
+
+
+def test_a_namespace_is_on_every_command_line():
+    graph = load_graph("simulated").in_namespace("left/")
+    assert graph.namespace == "/left"
+    assert all("__ns:=/left" in node.ros_arguments() for node in graph.nodes)
+    assert {node.full_name for node in graph.nodes} >= {"/left/ankle_sim"}
+    assert load_graph("simulated").in_namespace("/") == load_graph("simulated")
+    with pytest.raises(GraphError, match="namespace '2nd laboratory' is refused; allowed: letters"):
+        graph.in_namespace("2nd laboratory")
+
+
+def test_a_parameter_file_lies_between_the_graph_and_its_settings(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "/**: {ros__parameters: {use_sim_time: false}}\n"
+        "ankle_sim: {ros__parameters: {K: 90.0, seed: 7, voluntary_torque: {level: -2.0}}}\n"
+        "/right/ankle_sim: {ros__parameters: {K: 60.0}}\n"
+    )
+    left = load_graph("simulated").in_namespace("left").with_parameter_file(path)
+    right = load_graph("simulated").in_namespace("right").with_parameter_file(path)
+    sims = [
+        next(node.parameters for node in graph.nodes if node.name == "ankle_sim")
+        for graph in (left.with_settings(["ankle_sim.seed=8"]), right)
+    ]
+    assert [(sim["K"], sim["seed"], sim["voluntary_torque.level"]) for sim in sims] == [
+        (90.0, 8, -2.0),
+        (60.0, 7, -2.0),
+    ]
+    assert all(node.parameters["use_sim_time"] is False for node in left.nodes)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("ankle_sim: {ros__parameters: {sed: 3}}", "did you mean 'seed'"),
+        ("ankle_sim: {seed: 3}", "'ankle_sim' has no 'ros__parameters'"),
+        ("[1, 2]", "a parameter file has NODE"),
+        ("{", "not YAML"),
+    ],
+)
+def test_bad_parameter_files_are_named(tmp_path, text, words):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(GraphError, match=words):
+        load_graph("simulated").with_parameter_file(path)

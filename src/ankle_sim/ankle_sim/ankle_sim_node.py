@@ -11,15 +11,18 @@
 | /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
 
 A term that the model lacks is NaN in ankle/truth. The node advances by the samples of the
-reference, never by timers: it is as fast as its input. A virtual subject (parameter `subject`) sets
-K, G and the voluntary torque by what its muscles do; they cannot be set by hand then. Parameters:
-`ankle_sim.parameters`.
+reference, never by timers: it is as fast as its input. A simulated subject (parameter `subject`)
+sets K, G and the voluntary torque by what its muscles do. A value that is set by hand then (``ros2
+param set /ankle_sim K 120.0``) is kept until the subject's state is set or its next hold begins.
+Parameters: `ankle_sim.parameters`.
 """  # noqa: E501
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from std_msgs.msg import String
@@ -27,7 +30,7 @@ from std_msgs.msg import String
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import BlockError, QuantityError
-from ankle_interfaces.quantity import Value
+from ankle_interfaces.quantity import Quantity, Value
 from ankle_interfaces.topics import (
     ANKLE_SAMPLES,
     ANKLE_TRUTH,
@@ -83,6 +86,7 @@ class AnkleSimNode(AnkleNode):
                 *(declared for declared, _, _ in self._of_model.values()),
             ],
         )
+        self.hardware_id = "simulated rig"
         for name, (_, term, symbol) in self._of_model.items():
             model.entry(term).values[symbol] = self.number(name)
         scenario = Scenario.load(self.text("scenario")) if self.text("scenario") else Scenario([])
@@ -116,15 +120,15 @@ class AnkleSimNode(AnkleNode):
         )
 
     def _make_subject(self, setup: Setup) -> LiveRig:
-        person = draw_subject(int(self.number(SUBJECT.name)))
+        subject = draw_subject(int(self.number(SUBJECT.name)))
         holds = some_holds(
             int(self.number("holds")),
             setup.seed,
             self.number("hold_duration"),
             self.number("reach_duration"),
         )
-        self._subject = LiveSubject(setup, person, holds, self._report, bool(self.value("noise")))
-        self._subject.told(
+        self._subject = LiveSubject(setup, subject, holds, self._report, bool(self.value("noise")))
+        self._subject.command(
             State(**{parameter.name: self.number(parameter.name) for parameter in STATE_PARAMETERS})
         )
         self._emg = self.block_publisher(EMG_SAMPLES)
@@ -135,22 +139,6 @@ class AnkleSimNode(AnkleNode):
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
         """Model parameters, noise and the subject's state hold from the next block on."""
-        if self._subject is not None:
-            taken = [
-                name
-                for name in values
-                if name in self._of_model and self._of_model[name][1:] in OF_SUBJECT
-            ]
-            if taken:
-                raise QuantityError(
-                    f"parameter '{taken[0]}' follows the virtual subject; set cocontraction, "
-                    "excitability or push"
-                )
-            wanted = {
-                p.name: float(values.get(p.name, self.number(p.name))) for p in STATE_PARAMETERS
-            }
-            if wanted != {name: self.number(name) for name in wanted}:
-                self._subject.told(State(**wanted))
         changes = [
             (*self._of_model[name][1:], float(value))
             for name, value in values.items()
@@ -161,8 +149,20 @@ class AnkleSimNode(AnkleNode):
                 self._rig.check(*change)
         except ModelError as error:
             raise QuantityError(str(error)) from None
+        if self._subject is not None and any(p.name in values for p in STATE_PARAMETERS):
+            self._subject.command(
+                State(
+                    **{
+                        p.name: float(values.get(p.name, self.number(p.name)))
+                        for p in STATE_PARAMETERS
+                    }
+                )
+            )
         for change in changes:
-            self._rig.set(*change)
+            if self._subject is not None and change[:2] in OF_SUBJECT:
+                self._subject.fix(*change)
+            else:
+                self._rig.set(*change)
         self._rig.noisy = bool(values.get("noise", self._rig.noisy))
 
     def _begin(self) -> None:
@@ -230,16 +230,33 @@ class AnkleSimNode(AnkleNode):
         self.health("simulation", ERROR, sentence)
 
 
-def make() -> AnkleSimNode:
-    """The node with the model that its parameter `model` names."""
-    path, subject = str(start_value(NAME, MODEL)), start_value(NAME, SUBJECT)
+def make_model(values: Mapping[str, Any]) -> Model:
+    """The model that the values of the parameters `model` and `subject` name."""
+    path, subject = str(values.get(MODEL.name, "")), int(values.get(SUBJECT.name, 0))
     if path:
-        return AnkleSimNode(with_voluntary_torque(Model.load(path)))
+        return with_voluntary_torque(Model.load(path))
+    if subject:
+        return subject_model(draw_subject(subject))
+    return with_voluntary_torque(Model.of())
+
+
+def declared_parameters(values: Mapping[str, Any]) -> list[Quantity]:
+    """The parameters of the node with these start values; they depend on its model."""
+    of_model = model_parameters(make_model(values))
+    return [
+        *RIG_PARAMETERS,
+        *SUBJECT_PARAMETERS,
+        *(declared for declared, _, _ in of_model.values()),
+    ]
+
+
+def make() -> AnkleSimNode:
+    """The node with the model that its parameters name."""
     return AnkleSimNode(
-        subject_model(draw_subject(int(subject))) if subject else with_voluntary_torque(Model.of())
+        make_model({parameter.name: start_value(NAME, parameter) for parameter in (MODEL, SUBJECT)})
     )
 
 
 def main() -> int:
-    """Run the node until it is told to stop."""
+    """Entry point of ``ros2 run ankle_sim ankle_sim``."""
     return run(make)

@@ -1,4 +1,4 @@
-"""A virtual subject on the virtual rig: reference in; samples, EMG and session events out."""
+"""A simulated subject on the virtual rig: reference in; samples, EMG and session events out."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ class LiveSubject:
     setup
         The rig; its model needs stiffness, reflex and voluntary torque.
     subject
-        The person.
+        The simulated subject.
     holds
-        That the subject goes through; without any the state changes by `told` alone.
-    tell
-        Called with a sentence when something happens that a person should know.
+        That the subject goes through; without any the state changes by `command` alone.
+    report
+        Called with a sentence when something happens that an operator should know.
     noisy
         Whether the rig's samples have noise.
     steady
@@ -87,12 +87,13 @@ class LiveSubject:
         setup: Setup,
         subject: Subject,
         holds: Sequence[PlannedHold],
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
         noisy: bool = True,
         steady: bool = False,
     ) -> None:
-        self.rig = LiveRig(setup, tell, noisy)
+        self.rig = LiveRig(setup, report, noisy)
         self._virtual = VirtualSubject(subject, setup.seed, steady)
+        self._fixed: dict[tuple[str, str], float] = {}
         self.drive: Drive = self._virtual.command(State())
         self._drive_rig()
         self._seed = setup.seed
@@ -107,9 +108,23 @@ class LiveSubject:
             ]
         self._ahead.sort(key=lambda entry: entry[0])
 
-    def told(self, state: State) -> None:
-        """A new state by hand."""
+    def command(self, state: State) -> None:
+        """Let the subject go to a new state, which ends what `fix` keeps."""
+        self._fixed.clear()
         self._virtual.command(state)
+
+    def fix(self, term: str, symbol: str, value: float) -> None:
+        """Keep one of `OF_SUBJECT` at a value, whatever the muscles do, until the next state.
+
+        The EMG stays that of the muscles.
+
+        Raises
+        ------
+        ModelError
+            Out of range.
+        """
+        self.rig.set(term, symbol, value)
+        self._fixed[term, symbol] = value
 
     def take(
         self, time: np.ndarray, reference: np.ndarray
@@ -149,10 +164,9 @@ class LiveSubject:
         return pieces, events
 
     def _drive_rig(self) -> None:
-        for (term, symbol), value in zip(
-            OF_SUBJECT, (self.drive.K, self.drive.G, self.drive.torque), strict=True
-        ):
-            self.rig.set(term, symbol, value)
+        values = (self.drive.K, self.drive.G, self.drive.torque)
+        for (term, symbol), value in zip(OF_SUBJECT, values, strict=True):
+            self.rig.set(term, symbol, self._fixed.get((term, symbol), value))
 
     def _follow_procedure(self, time: np.ndarray) -> list[SessionEvent]:
         """Set out for the next state, or begin or end a hold, when its time has come."""
@@ -171,5 +185,5 @@ class LiveSubject:
                     )
                 )
             else:
-                self._virtual.command(hold.state)
+                self.command(hold.state)
         return events

@@ -116,8 +116,8 @@ SUBJECT = Quantity(
     9999,
     0,
     description=(
-        "Number of a virtual subject, whose co-contraction and reflexes then set K and G and give "
-        "EMG; 0: none."
+        "Number of a simulated subject, whose co-contraction and reflexes then set K and G and "
+        "give EMG; 0: none."
     ),
     start_only=True,
 )
@@ -128,7 +128,7 @@ STATE_PARAMETERS = (
         0.0,
         1.0,
         0.3,
-        description="What the virtual subject does: calf against shin, share of 10 N.m.",
+        description="What the simulated subject does: calf against shin, share of 10 N.m.",
     ),
     Quantity(
         "excitability",
@@ -136,7 +136,7 @@ STATE_PARAMETERS = (
         0.0,
         1.0,
         0.5,
-        description="What the virtual subject does: excitability of the calf's reflex.",
+        description="What the simulated subject does: excitability of the calf's reflex.",
     ),
     Quantity(
         "push",
@@ -144,7 +144,7 @@ STATE_PARAMETERS = (
         -20.0,
         20.0,
         0.0,
-        description="What the virtual subject does: torque towards plantarflexion.",
+        description="What the simulated subject does: torque towards plantarflexion.",
     ),
 )
 HOLDS = Quantity(
@@ -154,7 +154,8 @@ HOLDS = Quantity(
     100,
     0,
     description=(
-        "Holds that the virtual subject goes through, two of three at 0 N.m, the others at -5 N.m."
+        "Holds that the simulated subject goes through, two of three at 0 N.m, the others at "
+        "-5 N.m."
     ),
     start_only=True,
 )

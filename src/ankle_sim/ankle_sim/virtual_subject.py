@@ -1,4 +1,4 @@
-"""A virtual subject: what co-contraction, push and reflex excitability make of K, G, torque and
+"""A simulated subject: what co-contraction, push and reflex excitability make of K, G, torque and
 EMG.
 
 Calf and shin muscles act against each other. With the co-contraction c (0 to 1) the calf holds ``c
@@ -96,7 +96,7 @@ class Subject:
 
 
 def draw_subject(number: int) -> Subject:
-    """The virtual subject of a number, always the same one.
+    """The simulated subject of a number, always the same one.
 
     Stiffness of a relaxed ankle 25 to 45 N.m/rad and the paper's B and I (section III-A) within 20
     and 10 %; electrodes differ by a factor of two between people and muscles, as skin and
@@ -196,12 +196,12 @@ class Drive:
 
 
 class VirtualSubject:
-    """A subject who is told states and reaches them.
+    """A subject who goes from one commanded state to the next.
 
     Parameters
     ----------
     subject
-        The person.
+        The simulated subject.
     seed
         Of what differs from hold to hold.
     steady
@@ -216,7 +216,7 @@ class VirtualSubject:
         self._present: Drive | None = None
 
     def command(self, state: State) -> Drive:
-        """A new state; the mixture of muscles is drawn anew.
+        """Command a new state; the mixture of muscles is drawn anew.
 
         Returns
         -------
@@ -253,15 +253,15 @@ class VirtualSubject:
         return self._target
 
     def advance(self, seconds: float) -> Drive:
-        """The drive after some more time [s], on the way to the state that was told last.
+        """Return the drive after some more time [s], on the way to the last commanded state.
 
         Raises
         ------
         ValueError
-            No state was told.
+            No state was commanded.
         """
         if self._target is None or self._present is None:
-            raise ValueError(f"{self.subject.name} was told no state")
+            raise ValueError(f"{self.subject.name} was given no state")
         self._present = self._present.towards(
             self._target, 1.0 - math.exp(-seconds / REACHING_TIME)
         )

@@ -46,8 +46,8 @@ def feed(rig, time, samples, size=32):
 
 def test_a_stream_of_blocks_gives_what_simulate_gives():
     time, samples = reference(2.0)
-    told = []
-    rig = LiveRig(setup(), told.append, noisy=False)
+    reports = []
+    rig = LiveRig(setup(), reports.append, noisy=False)
     stretches = feed(rig, time, samples)
     whole = simulate(samples, RATE, seed=1)
     assert (
@@ -55,7 +55,7 @@ def test_a_stream_of_blocks_gives_what_simulate_gives():
         < 1e-9
     )
     assert np.array_equal(np.concatenate([stretch.time for stretch in stretches]), time)
-    assert told == []
+    assert reports == []
 
 
 def test_noise_is_that_of_the_nominal_run_even_while_the_plate_rests():
@@ -72,16 +72,16 @@ def test_noise_is_that_of_the_nominal_run_even_while_the_plate_rests():
 
 def test_a_gap_is_missing_in_the_samples_told_and_the_joint_lives_on():
     time, samples = reference(3.0)
-    told = []
-    rig = LiveRig(setup(), told.append, noisy=False)
+    reports = []
+    rig = LiveRig(setup(), reports.append, noisy=False)
     keep = np.ones(len(time), bool)
     keep[2000:2100] = False
     stretches = feed(rig, time[keep], samples[keep])
     published = np.concatenate([stretch.time for stretch in stretches])
     assert np.array_equal(published, time[keep])
     assert rig.held == 100
-    assert len(told) == 1
-    assert "100 samples" in told[0]
+    assert len(reports) == 1
+    assert "100 samples" in reports[0]
     # What the plate did meanwhile: it held the last command. Its consequences are in the samples
     # behind the gap.
     held = samples.copy()
@@ -105,14 +105,14 @@ def test_samples_that_are_not_finite_count_as_missing():
 
 
 def test_another_rate_a_long_pause_and_time_running_back_start_again():
-    told = []
+    reports = []
     scenario = Scenario.from_content({"changes": [{"at[s]": 0.5, "stiffness.K[N.m/rad]": 150}]})
-    rig = LiveRig(setup(scenario), told.append, noisy=False)
+    rig = LiveRig(setup(scenario), reports.append, noisy=False)
     time, samples = reference(1.0)
     assert feed(rig, time, samples)[-1].truth["stiffness.K[N.m/rad]"] == 150.0
     slow_time, slow = reference(0.25, rate=1000.0)
     stretches = feed(rig, slow_time + 1.0, slow)
-    assert "1000 Hz instead of 2048 Hz" in told[0]
+    assert "1000 Hz instead of 2048 Hz" in reports[0]
     assert stretches[-1].truth["stiffness.K[N.m/rad]"] == 100.0
     assert (
         np.abs(
@@ -121,17 +121,17 @@ def test_another_rate_a_long_pause_and_time_running_back_start_again():
         < 1e-9
     )
     feed(rig, slow_time + 500.0, slow)
-    assert "no reference for 498" in told[1]
+    assert "no reference for 498" in reports[1]
     feed(rig, slow_time + 100.0, slow)
-    assert "back in time" in told[2]
+    assert "back in time" in reports[2]
     assert rig.held == 0
 
 
 def test_a_block_that_does_not_tell_its_rate_and_a_rate_out_of_range_are_told():
-    told = []
-    rig = LiveRig(setup(), told.append)
+    reports = []
+    rig = LiveRig(setup(), reports.append)
     assert rig.take(np.array([START]), np.zeros((1, 3))) == []
-    assert "do not tell a sampling rate" in told[0]
+    assert "do not tell a sampling rate" in reports[0]
     with pytest.raises(ModelError, match="50 Hz is outside 500 to 10000 Hz"):
         rig.take(START + np.arange(10) / 50.0, np.zeros((10, 3)))
 

@@ -1,6 +1,4 @@
-"""A virtual subject: what states do to joint and electrodes, and that the result does not depend on
-the size of blocks.
-"""
+"""A simulated subject: what states do to joint and electrodes, in blocks of any size."""
 
 from itertools import pairwise
 
@@ -8,6 +6,7 @@ import numpy as np
 import pytest
 
 from ankle_physics.actuator import Servo
+from ankle_physics.errors import ModelError
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_physics.surface_emg import Electrodes, SurfaceEmg
@@ -145,3 +144,22 @@ def test_a_session_says_when_holds_begin_and_end():
     assert sorted(event.details["torque_target[N.m]"] for event in events[::2]) == [-5.0, 0.0, 0.0]
     assert sum(len(piece.emg) for piece in pieces) == 10 * RATE
     assert all(np.isfinite(piece.emg).all() for piece in pieces)
+
+
+def test_a_value_set_by_hand_is_kept_until_the_next_state():
+    setup = Setup(
+        subject_model(draw_subject(1)), Servo(), SignalToNoise(), Scenario([]), 0.04, seed=1
+    )
+    live = LiveSubject(setup, draw_subject(1), [], lambda sentence: None, noisy=False)
+    time = np.arange(64) / RATE
+    live.take(time, np.zeros((64, 3)))
+    live.fix("stiffness", "K", 120.0)
+    for block in (1, 2):
+        pieces, _ = live.take(time + block * 64 / RATE, np.zeros((64, 3)))
+        assert pieces[-1].stretch.truth["stiffness.K[N.m/rad]"] == 120.0
+    live.command(State(cocontraction=0.0))
+    live.take(time + 3 * 64 / RATE, np.zeros((64, 3)))
+    pieces, _ = live.take(time + 4 * 64 / RATE, np.zeros((64, 3)))
+    assert pieces[-1].stretch.truth["stiffness.K[N.m/rad]"] == pytest.approx(live.drive.K, rel=0.01)
+    with pytest.raises(ModelError, match="K' = 2000"):
+        live.fix("stiffness", "K", 2000.0)

@@ -62,7 +62,7 @@ def test_subjects_torque_is_what_the_subject_pushes_not_what_the_perturbation_do
     person = draw_subject(1)
     setup = Setup(subject_model(person, rms=0.0), Servo(), SignalToNoise(), Scenario([]), 0.04, 1)
     live = LiveSubject(setup, person, [], lambda sentence: None)
-    live.told(State(cocontraction=0.6, excitability=0.6, push=5.0))
+    live.command(State(cocontraction=0.6, excitability=0.6, push=5.0))
     signal = PulseStep(PerturbationSettings(seed=3))
     plain, ours = VoluntaryTorque(), VoluntaryTorque()
     shown = []

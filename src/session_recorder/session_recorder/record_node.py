@@ -124,8 +124,6 @@ class RecordNode(AnkleNode):
             return
         self._connected[topic] = message_type
         acknowledge = self.acknowledger(topic) if message_type == MESSAGE_TYPE else None
-        if message_type == MESSAGE_TYPE:
-            self.watch_publishers(topic)
 
         def receive(message: bytes, info: MessageInfo) -> None:
             self._store(topic, message, info)

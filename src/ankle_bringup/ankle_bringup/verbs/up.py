@@ -25,6 +25,16 @@ def verb(
     logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path(
         "ankle_logs"
     ),
+    namespace: Annotated[
+        str,
+        typer.Option(help="Namespace of all nodes and topics: a laboratory of its own, as 'left'."),
+    ] = "",
+    params_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--params-file", help="ROS parameter file; --set goes before it.", exists=True
+        ),
+    ] = None,
     emulator: Annotated[
         bool,
         typer.Option("--emulator", help="With a rig: start the rig emulator as the other end."),
@@ -38,4 +48,7 @@ def verb(
     from ankle_bringup.up import run_graph
 
     chosen = load_graph(graph).with_options(["emulator"] if emulator else [])
+    chosen = chosen.in_namespace(namespace)
+    if params_file is not None:
+        chosen = chosen.with_parameter_file(params_file)
     run_graph(chosen.with_settings(settings), logs, seconds, console)
