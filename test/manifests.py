@@ -20,6 +20,7 @@ ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "psutil": "python3-psutil",
+    "requests": "python3-requests",
     "pytest": "python3-pytest",
     "scipy": "python3-scipy",
     "yaml": "python3-yaml",

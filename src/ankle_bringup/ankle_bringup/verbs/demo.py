@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -18,9 +19,13 @@ def verb(
             help="Length of the live run; below 75 s the estimates do not reach the jump's end."
         ),
     ] = 90.0,
-    trials: Annotated[Path, typer.Option(help="Folder of real trials as .npz files.")] = Path(
-        "../shared/recordings"
-    ),
+    trials: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of real trials, as bags or .npz files; those of 'ankle fetch-trials' "
+            "unless given."
+        ),
+    ] = None,
 ) -> None:
     """Run the main job once: simulated ankle live, estimates made again from the bag, real human
     trials.
@@ -29,5 +34,20 @@ def verb(
     """
     from ankle_bringup.demo import run_demo
 
-    if not run_demo(out, seconds, trials, console):
+    if not run_demo(out, seconds, trials or _fetched(), console):
         raise typer.Exit(1)
+
+
+def _fetched() -> Path:
+    """The folder of the public trials; offers to fetch them where somebody can answer."""
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.human_trials import MCGILL, cache_folder, fetch, import_trials
+
+    folder = cache_folder() / "human_trials"
+    question = "Fetch public recordings of a human ankle for the demo (2 MB)?"
+    if not folder.exists() and sys.stdin.isatty() and typer.confirm(question, default=True):
+        try:
+            import_trials(fetch(MCGILL, folder.parent), folder)
+        except RunError as error:
+            console.print(f"{error}. Going on without.")
+    return folder
