@@ -75,7 +75,8 @@ WATCH = """() => {
     requestAnimationFrame(look);
   };
   requestAnimationFrame(look);
-  return [canvas.width, canvas.height, performance.timeOrigin + performance.now() - Date.now()];
+  const [left, , wide] = canvas.dataset.plot.split(' ').map(Number);
+  return [left, wide, performance.timeOrigin + performance.now() - Date.now()];
 }"""
 
 
@@ -105,7 +106,7 @@ async def watch(port: int, seconds: float) -> dict:
                     if wanted(message):
                         return
 
-            for number, command in enumerate(("arm", "start")):
+            for number, command in enumerate(("claim", "arm", "start")):
                 await page.send_json({"id": number, "command": command})
                 await until(
                     lambda message, number=number: (
@@ -116,7 +117,7 @@ async def watch(port: int, seconds: float) -> dict:
             await until(
                 lambda message: message["type"] == "frame" and message["torque_quality"] == "valid"
             )
-        width, height, offset = await subject.evaluate(WATCH)
+        left, wide, offset = await subject.evaluate(WATCH)
         began = time.monotonic()
         while (left := seconds - (time.monotonic() - began)) > 0:
             await asyncio.sleep(min(left, 10.0))
@@ -128,7 +129,6 @@ async def watch(port: int, seconds: float) -> dict:
             )
         seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
         await browser.close()
-    left, wide = 0.15 * height, width - 0.21 * height
     seen = np.array(seen).reshape(-1, 2)
     # The browser's clock is monotonic from its start; the difference to the system's clock is taken
     # out.

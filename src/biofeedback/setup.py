@@ -10,7 +10,9 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    package_data={package_name: ["pages/*", "pages/texts/*", "config/*.yaml"]},
+    package_data={
+        package_name: ["pages/*", "pages/texts/*", "config/*.yaml", "config/courses/*.yaml"]
+    },
     install_requires=["setuptools"],
     # colcon test runs pytest where this names it.
     extras_require={"test": ["pytest"]},

@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, parse
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.session.axis_calibration import SMALLEST, BaselineCollector, torque_axis
+from biofeedback.session.guidance import Guidance, direction, instruction
 from biofeedback.session.protocol import BASELINE, BREAK, HOLD, PAPER, REACH, load_protocol
 from biofeedback.session.session_program import (
     ARMED,
@@ -20,6 +21,7 @@ from biofeedback.session.session_program import (
     RUNNING,
     Reading,
     Session,
+    Target,
 )
 from session_analysis.holds import find_holds
 
@@ -168,6 +170,65 @@ def test_an_unread_clock_moves_nothing(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("torque", "G", "target", "hint"),
+    [
+        (-7.0, 8.0, -5.0, "push_less"),
+        (0.1, 8.0, -5.0, "push_more"),
+        (-2.0, 8.0, 0.0, "push_less"),
+        (2.0, 8.0, 0.0, "lift_less"),
+        (-1.0, 8.0, 4.0, "lift_more"),
+        (0.0, 9.5, 0.0, "calmer"),
+        (0.0, 5.0, 0.0, "livelier"),
+        (0.0, 8.0, 0.0, "good"),
+    ],
+)
+def test_the_hint_leads_to_the_target(torque, G, target, hint):
+    where = Target("G", target, 1.0, 6.0, 9.0)
+    assert direction(where, Reading(80.0, G, torque, True)) == hint
+    assert direction(where, Reading(80.0, G, torque, False)) == ""
+
+
+def test_a_hint_stays_long_enough_to_be_read():
+    guidance = Guidance()
+    guidance.update("push_more", 0.0)
+    assert guidance.update("push_more", 1.0) == "push_more"
+    assert guidance.update("push_less", 1.1) == "push_more"
+    assert guidance.update("push_more", 1.2) == "push_more"
+    guidance.update("push_less", 1.3)
+    assert guidance.update("push_less", 2.1) == "push_less"
+    assert guidance.update("", 2.2) == ""  # what is no longer true is gone at once
+
+
+def test_what_the_subject_reads_after_a_stop(tmp_path):
+    from laboratory import short_protocol
+
+    session = Session(short_protocol(tmp_path))
+    assert instruction(session) == "wait"
+    session.arm(0.0)
+    session.start(0.0)
+    assert instruction(session) == "relax"
+    session.stop(1.0)
+    assert instruction(session) == "stopped"
+    session.arm(2.0)
+    session.start(2.0)
+    assert instruction(session) == "relax"
+
+
+def test_hits_are_holds_that_were_mostly_in_the_target(tmp_path):
+    from laboratory import short_protocol
+
+    session = Session(short_protocol(tmp_path, hold=2))
+    session.arm(0.0)
+    session.start(0.0)
+    _, now = through(session, 2.2, 0.0, Reading(80.0, 8.0, 0.0, True))
+    assert session.holding
+    _, now = through(session, 2.0, now, Reading(80.0, 8.0, 0.0, True))  # in the target
+    assert (session.holds_done, session.hits) == (1, 1)
+    _, now = through(session, 3.2, now, Reading(80.0, 8.0, 0.0, True))  # asked for other levels
+    assert (session.holds_done, session.hits) == (2, 1)
+
+
+@pytest.mark.parametrize(
     "damage",
     [
         {"index": 99},
@@ -175,6 +236,7 @@ def test_an_unread_clock_moves_nothing(tmp_path):
         {"elapsed": "x"},
         {"baseline": {"K": 1}},
         {"own": {"speed": 1}},
+        {"holds_done": 1, "hits": 2},
     ],
 )
 def test_a_damaged_saved_session_is_refused(tmp_path, damage):

@@ -84,7 +84,8 @@ def test_a_stop_overtakes_a_start_that_is_not_answered(laboratory):
         await page.send_json({"id": 4, "command": "stop"})
         assert (await of_kind(page, "answer"))["id"] == 4  # before the start has its answer
         assert laboratory.rig.requests == ["arm", "start", "stop"]
-        assert laboratory.session.state == IDLE
+        while laboratory.session.state != IDLE:
+            await asyncio.sleep(0.01)
         laboratory.rig.answers.set()
         late = await of_kind(page, "answer", id=2)
         assert "stopped while the rig was asked to start" in late["error"]
@@ -356,6 +357,16 @@ def test_a_second_driver_ends_the_session_and_is_recorded_once(virtual):
     assert virtual.rig.requests == ["arm", "start", "stop"]
     with pytest.raises(CommandError, match="2 rig drivers"):
         virtual.command("arm")
+
+
+def test_a_session_that_was_armed_without_a_rig_does_not_go_on_with_one(virtual):
+    virtual.rig.present = False
+    virtual.command("arm")
+    virtual.rig.present, virtual.rig.state = True, "ready"
+    virtual.pass_time(0.1)
+    assert virtual.session.state == IDLE
+    assert "a rig driver has appeared" in virtual.session.stop_reason
+    assert virtual.rig.requests == ["stop"]
 
 
 def test_a_session_whose_tick_fails_stops_the_rig(tmp_path):

@@ -1,8 +1,9 @@
-"""A session in a real Chromium, with every node of the laboratory as a process: from arm to report."""  # noqa: E501
+"""A session in a real Chromium, every node of the laboratory a process: from arm to report."""
 
 import time
 
 import pytest
+from test_pages import hold_keys
 
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import load_graph
@@ -37,10 +38,12 @@ def test_from_arm_to_report(browser, tmp_path, monkeypatch):
         subject.goto(f"http://127.0.0.1:{port}/")
         operator.goto(f"http://127.0.0.1:{port}/operator")
         operator.locator("#recording", has_text="● recording").wait_for()
-        operator.locator("#person").wait_for(state="visible")
-        operator.locator("body").press("a")
+        operator.locator("#simulated-subject").wait_for(state="visible")
+        operator.locator("#claim").click()
+        operator.locator('button[data-command="arm"]:enabled').wait_for()
+        hold_keys(operator, "Enter", "a")
         operator.locator("#state", has_text="armed").wait_for()
-        operator.locator("body").press("s")
+        hold_keys(operator, "Enter", "s")
         operator.locator("#step", has_text="hold 1").wait_for()
         # The subject goes where the screen asks: more reflex, then a push of 5 N.m.
         operator.locator('input[name="excitability"]').fill("0.8")

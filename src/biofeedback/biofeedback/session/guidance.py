@@ -57,8 +57,8 @@ def direction(target: Target, reading: Reading) -> str:
     if abs(error) > target.torque_half_width:
         # Plantarflexion, toes down, is negative.
         if error < 0.0:
-            return "push_less" if reading.torque < 0.0 else "lift_more"
-        return "lift_less" if reading.torque > 0.0 else "push_more"
+            return "lift_more" if target.torque > 0.0 else "push_less"
+        return "push_more" if target.torque < 0.0 else "lift_less"
     if target.lower is None or target.upper is None:
         return "good"
     value = reading.K if target.feedback == "K" else reading.G

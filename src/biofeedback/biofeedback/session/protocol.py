@@ -128,6 +128,7 @@ def load_protocol(name: str) -> Protocol:
         known = sorted(
             p.name.removesuffix(".yaml")
             for p in (resources.files("biofeedback") / "config").iterdir()
+            if p.name.endswith(".yaml")
         )
         raise ProtocolError(
             f"no protocol '{name}': known are {', '.join(known)}, or give the path of a .yaml file"

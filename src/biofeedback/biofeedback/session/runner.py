@@ -344,6 +344,8 @@ class SessionRunner:
         driver is gone.
         """
         session, agreed = self.session, self._rig_agreed_at
+        if agreed is None and self._active and self._rig.present:
+            self.stop("a rig driver has appeared; arm again, together with the rig")
         if agreed is None or not self._active or self._monotonic - agreed < self._rig_patience:
             return
         reported = self._rig.describe()["state"]
@@ -430,11 +432,16 @@ class SessionRunner:
             raise CommandError("no operator's page answers; arm and start need one that is open")
         if self._rig.several:
             raise CommandError(self._rig.problem)
-        self._rig_agreed_at = None
         stops = self._stops
         if self._rig.present:
-            await self._rig_answer(name)
-            self._rig_agreed_at, self._rig_patience = self._monotonic, RIG_PATIENCE
+            # From the request on: an armed session waits here for its start.
+            self._rig_agreed_at, self._rig_patience = self._monotonic, math.inf
+            try:
+                await self._rig_answer(name)
+            finally:
+                self._rig_agreed_at, self._rig_patience = self._monotonic, RIG_PATIENCE
+        else:
+            self._rig_agreed_at = None
         if stops != self._stops:
             # Somebody stopped while the rig was answering: it must not stay armed or move.
             self._watch_until = self._monotonic + WATCH_AFTER_LOST_ANSWER

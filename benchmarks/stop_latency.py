@@ -1,0 +1,184 @@
+"""How long it takes from a key on a page to the plate at rest, beside a busy disk and processor.
+
+    .venv/bin/python benchmarks/stop_latency.py --stops 200 --load
+
+The rig graph runs with its emulator (multisine, 0.04 rad), and both pages in a real Chromium. The
+key is Space, pressed in the browser in turn on the operator's page and on the subject's; the effect
+is read from the rig's own samples. In it are: the browser's key event, the WebSocket, the pages'
+server, the call over DDS, the driver, the UDP line, the servo cycle, the stop movement and the
+30 Hz servo. With ``--load`` two processes compute without a pause, and one writes and flushes 4 MB
+files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import aiohttp
+import numpy as np
+from playwright.sync_api import sync_playwright
+from rig import AFTERWARDS, STILL, Operator, line
+
+from ankle_bringup.browser_pages import free_port, wait_until_served
+from ankle_bringup.graph import load_graph
+from ankle_bringup.live_graph import observer
+from ankle_bringup.processes import Processes
+from biofeedback.web.server import SEEN
+from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+
+BUSY = "while True: sum(range(10**6))"
+WRITE = """
+import os, sys
+while True:
+    with open(sys.argv[1], "wb") as stream:
+        stream.write(os.urandom(4_000_000))
+        stream.flush()
+        os.fsync(stream.fileno())
+"""
+PATIENCE = 60.0
+
+
+class Commander:
+    """An operator's page without a browser, that takes command, arms and starts."""
+
+    def __init__(self, url: str) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._wanted: asyncio.Queue[str] = asyncio.Queue()
+        self.state = ""
+        threading.Thread(target=self._run, args=(url,), daemon=True).start()
+
+    def _run(self, url: str) -> None:
+        self._loop.run_until_complete(self._talk(url))
+
+    async def _talk(self, url: str) -> None:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"{url}/ws?role=operator", max_msg_size=0) as page,
+        ):
+            await page.send_json({"id": 0, "command": "claim"})
+            sending = asyncio.create_task(self._send(page))
+            async for message in page:
+                content = json.loads(message.data)
+                if content["type"] == "frame":
+                    await page.send_str(SEEN)
+                if content["type"] == "state":
+                    self.state = content["session"]["state"]
+            sending.cancel()
+
+    async def _send(self, page: aiohttp.ClientWebSocketResponse) -> None:
+        number = 0
+        while True:
+            number += 1
+            await page.send_json({"id": number, "command": await self._wanted.get()})
+
+    def command(self, name: str) -> None:
+        """Send a command."""
+        self._loop.call_soon_threadsafe(self._wanted.put_nowait, name)
+
+
+def run_again(rig: Operator, commander: Commander) -> None:
+    """Until session and rig run, by the pages' own commands."""
+    deadline = time.monotonic() + PATIENCE
+    asked = 0.0
+    while not (rig.states and rig.states[-1][0] == "running" and commander.state == "running"):
+        if time.monotonic() > deadline:
+            raise SystemExit(f"rig {rig.states[-1:]}, session {commander.state}: it does not run")
+        if time.monotonic() - asked > 0.5:
+            asked = time.monotonic()
+            fault = rig.states and rig.states[-1][0] == "fault"
+            wanted = {"idle": "arm", "paused": "arm", "armed": "start"}.get(commander.state)
+            if fault:
+                commander.command("reset_fault")
+            elif wanted:
+                commander.command(wanted)
+        rig.spin(0.02)
+    rig.spin(1.5)  # beyond the soft start
+
+
+def press_and_measure(rig: Operator, page) -> float | None:
+    """Seconds from the key to the plate's last motion; None where the rig had stopped by itself."""
+    if rig.states[-1][0] != "running":
+        return None
+    pressed = time.time()
+    page.keyboard.press(" ")
+    rig.spin(AFTERWARDS)
+    data = np.concatenate(rig.blocks[-200:])
+    moving = data[(np.abs(data[:, 2]) > STILL) & (data[:, 0] > pressed), 0]
+    return float(moving.max()) - pressed if len(moving) else 0.0
+
+
+def main() -> int:
+    """Run and print."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("--stops", type=int, default=50)
+    options.add_argument("--load", action="store_true", help="keep disk and processor busy")
+    given = options.parse_args()
+    path = find_browser()
+    if path is None:
+        raise SystemExit(MISSING)
+    os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+    port = free_port()
+    burden: list[subprocess.Popen] = []
+    found: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        graph = load_graph("rig").with_options(["emulator"])
+        graph = graph.with_settings(
+            [
+                "perturbation_generator.signal=multisine",
+                f"biofeedback.port={port}",
+                f"biofeedback.state_file={folder}/progress.json",
+            ]
+        )
+        with (
+            observer("benchmark") as node,
+            Processes(graph, Path(folder) / "logs") as processes,
+            sync_playwright() as driver,
+        ):
+            wait_until_served(port, processes)
+            url = f"http://127.0.0.1:{port}"
+            browser = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
+            pages = [browser.new_page() for _ in range(2)]
+            for page, where in zip(pages, ("/operator", "/"), strict=True):
+                page.goto(url + where)
+            rig, commander = Operator(node), Commander(url)
+            try:
+                if given.load:
+                    work = [[sys.executable, "-c", BUSY]] * 2
+                    work.append([sys.executable, "-c", WRITE, f"{folder}/busy"])
+                    burden = [subprocess.Popen(one) for one in work]
+                while len(found) < given.stops:
+                    run_again(rig, commander)
+                    page = pages[len(found) % 2]
+                    page.bring_to_front()
+                    rig.spin(0.3)
+                    seconds = press_and_measure(rig, page)
+                    if seconds is not None:
+                        found.append(seconds)
+                        print(
+                            f"{len(found)} of {given.stops}: {1e3 * seconds:.0f} ms",
+                            file=sys.stderr,
+                        )
+            finally:
+                for process in burden:
+                    process.kill()
+                    process.wait()
+                browser.close()
+    load = os.getloadavg()[0]
+    print(f"load average at the end: {load:.1f}; {len(found)} stops")
+    print(line(f"key on a page to plate below {STILL:g} rad/s", np.array(found)))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

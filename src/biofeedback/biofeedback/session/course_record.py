@@ -1,0 +1,251 @@
+"""What came of a course so far: one entry a session, on disk, and the trend with its interval.
+
+The file is YAML; it is written after each session and each block, so that a course goes on after
+months, another computer, or a session that was broken off. It names a subject by a pseudonym only.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from scipy import stats
+
+from biofeedback.errors import CommandError
+from biofeedback.session.course import CONDITIONED, CONTROL, Course, CourseSession
+
+FINAL_SESSIONS = 6
+"""Sessions at the course's end that are compared with the baseline: as many as the published course
+has baseline sessions, so that both means are equally sure.
+"""
+LEVEL = 0.95
+"""Of the intervals."""
+MEANINGFUL_TRIALS = 0.5
+"""Part of the planned trials below which a session's mean is left out: it was broken off early."""
+
+
+@dataclass(frozen=True)
+class SessionResult:
+    """One session.
+
+    Attributes
+    ----------
+    number
+        From 1.
+    date
+        As the laboratory writes it, ISO 8601.
+    trials, planned
+        Done and planned.
+    control, conditioned
+        Mean reflex of the control and of the conditioned trials; NaN where there was none.
+    success_rate
+        Share of successes of the conditioned trials; NaN where there was none.
+    """
+
+    number: int
+    date: str
+    trials: int
+    planned: int
+    control: float
+    conditioned: float
+    success_rate: float
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Change of a mean against the baseline sessions.
+
+    Attributes
+    ----------
+    percent, lower, upper
+        Mean of the final sessions in per cent of the baseline's, and the ends of its interval.
+    sessions
+        Final and baseline sessions that it comes from.
+    found
+        ``up`` or ``down`` where the interval excludes 100 %, else ``none``.
+    """
+
+    percent: float
+    lower: float
+    upper: float
+    sessions: tuple[int, int]
+    found: str
+
+
+@dataclass
+class CourseRecord:
+    """The sessions of one subject.
+
+    Attributes
+    ----------
+    subject
+        Pseudonym.
+    course
+        Title and digest of the plan.
+    digest
+        Tells one plan from another.
+    results
+        One entry a session, in order.
+    unfinished
+        Sizes of the reflexes of a session that was broken off; None where there is none.
+    """
+
+    subject: str
+    course: str
+    digest: str
+    results: list[SessionResult] = field(default_factory=list)
+    unfinished: list[float] | None = None
+
+    @property
+    def next_session(self) -> int:
+        """Number of the session that comes next."""
+        return len(self.results) + 1
+
+    def add(self, session: CourseSession, date: str) -> SessionResult:
+        """Add a session that has ended, finished or not.
+
+        Parameters
+        ----------
+        session
+            With its trials.
+        date
+            ISO 8601.
+
+        Raises
+        ------
+        CommandError
+            It is not the next one.
+        """
+        if session.number != self.next_session:
+            raise CommandError(
+                f"session {session.number} cannot be added; the next one is {self.next_session}"
+            )
+        result = SessionResult(
+            session.number,
+            date,
+            len(session.trials),
+            session.planned,
+            session.mean(CONTROL),
+            session.mean(CONDITIONED),
+            session.success_rate,
+        )
+        self.results.append(result)
+        self.unfinished = None
+        return result
+
+    def resume(self, course: Course) -> CourseSession:
+        """Give the next session, with the trials that an interrupted one had already.
+
+        Raises
+        ------
+        CommandError
+            All sessions are done, or the record is of another course.
+        """
+        if course.digest != self.digest:
+            raise CommandError(
+                f"the record follows '{self.course}', another course than '{course.title}'"
+            )
+        if self.next_session > course.sessions:
+            raise CommandError(f"all {course.sessions} sessions are done")
+        session = CourseSession(course, self.next_session)
+        for size in self.unfinished or []:
+            session.record(size)
+        return session
+
+    def save(self, path: Path) -> None:
+        """Write the record; after a crash the file holds the old or the new one.
+
+        Raises
+        ------
+        OSError
+            The disk refuses.
+        """
+        beside = path.with_name(path.name + ".new")
+        with beside.open("w") as stream:
+            yaml.safe_dump(asdict(self), stream, sort_keys=False)
+            stream.flush()
+            os.fsync(stream.fileno())
+        beside.replace(path)
+
+
+def load_record(path: Path) -> CourseRecord:
+    """Read a record.
+
+    Raises
+    ------
+    CommandError
+        It cannot be read; says why.
+    """
+    try:
+        content: dict[str, Any] = yaml.safe_load(path.read_text())
+        results = [SessionResult(**entry) for entry in content.pop("results")]
+        record = CourseRecord(**content, results=results)
+        if [result.number for result in results] != list(range(1, len(results) + 1)):
+            raise ValueError("its sessions are not numbered 1, 2, 3 ...")
+        return record
+    except (OSError, yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError) as error:
+        raise CommandError(f"{path} is no record of a course: {error}") from None
+
+
+def new_record(course: Course, subject: str) -> CourseRecord:
+    """Give the empty record of a subject.
+
+    Raises
+    ------
+    CommandError
+        The pseudonym is empty or has other characters than letters, digits, '-' and '_'.
+    """
+    if not subject or not subject.replace("-", "").replace("_", "").isalnum():
+        raise CommandError(
+            f"subject = '{subject}' is refused; a pseudonym has letters, digits, '-' and '_' only"
+        )
+    return CourseRecord(subject, course.title, course.digest)
+
+
+def trend(record: CourseRecord, course: Course, kind: str = CONDITIONED) -> Trend | None:
+    """Compare the last conditioning sessions with the baseline sessions.
+
+    Sessions are the units: a subject's reflex differs from day to day by more than the mean of 225
+    trials is unsure. Their logarithms are compared by Welch's t-test, so that the interval is one
+    of the ratio.
+
+    Parameters
+    ----------
+    record
+        Of the subject.
+    course
+        Its plan.
+    kind
+        `CONDITIONED`: the whole change in the trials that are rewarded. `CONTROL`: what stays
+        without reward, the long-term change.
+
+    Returns
+    -------
+    Trend | None
+        None where there are fewer than two sessions of either.
+    """
+    complete = [r for r in record.results if r.trials >= MEANINGFUL_TRIALS * r.planned]
+    baseline = [r.control for r in complete if r.number <= course.baseline_sessions]
+    final = [
+        r.conditioned if kind == CONDITIONED else r.control
+        for r in complete
+        if r.number > course.baseline_sessions
+    ][-FINAL_SESSIONS:]
+    before, after = (
+        np.log([value for value in values if math.isfinite(value) and value > 0.0])
+        for values in (baseline, final)
+    )
+    if len(before) < 2 or len(after) < 2:
+        return None
+    interval = stats.ttest_ind(after, before, equal_var=False).confidence_interval(LEVEL)
+    percent, lower, upper = (
+        100.0 * math.exp(value)
+        for value in (after.mean() - before.mean(), interval.low, interval.high)
+    )
+    found = "down" if upper < 100.0 else "up" if lower > 100.0 else "none"
+    return Trend(percent, lower, upper, (len(after), len(before)), found)

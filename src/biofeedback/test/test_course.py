@@ -1,0 +1,206 @@
+"""Conditioning courses: what a file may say, who succeeds, and what a course shows in the end."""
+
+import math
+from dataclasses import replace
+from importlib import resources
+
+import numpy as np
+import pytest
+import yaml
+
+from biofeedback.errors import CommandError, ProtocolError
+from biofeedback.session.course import (
+    CONDITIONED,
+    CONTROL,
+    DOWN,
+    CourseSession,
+    TrialGate,
+    load_course,
+)
+from biofeedback.session.course_record import load_record, new_record, trend
+from biofeedback.session.simulated_learner import Learner, SimulatedLearner, run_course
+
+SHIPPED = ("down_training", "up_training")
+
+
+def written(folder, **changes):
+    """A short course."""
+    source = resources.files("biofeedback") / "config" / "courses" / "down_training.yaml"
+    content = yaml.safe_load(source.read_text())
+    content |= {"blocks": 3, "trials_per_block": 25, "control_trials": 10}
+    background = content["background"]
+    background |= changes.pop("background", {})
+    content |= changes
+    path = folder / "course.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
+
+
+def test_the_shipped_courses_are_those_of_the_published_procedure():
+    for name in SHIPPED:
+        course = load_course(name)
+        assert (course.baseline_sessions, course.conditioning_sessions) == (6, 24)
+        assert CourseSession(course, 1).planned == 225
+        assert CourseSession(course, 7).planned == 245
+        assert 0.5 <= course.success_rate <= 0.6
+        assert course.background.duration == 2.0
+    assert {load_course(name).direction for name in SHIPPED} == {"up", "down"}
+    assert {load_course(name).measure for name in SHIPPED} == {"reflex_emg", "G"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"direction": "sideways"}, "direction = 'sideways' is refused; allowed: up, down"),
+        ({"measure": "K"}, "measure = 'K' is refused"),
+        ({"success_rate[1]": 55}, r"success_rate\[1\] = 55 is refused; allowed: 0.1 to 0.9"),
+        ({"blocks": 2.5}, "blocks = 2.5 is refused; allowed: a whole number from 1 to 20"),
+        ({"background": {"emg_lower[MVC]": 0.5}}, "is not below"),
+        ({"colour": "red"}, "unknown key 'colour'"),
+    ],
+)
+def test_mistakes_in_a_course_are_named(tmp_path, changes, words):
+    with pytest.raises(ProtocolError, match=words):
+        load_course(written(tmp_path, **changes))
+
+
+def test_an_unknown_course_names_those_that_are_known():
+    with pytest.raises(ProtocolError, match="known are down_training, up_training"):
+        load_course("sideways")
+
+
+def test_a_perturbation_is_given_only_after_the_background_was_held(tmp_path):
+    course = load_course(written(tmp_path))
+    gate, window = TrialGate(course), course.background
+    emg = 0.5 * (window.emg_lower + window.emg_upper)
+    given = []
+    for k in range(600):
+        now = 0.1 * k
+        lost = 20.0 <= now < 30.0
+        if gate.update(now, window.torque, window.emg_upper + 0.1 if lost else emg):
+            given.append(now)
+            gate.given()
+    assert given[0] == pytest.approx(2.0, abs=0.11)
+    assert np.diff(given).min() >= course.trial_interval - 1e-6
+    assert not [when for when in given if 20.0 <= when < 32.0 - 1e-6]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_subject_who_does_not_change_succeeds_at_the_stated_rate(name):
+    course = load_course(name)
+    session = CourseSession(course, course.baseline_sessions + 1)
+    random = np.random.default_rng(3)
+    while not session.finished:
+        session.record(float(np.exp(random.normal(0.0, 0.3))))
+    assert session.success_rate == pytest.approx(course.success_rate, abs=0.12)
+
+
+def test_the_criterion_follows_the_subject_from_block_to_block(tmp_path):
+    course = load_course(written(tmp_path))
+    session = CourseSession(course, course.baseline_sessions + 1)
+    criteria = []
+    for size in (1.0, 0.8, 0.6, 0.4):
+        count = course.control_trials if not session.trials else course.trials_per_block
+        trials = [session.record(size * (1.0 + 0.001 * k)) for k in range(count)]
+        criteria.append(trials[-1].criterion)
+        # The criterion of a block stays the same within the block.
+        assert len({trial.criterion for trial in trials}) == 1
+    assert criteria[0] is None
+    assert criteria[1:] == sorted(criteria[1:], reverse=True)
+    assert criteria[1] == pytest.approx(1.0, abs=0.02)
+    assert session.finished
+    with pytest.raises(CommandError, match="has all its"):
+        session.record(1.0)
+
+
+def test_a_baseline_session_rewards_nothing(tmp_path):
+    course = load_course(written(tmp_path))
+    session = CourseSession(course, course.baseline_sessions)
+    trials = [session.record(1.0) for _ in range(session.planned)]
+    assert {trial.kind for trial in trials} == {CONTROL}
+    assert math.isnan(session.success_rate)
+
+
+def test_a_course_goes_on_after_months_and_after_a_crash(tmp_path):
+    course = load_course(written(tmp_path))
+    record = new_record(course, "S07")
+    subject = SimulatedLearner(Learner(), course, seed=1)
+    for _ in range(2):
+        session = record.resume(course)
+        subject.run_session(session)
+        record.add(session, "2026-11-20")
+    half = record.resume(course)
+    for size in (1.0, 1.1, 0.9):
+        half.record(size)
+    record.unfinished = [trial.size for trial in half.trials]
+    path = tmp_path / "S07.yaml"
+    record.save(path)
+    again = load_record(path)
+    assert repr(again) == repr(record)
+    resumed = again.resume(course)
+    assert (resumed.number, len(resumed.trials)) == (3, 3)
+    with pytest.raises(CommandError, match="another course"):
+        again.resume(load_course("up_training"))
+    path.write_text("results: 3")
+    with pytest.raises(CommandError, match="is no record of a course"):
+        load_record(path)
+
+
+@pytest.mark.parametrize("subject", ["", "Anna Smith", "a@b.example", "../x"])
+def test_only_a_pseudonym_names_a_subject(tmp_path, subject):
+    with pytest.raises(CommandError, match="pseudonym"):
+        new_record(load_course("down_training"), subject)
+
+
+def course_of(name, change, seed):
+    course = load_course(name)
+    record = new_record(course, "S01")
+    run_course(course, record, SimulatedLearner(Learner(change), course, seed))
+    assert len(record.results) == 30
+    return record, course
+
+
+def test_thirty_sessions_of_a_subject_who_learns():
+    """2 % a session over 24 sessions: about 62 % of the baseline in the middle of the last six."""
+    record, course = course_of("down_training", 0.02, seed=5)
+    found = trend(record, course)
+    assert found.found == DOWN
+    expected = 100.0 * 0.98**21
+    assert found.lower - 5.0 < expected < found.upper + 5.0
+    assert trend(record, course, CONTROL).found == DOWN
+    # The criterion follows, so that success stays in reach.
+    rates = [r.success_rate for r in record.results[course.baseline_sessions :]]
+    assert np.mean(rates) == pytest.approx(course.success_rate, abs=0.06)
+
+
+def test_thirty_sessions_of_a_subject_who_does_not_learn():
+    record, course = course_of("down_training", 0.0, seed=6)
+    found = trend(record, course)
+    assert found.found == "none"
+    assert found.lower < 100.0 < found.upper
+    assert found.upper - found.lower < 50.0
+
+
+@pytest.mark.slow
+def test_up_training_goes_up():
+    record, course = course_of("up_training", 0.02, seed=7)
+    assert trend(record, course).found == "up"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_false_trends_are_as_rare_as_the_interval_says():
+    """Of 60 subjects who do not learn, at a level of 95 %: three expected, nine are too many."""
+    found = [trend(*course_of("down_training", 0.0, seed)).found for seed in range(100, 160)]
+    assert sum(one != "none" for one in found) <= 8
+
+
+def test_a_session_broken_off_early_is_left_out_of_the_trend(tmp_path):
+    course = load_course(written(tmp_path, baseline_sessions=3, conditioning_sessions=3))
+    record = new_record(course, "S02")
+    run_course(course, record, SimulatedLearner(Learner(0.0), course, seed=2))
+    whole = trend(record, course)
+    assert whole.sessions == (3, 3)
+    record.results[-1] = replace(record.results[-1], trials=5, conditioned=1e-9)
+    assert trend(record, course).sessions == (2, 3)
+    assert trend(record, course, CONDITIONED).percent == pytest.approx(whole.percent, rel=0.2)

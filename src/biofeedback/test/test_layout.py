@@ -1,0 +1,137 @@
+"""Every page at every width: no words over one another, none cut, measured in a real Chromium.
+
+With ``ANKLE_SCREENSHOTS=FOLDER`` the pictures are kept there.
+"""
+
+import json
+import os
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from laboratory import until
+from test_pages import PATIENCE, run_to
+
+pytestmark = pytest.mark.live
+
+CHECK = (Path(__file__).parent / "layout_check.js").read_text()
+SIZES = ((3840, 2160), (1920, 1080), (1366, 768), (820, 1180), (390, 844), (844, 390))
+OPERATOR_SIZES = ((1920, 1080), (1366, 768), (1280, 720), (820, 1180), (390, 844))
+LANGUAGES = ("en", "nl", "de", "fr")
+SHOW = (Path(__file__).parent / "feed_view.js").read_text()
+
+
+def texts(language):
+    folder = resources.files("biofeedback") / "pages" / "texts"
+    return json.loads((folder / f"{language}.json").read_text())
+
+
+def keep(page, name):
+    folder = os.environ.get("ANKLE_SCREENSHOTS")
+    if folder:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=Path(folder) / f"{name}.png")
+
+
+@pytest.fixture
+def open_sized(browser, laboratory):
+    pages = []
+
+    def open_one(path, width, height):
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.set_default_timeout(PATIENCE)
+        page.goto(laboratory.url(path))
+        pages.append(page)
+        return page
+
+    yield open_one
+    for page in pages:
+        page.close()
+
+
+def cases():
+    """Every instruction with every hint or quality that can stand beside it."""
+    words = texts("en")
+    for instruction in words["instruction"]:
+        yield instruction, "", "valid"
+    for hint in words["hint"]:
+        yield "hold", hint, "valid"
+    for quality in words["quality"]:
+        yield "reach", "", quality
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_subjects_screen_in_every_language(open_sized, width, height):
+    page = open_sized("/", width, height)
+    wrong = {}
+    for language in LANGUAGES:
+        for instruction, hint, quality in cases():
+            page.evaluate(SHOW, [language, instruction, hint, quality, bool(hint)])
+            if found := page.evaluate(CHECK):
+                wrong[language, instruction, hint, quality] = found
+        shown = page.evaluate("document.querySelector('canvas').clientHeight")
+        assert shown > 0.3 * height, f"the plot is {shown} of {height} pixels high"
+    page.evaluate(SHOW, ["en", "hold", "push_less", "valid", False])
+    keep(page, f"biofeedback_subject_{width}")
+    assert wrong == {}
+
+
+def test_the_check_finds_what_it_is_for(open_sized):
+    page = open_sized("/operator", 1366, 768)
+    page.locator("#link", has_text="● connected").wait_for()
+    page.evaluate("document.querySelector('#title').style.marginRight = '-90px'")
+    assert any("over one another" in one for one in page.evaluate(CHECK))
+    page.evaluate("document.querySelector('#title').style.marginRight = '0'")
+    page.evaluate(
+        "Object.assign(document.querySelector('#title').style, "
+        "{ overflow: 'hidden', width: '30px', whiteSpace: 'nowrap' })"
+    )
+    assert any("cut" in one for one in page.evaluate(CHECK))
+
+
+def test_the_operators_page(open_sized, laboratory):
+    page = open_sized("/operator", 1920, 1080)
+    page.locator("#link", has_text="● connected").wait_for()
+    run_to(laboratory, page, "reach")
+    laboratory.signals.feed_status(
+        "rig_with_a_long_name", 2, "emergency stop is pressed; " * 8, {}, float("inf")
+    )
+    page.locator("#nodes li.error").wait_for()
+    page.locator("#recording", has_text="● recording").wait_for()
+    wrong = {}
+    for view in ("expert", "simple"):
+        for width, height in OPERATOR_SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(250)
+            if found := page.evaluate(CHECK):
+                wrong[view, width] = found
+            keep(page, f"biofeedback_operator_{view}_{width}")
+            stop = page.locator('button[data-command="stop"]').bounding_box()
+            assert stop["y"] + stop["height"] < height
+        page.locator("#simple").click()
+    assert wrong == {}
+
+
+def test_stop_stays_in_sight_when_the_page_is_scrolled(open_sized):
+    page = open_sized("/operator", 390, 844)
+    page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+    until(lambda: page.evaluate("window.scrollY") > 200, "scrolled")
+    box = page.locator('button[data-command="stop"]').bounding_box()
+    assert 0 <= box["y"] <= 100
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_every_language_has_every_text(language):
+    def keys(content, path=()):
+        for key, value in content.items():
+            yield from keys(value, (*path, key)) if isinstance(value, dict) else [(*path, key)]
+
+    def places(content, path):
+        for key in path:
+            content = content[key]
+        return {word for word in content.replace("}", "{").split("{")[1::2]}
+
+    english, other = texts("en"), texts(language)
+    assert sorted(keys(other)) == sorted(keys(english))
+    for path in keys(english):
+        assert places(other, path) == places(english, path)
