@@ -29,6 +29,8 @@ _TO_SI: dict[str, tuple[str, float]] = {
     "N.mm": ("N.m", 1e-3),
     "N.cm": ("N.m", 1e-2),
     "kN.m": ("N.m", 1e3),
+    "A": ("A", 1.0),
+    "mA": ("A", 1e-3),
     "V": ("V", 1.0),
     "V.s": ("V.s", 1.0),
     "mV": ("V", 1e-3),

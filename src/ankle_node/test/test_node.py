@@ -72,3 +72,80 @@ def test_values_at_run_time_and_stop_by_signal(number):
     assert "one of block, polynomial" in lines[3]
     assert lines[4] == "Step size. [rad] 0.1 allowed: 0.001 to 0.1 rad"
     assert "'amplitude' = 0.3 rad is refused" in lines[5]
+
+
+def test_a_node_loads_what_it_has_dumped_and_refuses_what_is_fixed_or_unknown():
+    program = PROGRAM[: PROGRAM.index("        for name, value in")] + LOADS
+    process = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
+    )
+    dumped, read_only, *refused = process.stdout.strip().splitlines()
+    assert dumped == "[True, True, True, True, True]", process.stderr
+    assert read_only == "[False, True, False]"
+    assert refused == [
+        "parameter 'seed' can be set at start only",
+        "parameter 'use_sim_time' can be set at start only",
+        "parameter 'amplitud' is unknown; did you mean 'amplitude'?",
+        "parameter 'mass' is unknown; known: amplitude, seed, shape",
+    ]
+
+
+LOADS = """
+        names = ["amplitude", "seed", "shape"]
+        mine = [*names, "use_sim_time", "start_type_description_service"]
+        dump = [R(name, value=self.get_parameter(name).value) for name in mine]
+        print([result.successful for result in self.set_parameters(dump)])
+        print([self.describe_parameter(name).read_only for name in names])
+        wrong = (("seed", 2), ("use_sim_time", True), ("amplitud", 0.05), ("mass", 1.0))
+        for name, value in wrong:
+            print(self.set_parameters([R(name, value=value)])[0].reason, flush=True)
+        raise SystemExit
+sys.exit(run(N))
+"""
+
+
+def test_a_typing_error_at_the_start_is_refused_and_what_is_of_other_nodes_is_named(tmp_path):
+    process = start("amplitud:=0.05")
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "parameter 'amplitud' is unknown; did you mean 'amplitude'?" in error
+    shared = tmp_path / "shared.yaml"
+    shared.write_text("/**: {ros__parameters: {seed: 3, protocol: van_t_veld_2018}}")
+    arguments = [sys.executable, "-c", PROGRAM, "--ros-args", "--params-file", str(shared)]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    lines = [process.stdout.readline() for _ in range(6)]
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "accepted" in lines[1]
+    assert "parameter 'protocol' is unknown; known: amplitude, seed, shape; it is ignored" in error
+
+
+SLOW = """
+import sys, time
+from ankle_node.node import AnkleNode, run
+class N(AnkleNode):
+    def __init__(self):
+        super().__init__("slow", [])
+        print("starting", flush=True)
+        for _ in range(6000):  # as a compilation: long, in steps that Python cannot interrupt
+            time.sleep(0.01)
+sys.exit(run(N))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_is_still_starting_ends_at_once(number):
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout.readline() == "starting\n"
+        began = time.monotonic()
+        process.send_signal(number)
+        _, error = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 0
+    assert "Traceback" not in error
+    assert time.monotonic() - began < 20.0  # instead of a minute; the limit is for a busy machine

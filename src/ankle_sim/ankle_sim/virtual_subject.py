@@ -22,7 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MUSCLES = ("SOL", "TA", "GL", "GM")
+from ankle_interfaces import topics
+
+MUSCLES = topics.MUSCLES
 CALF = np.array([True, False, True, True])
 FORCE_SHARE = np.array([0.55, 1.0, 0.15, 0.30])
 """Share of a muscle in its group's torque: physiological cross-section, Ward et al. 2009 (soleus

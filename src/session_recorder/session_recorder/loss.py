@@ -20,6 +20,7 @@ import numpy as np
 from ankle_interfaces.block import MESSAGE_TYPE, TIME_COLUMN, Block, unpack
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
 from ankle_interfaces.errors import BlockError
+from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES
 from session_recorder.bag_reader import BagReader
 
 MIN_SAMPLED_BLOCK = 4
@@ -31,7 +32,7 @@ runs back further is a clock that was set, or a source that started again."""
 MAX_END_SPREAD = 2.0
 """[s] The nodes of a graph stop within this time. A measured signal that ends earlier than the
 others was interrupted."""
-MEASURED = ("ankle/samples", "emg/samples")
+MEASURED = (ANKLE_SAMPLES.absolute, EMG_SAMPLES.absolute)
 """Ends of the names of the topics that a measurement cannot do without."""
 SHOWN_GAPS = 5
 """Gaps that a sentence names one by one; the longest ones."""

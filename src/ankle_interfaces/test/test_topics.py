@@ -1,0 +1,90 @@
+"""The topics: each fact once, and a new column that touches three files at most."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ankle_interfaces import topics
+from ankle_interfaces.block import Block, pack, require_columns, select_columns, unpack
+from ankle_interfaces.units import split_column, to_si
+
+SOURCES = Path(__file__).parents[2]
+APART = ("blind_rig",)
+"""The independent rig knows the format of a bag from its description alone."""
+
+
+def modules():
+    for path in SOURCES.glob("*/*/**/*.py"):
+        package = path.relative_to(SOURCES).parts[0]
+        if path.relative_to(SOURCES).parts[1] == package and package not in APART:
+            yield path
+
+
+def test_every_column_has_a_si_unit_and_every_topic_a_relative_name():
+    assert len({topic.name for topic in topics.TOPICS}) == len(topics.TOPICS)
+    for topic in topics.TOPICS:
+        assert topic.description.endswith("."), topic.name
+        assert topic.name.startswith("/") == (topic in (topics.DIAGNOSTICS, topics.CLOCK))
+        for column in topic.columns:
+            unit = split_column(column)[1]
+            assert to_si(unit) == (unit, 1.0)
+        assert set(topic.optional) <= set(topic.columns[1:])
+        assert {column for column, _ in topic.plots} <= set(topic.columns)
+
+
+def test_no_other_module_repeats_a_topics_name_or_its_columns():
+    names = "|".join(f"/?{re.escape(topic.name)}" for topic in topics.TOPICS)
+    name = re.compile(rf"""["']({names})["']""")
+    several = [topic for topic in topics.TOPICS if len(topic.columns) > 3]
+    found = []
+    for path in modules():
+        if path == Path(topics.__file__).resolve():
+            continue
+        text = path.read_text()
+        found += [f"{path.name}: {match[0]}" for match in name.finditer(text)]
+        for topic in several:
+            columns = r",\s*".join(f'"{re.escape(column)}"' for column in topic.columns)
+            if re.search(columns, text):
+                found.append(f"{path.name}: columns of {topic.name}")
+    assert found == []
+
+
+@pytest.fixture
+def with_current():
+    """A rig that measures the motor's current as well: `ANKLE_SAMPLES` with one more column."""
+    return dataclasses.replace(
+        topics.ANKLE_SAMPLES,
+        columns=(*topics.ANKLE_SAMPLES.columns, "current[A]"),
+        optional=(*topics.ANKLE_SAMPLES.optional, "current[A]"),
+    )
+
+
+def test_a_new_column_reaches_who_wants_it_and_disturbs_nobody(with_current):
+    """The declaration, who measures and who reads: no other file is concerned."""
+    sent = pack(Block(with_current.columns, np.array([[0.0, 0.1, 0.2, 5.0, 1.5]])))
+    # A reader that was written before the column existed.
+    old, notes = select_columns(
+        unpack(sent),
+        topics.ANKLE_SAMPLES.columns[1:],
+        "/ankle/samples",
+        topics.ANKLE_SAMPLES.optional,
+    )
+    assert old.columns == topics.ANKLE_SAMPLES.columns
+    assert (old.data.tolist(), notes) == ([[0.0, 0.1, 0.2, 5.0]], [])
+    # A reader that wants it, from a rig that has it and from one that has not.
+    wanted = ("torque[N.m]", "current[A]")
+    new = require_columns(unpack(sent), wanted, "/ankle/samples", with_current.optional)
+    assert new.data.tolist() == [[0.0, 5.0, 1.5]]
+    without = Block(topics.ANKLE_SAMPLES.columns, np.array([[0.0, 0.1, 0.2, 5.0]]))
+    assert require_columns(without, wanted, "/ankle/samples", with_current.optional).columns == (
+        "t[s]",
+        "torque[N.m]",
+    )
+
+
+def test_a_topic_is_found_in_any_namespace():
+    held = ["/ankle/samples", "/left/ankle/samples", "/left/broken_ankle/samples", "/clock"]
+    assert topics.ANKLE_SAMPLES.among(held) == tuple(held[:2])

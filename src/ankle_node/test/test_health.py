@@ -1,0 +1,59 @@
+"""The health of a node, told from several threads."""
+
+import sys
+import threading
+
+from ankle_node.health import ERROR, OK, WARN, Health
+
+
+def test_the_worst_is_the_level_and_every_sentence_is_there():
+    health = Health()
+    assert health.status("/left/probe", "rig 1").message == "running"
+    assert health.state("clock", WARN, "late") is False  # just reported
+    health.state("line", ERROR, "cut")
+    health.state("disk", OK, "")
+    health.count("samples", 12)
+    status = health.status("/left/probe", "rig 1")
+    assert (status.name, status.hardware_id, status.level) == ("/left/probe", "rig 1", ERROR)
+    assert status.message == "line: cut; clock: late"
+    assert [(value.key, value.value) for value in status.values] == [("samples", "12")]
+
+
+def test_a_repeated_warning_is_no_news():
+    health = Health()
+    assert health.state("clock", WARN, "late") is True
+    assert health.state("clock", WARN, "late again") is False
+    health.state("clock", OK, "")
+    assert health.state("clock", WARN, "late") is True
+
+
+def test_several_threads_state_and_read_at_the_same_time():
+    health, errors, done = Health(), [], threading.Event()
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+
+    def write(number):
+        k = 0
+        while not done.is_set():
+            health.state(f"thing {number} {k % 500}", WARN, "late")
+            health.count(f"figure {number} {k % 500}", k)
+            k += 1
+
+    def read():
+        try:
+            for _ in range(300):
+                health.status("/probe", "")
+        except RuntimeError as error:  # dictionary changed size during iteration
+            errors.append(error)
+
+    threads = [threading.Thread(target=write, args=(number,)) for number in range(3)]
+    try:
+        for thread in threads:
+            thread.start()
+        read()
+    finally:
+        done.set()
+        for thread in threads:
+            thread.join()
+        sys.setswitchinterval(before)
+    assert errors == []
