@@ -1,37 +1,44 @@
 """Between the graph and a rig's own real-time controller; the same topics as `ankle_sim`.
 
-| topic or service | direction | type | rate | content |
-| --- | --- | --- | --- | --- |
-| perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
-| ankle/samples | out | Float64MultiArray | as the rig sends | t[s],position[rad],velocity[rad/s],torque[N.m] |
-| joint_states | out | JointState, name `ankle` | each block | last sample |
-| rig/state | out, latched | String | each change | `disabled`, `ready`, `armed`, `running`, `stopping` or `fault`, then `: reason` |
-| session/event | out | String | each change | event `rig armed` and so on, with its reason |
-| /diagnostics | out | DiagnosticArray | 1 Hz | rig's state, clock, packets refused and lost |
-| ~/arm, ~/start, ~/stop, ~/disarm, ~/reset_fault | service | std_srvs/Trigger | | docs/safety.md |
-| ~/change_state and others | service | lifecycle_msgs | | managed life cycle |
+| topic or service | direction | content |
+| --- | --- | --- |
+| perturbation/reference | in | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| ankle/samples | out, as the rig sends | t[s],position[rad],velocity[rad/s],torque[N.m] |
+| joint_states | out, each block | JointState, name `ankle`: the last sample |
+| rig/state | out, latched, each change | String: the driver's state, then `: reason` |
+| rig/operator_alive | in, 10 Hz | String: session of the operator's page that watches |
+| session/event | out, each change | String: event `rig armed` and so on, with its reason |
+| /diagnostics | out, 1 Hz | state, the rig's clock, packets refused and lost |
+| ~/arm, ~/start, ~/stop, ~/disarm, ~/reset_fault | service | std_srvs/Trigger: docs/safety.md |
+| ~/change_state and others | service | lifecycle_msgs: managed life cycle |
 
-Parameters: `ankle_actuator_driver.settings`. Everything that decides is in `bridge` and
-`safety_states`.
-"""  # noqa: E501
+Parameters: `ankle_actuator_driver.settings`. Everything that decides is in `safety`,
+everything that travels in `link`.
+"""
 
 from __future__ import annotations
 
-import secrets
 import time
+from collections.abc import Generator
 from functools import partial
 
 import numpy as np
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_actuator_driver import settings
-from ankle_actuator_driver.link.rig_session import News, RigSession
-from ankle_actuator_driver.link.transport import UdpTransport, address_towards
+from ankle_actuator_driver.link.rig_link import Clocks, open_link
+from ankle_actuator_driver.rig_session import News, RigSession, both_clocks
 from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, hard_limits_from, limits_from
-from ankle_actuator_driver.safety.states import State
+from ankle_actuator_driver.safety.sensor_supervision import (
+    SENSOR_PARAMETERS,
+    expectations_from,
+)
+from ankle_actuator_driver.safety.states import CONFIRMATION, State
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import QuantityError
@@ -39,6 +46,7 @@ from ankle_interfaces.quantity import Value
 from ankle_interfaces.topics import (
     ANKLE_SAMPLES,
     PERTURBATION_REFERENCE,
+    RIG_OPERATOR_ALIVE,
     RIG_STATE,
     SESSION_EVENT,
 )
@@ -50,6 +58,17 @@ from ankle_node.qos import publisher_qos
 
 COMMANDS = ("arm", "start", "stop", "disarm", "reset_fault")
 REPORT_PERIOD = 1.0  # s
+SOURCES_PERIOD = 0.1  # s; between looks at who publishes the reference
+NO_SIMULATED_TIME = "use_sim_time = True is refused: a rig moves in real time"
+CONFIRMED = {"arm": State.ARMED, "start": State.RUNNING}
+"""Commands that are answered when the rig has confirmed them, and the state that they enter."""
+
+
+class _NextTurn:
+    """Awaited in a callback: the executor works on other things first."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
 
 
 class ActuatorDriverNode(ManagedNode):
@@ -61,7 +80,9 @@ class ActuatorDriverNode(ManagedNode):
         self._hard = hard_limits_from(values)
         limits_from(values).require_within(self._hard)
         if self.get_parameter("use_sim_time").value:
-            raise QuantityError("use_sim_time = True is refused: a rig moves in real time")
+            raise QuantityError(NO_SIMULATED_TIME)
+        self.add_on_set_parameters_callback(self._refuse_simulated_time)
+        self._fault = ""  # of the last session, still to be reset
         self._session: RigSession | None = None
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
@@ -73,7 +94,10 @@ class ActuatorDriverNode(ManagedNode):
             String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
         )
         for name in COMMANDS:
-            self.create_service(Trigger, f"~/{name}", partial(self._command, name))
+            answer = self._command_to_confirm if name in CONFIRMED else self._command
+            self.create_service(Trigger, f"~/{name}", partial(answer, name))
+        self.create_subscription(String, RIG_OPERATOR_ALIVE.name, self._hear_operator, LATEST_QOS)
+        self.create_timer(SOURCES_PERIOD, self._look_for_sources)
         self.when_read(ANKLE_SAMPLES, int(self.number("wait_for_readers")), self._begin)
 
     def _values(self) -> dict[str, Value]:
@@ -86,22 +110,27 @@ class ActuatorDriverNode(ManagedNode):
         if self.value("autostart"):
             self.start()
 
+    @staticmethod
+    def _refuse_simulated_time(changes: list[Parameter]) -> SetParametersResult:
+        if any(change.name == "use_sim_time" and change.value for change in changes):
+            return SetParametersResult(successful=False, reason=NO_SIMULATED_TIME)
+        return SetParametersResult(successful=True)
+
     def configure(self) -> None:
         """Open the line."""
-        rig = (self.text("rig_address"), int(self.number("rig_port")))
-        local = (self.text("local_address") or address_towards(rig), int(self.number("local_port")))
-        line = UdpTransport(local, rig)
-        number = secrets.randbelow(2**32 - 1) + 1
+        values = self._values()
+        clocks = partial(both_clocks, self.now)
+        link = open_link(str(values["link"]), values, Clocks(clocks))
         bridge = Bridge(
-            limits_from(self._values()),
+            limits_from(values),
             self.number("soft_start"),
             self.number("reference_delay"),
-            number,
+            self._fault,
         )
-        self._session = RigSession(bridge, line, self.now, self._tell, self._fail)
-        self.get_logger().info(
-            f"the rig is at {rig[0]}:{rig[1]}, this side at {line.local[0]}:{line.local[1]}"
-        )
+        bridge.expectations = expectations_from(values)
+        bridge.operator_timeout = self.number("operator_timeout")
+        self._session = RigSession(bridge, link, clocks, self._tell, self._fail)
+        self.get_logger().info(link.describe())
 
     def activate(self) -> None:
         """Begin to talk to the rig; it stays off."""
@@ -117,6 +146,8 @@ class ActuatorDriverNode(ManagedNode):
         """Close the line."""
         session, self._session = self._session, None
         if session is not None:
+            states = session.bridge.states
+            self._fault = states.reason if states.state is State.FAULT else ""
             session.close()
 
     def destroy_node(self) -> None:
@@ -139,9 +170,14 @@ class ActuatorDriverNode(ManagedNode):
         )
         wanted.require_within(self._hard)
         soft_start = float(values.get("soft_start", self.number("soft_start")))
+        timeout = float(values.get("operator_timeout", self.number("operator_timeout")))
+        expectations = expectations_from(
+            {p.name: values.get(p.name, self.value(p.name)) for p in SENSOR_PARAMETERS}
+        )
 
         def apply(bridge: Bridge) -> None:
             bridge.limits, bridge.soft_start = wanted, soft_start
+            bridge.operator_timeout, bridge.expectations = timeout, expectations
 
         if self._session is not None:
             self._session.change(apply)
@@ -159,6 +195,43 @@ class ActuatorDriverNode(ManagedNode):
             response.success, response.message = answer.done, answer.sentence
         self.get_logger().info(response.message)
         return response
+
+    async def _command_to_confirm(
+        self, name: str, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """An arming or a start is answered when the rig has confirmed it; a stop is carried out
+        meanwhile.
+        """
+        self._look_for_sources()
+        response = self._command(name, request, response)
+        session = self._session
+        if session is None or not response.success:
+            return response
+        deadline = time.monotonic() + 2 * CONFIRMATION
+        while (answer := session.confirmed(CONFIRMED[name])) is None:
+            if time.monotonic() > deadline:
+                response.success = False
+                response.message = f"{name}: the rig did not confirm it within {CONFIRMATION:g} s"
+                return response
+            await _NextTurn()
+        if not answer.done:
+            response.success, response.message = False, f"{name} failed: {answer.sentence}"
+        return response
+
+    def _hear_operator(self, message: String) -> None:
+        if self._session is not None:
+            self._session.tell_operator_alive()
+
+    def _look_for_sources(self) -> None:
+        """Who publishes the reference."""
+        found = self.get_publishers_info_by_topic(
+            self.resolve_topic_name(PERTURBATION_REFERENCE.name)
+        )
+        names = [f"{entry.node_namespace.rstrip('/')}/{entry.node_name}" for entry in found]
+        if len(names) > 1:
+            self.health("reference", ERROR, f"published by {', '.join(sorted(names))}")
+        if self._session is not None:
+            self._session.tell_sources(names)
 
     def _take(self, block: Block, findings: list[Finding]) -> None:
         if self._session is not None:
@@ -211,13 +284,10 @@ class ActuatorDriverNode(ManagedNode):
             )
         for what, value in {
             "state": states.state.value,
-            "drift of the rig's clock [ppm]": f"{1e6 * bridge.clock.drift:.2f}",
-            "half of the shortest round trip [ms]": f"{1e3 * bridge.clock.uncertainty:.3f}",
-            "samples lost on the way": bridge.missing,
-            "samples without a time": bridge.undated,
-            "packets from the rig refused": sum(bridge.refusals.values()),
-            "packets refused by the rig": bridge.report.refused if bridge.report else 0,
             "reference samples not followed": bridge.unused,
+            "reference blocks not followed": bridge.left_out,
+            "samples away from the command": bridge.sensors.spikes,
+            **session.link.figures(),
         }.items():
             self.count(what, value)
 

@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+from ankle_actuator_driver.link.rig_link import DEVICE_PORT, link_names
+from ankle_actuator_driver.safety.bridge import OPERATOR_TIMEOUT as USUAL_OPERATOR_TIMEOUT
 from ankle_actuator_driver.safety.limits import HARD_LIMIT_PARAMETERS, LIMIT_PARAMETERS
+from ankle_actuator_driver.safety.sensor_supervision import SENSOR_PARAMETERS
 from ankle_interfaces.quantity import Quantity
 
-DEVICE_PORT = 20480
-"""UDP port of the rig; its control port in the emulator is the next one."""
+LINK = Quantity(
+    "link",
+    default="udp",
+    choices=link_names(),
+    description="How the rig is reached: a module of ankle_actuator_driver.link.",
+    start_only=True,
+)
+KEY_FILE = Quantity(
+    "key_file",
+    default="",
+    description=(
+        "File with the key (16 to 32 bytes) that driver and rig share; empty: the line is a "
+        "dedicated one that nobody else reaches."
+    ),
+    start_only=True,
+)
 
 RIG_ADDRESS = Quantity(
     "rig_address",
@@ -58,6 +75,16 @@ SOFT_START = Quantity(
     1.0,
     description="Time over which the plate goes from where it is held to the reference.",
 )
+OPERATOR_TIMEOUT = Quantity(
+    "operator_timeout",
+    "s",
+    0.3,
+    30.0,
+    USUAL_OPERATOR_TIMEOUT,
+    "twenty messages of the operator's page, longer than a page needs to reload",
+    "Time for which an operator's page that was heard in this arming may stay away before the "
+    "plate is stopped.",
+)
 AUTOSTART = Quantity(
     "autostart",
     default=False,
@@ -75,14 +102,18 @@ READERS = Quantity(
 )
 
 PARAMETERS: tuple[Quantity, ...] = (
+    LINK,
     RIG_ADDRESS,
     RIG_PORT,
+    KEY_FILE,
     LOCAL_ADDRESS,
     LOCAL_PORT,
     REFERENCE_DELAY,
     SOFT_START,
+    OPERATOR_TIMEOUT,
     AUTOSTART,
     READERS,
     *LIMIT_PARAMETERS,
     *HARD_LIMIT_PARAMETERS,
+    *SENSOR_PARAMETERS,
 )

@@ -20,7 +20,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from ankle_actuator_driver.link.packet import (
+from ankle_actuator_driver.link.protocol.packet import (
     DeviceState,
     Heartbeat,
     Reference,
@@ -29,7 +29,6 @@ from ankle_actuator_driver.link.packet import (
     build,
     parse,
 )
-from ankle_actuator_driver.safety.bridge import Bridge
 from rig_emulator.faults import Faults
 
 RATE = 2048.0
@@ -197,7 +196,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def driver_starts_anew(self):
         self.session += 1
-        self.lab.bridge = Bridge(self.lab.limits, 0.5, 0.0, self.session)
+        self.lab.new_driver(self.session)
         self.lab.talking = True
 
     @rule(seconds=st.sampled_from([-3.0, 0.05, 3600.0]))
@@ -228,7 +227,7 @@ class AnyOrder(RuleBasedStateMachine):
         session = 666 if foreign else last.session
         time = np.arange(32) / RATE
         motion = np.column_stack([position + velocity * time, np.full(32, velocity), np.zeros(32)])
-        head = (session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0)
+        head = (session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0, last.rig)
         self.lab.deliver(
             build(Reference(*head, round((self.lab.rig_time + ahead) * 1e9), 1 / RATE, motion))
         )
@@ -243,7 +242,11 @@ class AnyOrder(RuleBasedStateMachine):
         last = parse(self.lab.packets[-1])
         session = 666 if foreign else last.session
         self.lab.deliver(
-            build(Heartbeat(session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0))
+            build(
+                Heartbeat(
+                    session, (last.sequence + newer) % 2**32, last.sent, wanted, resets, 0, last.rig
+                )
+            )
         )
 
     @rule(angle=st.sampled_from([0.01, 0.05, 0.175]))

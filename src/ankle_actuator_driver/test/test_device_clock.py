@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankle_actuator_driver.link.device_clock import DeviceClock
+from ankle_actuator_driver.link.protocol.device_clock import DeviceClock
 
 EPOCH, OFFSET = 1.76e9, 1000.0
 RATE = 2048.0

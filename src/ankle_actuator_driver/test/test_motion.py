@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ankle_actuator_driver.safety.continuation import LONGEST_BRIDGE
 from ankle_actuator_driver.safety.encoder_check import EncoderCheck
 from ankle_actuator_driver.safety.limits import (
     HARD_LIMIT_PARAMETERS,
@@ -13,7 +14,6 @@ from ankle_actuator_driver.safety.limits import (
     hard_limits_from,
     limits_from,
 )
-from ankle_actuator_driver.safety.reference_playback import LONGEST_BRIDGE, Empty, ReferencePlayback
 from ankle_actuator_driver.safety.soft_start import blend
 from ankle_actuator_driver.safety.stop_motion import GENTLE, StopMotion
 from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
@@ -21,6 +21,7 @@ from ankle_interfaces.errors import QuantityError
 from perturbation_generator.limits import Limits as GeneratorLimits
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
+from rig_emulator.reference_playback import Empty, ReferencePlayback
 
 RATE = 2048.0
 LIMITS = Limits()

@@ -4,9 +4,9 @@ makes the parser raise.
 
 import re
 import struct
-import zlib
 from collections import Counter
 from dataclasses import replace
+from hashlib import blake2s
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ankle_actuator_driver.link.packet import (
+from ankle_actuator_driver.link.protocol.packet import (
     LARGEST_COUNT,
     DeviceFault,
     DeviceState,
@@ -27,17 +27,41 @@ from ankle_actuator_driver.link.packet import (
     build,
     newer,
     parse,
+    read_key,
+    sealed,
 )
 
-HEARTBEAT = Heartbeat(4711, 9, 1_760_000_000_000_000_000, Wanted.HOLD, 3, 8)
+HEARTBEAT = Heartbeat(4711, 9, 1_760_000_000_000_000_000, Wanted.HOLD, 3, 8, 77)
 MOTION = np.array([[0.01, 0.5, -20.0], [0.0102, 0.49, -20.0]])
 REFERENCE = Reference(
-    4711, 10, 1_760_000_000_000_000_000, Wanted.FOLLOW, 3, 8, 1_000_500_000_000, 1 / 2048, MOTION
+    4711,
+    10,
+    1_760_000_000_000_000_000,
+    Wanted.FOLLOW,
+    3,
+    8,
+    77,
+    1_000_500_000_000,
+    1 / 2048,
+    MOTION,
 )
 REPORT = StateReport(
-    77, 12, 1_000_400_000_000, DeviceState.FOLLOW, DeviceFault.NONE, Status.YIELDING, 10, 4711, 5, 1_760_000_000_000_000_000,  # noqa: E501
-    1_000_399_000_000, 1_000_384_000_000, 1 / 2048, 0.0123, np.array([[0.012, 0.4, 1.5]]),
-)  # fmt: skip
+    session=77,
+    sequence=12,
+    sent=1_000_400_000_000,
+    state=DeviceState.FOLLOW,
+    fault=DeviceFault.NONE,
+    status=Status.YIELDING,
+    heard=10,
+    host=4711,
+    refused=5,
+    echo=1_760_000_000_000_000_000,
+    echo_received=1_000_399_000_000,
+    first=1_000_384_000_000,
+    interval=1 / 2048,
+    commanded=0.0123,
+    samples=np.array([[0.012, 0.4, 1.5]]),
+)
 
 
 def same(left, right):
@@ -53,27 +77,44 @@ def test_a_packet_comes_back_as_it_was(packet):
     assert same(packet, parse(build(packet)))
 
 
-def with_checksum(data):
-    return data + struct.pack("<I", zlib.crc32(data))
+KEY = b"0123456789abcdef"
+
+
+def test_only_whoever_has_the_key_is_understood():
+    data = build(HEARTBEAT, KEY)
+    assert same(HEARTBEAT, parse(data, KEY))
+    assert parse(data) is Refusal.DIGEST
+    assert parse(data, b"another key of 16") is Refusal.DIGEST
+    assert parse(build(HEARTBEAT), KEY) is Refusal.DIGEST
+
+
+def test_a_key_file_is_read_and_a_short_one_is_named(tmp_path):
+    file = tmp_path / "rig.key"
+    file.write_bytes(KEY + b"\n")
+    assert read_key(str(file)) == KEY
+    assert read_key("") == b""
+    file.write_bytes(b"short")
+    with pytest.raises(ValueError, match=r"rig\.key has 5 bytes; allowed: 16 to 32"):
+        read_key(str(file))
 
 
 def test_every_refusal_has_its_reason():
     good, reference = build(HEARTBEAT), build(REFERENCE)
 
     def changed(data, place, value):
-        return with_checksum(data[:place] + bytes([value]) + data[place + 1 : -4])
+        return sealed(data[:place] + bytes([value]) + data[place + 1 : -16])
 
     assert parse(b"") is Refusal.TOO_SHORT
-    assert parse(good[:27]) is Refusal.TOO_SHORT
+    assert parse(good[:39]) is Refusal.TOO_SHORT
     assert parse(b"XNKL" + good[4:]) is Refusal.MAGIC
-    assert parse(changed(good, 4, 2)) is Refusal.VERSION
+    assert parse(changed(good, 4, 1)) is Refusal.VERSION
     assert parse(changed(good, 5, 9)) is Refusal.KIND
     assert parse(changed(good, 6, 1)) is Refusal.COUNT
     assert parse(changed(reference, 6, 0)) is Refusal.COUNT
     assert parse(changed(reference, 6, LARGEST_COUNT + 1)) is Refusal.COUNT
     assert parse(changed(reference, 6, 3)) is Refusal.LENGTH
-    assert parse(good[:-4] + b"\0\0" + good[-4:]) is Refusal.LENGTH
-    assert parse(good[:-1] + bytes([good[-1] ^ 1])) is Refusal.CHECKSUM
+    assert parse(good[:-16] + b"\0\0" + good[-16:]) is Refusal.LENGTH
+    assert parse(good[:-1] + bytes([good[-1] ^ 1])) is Refusal.DIGEST
     assert parse(changed(good, 24, 3)) is Refusal.CONTENT
     assert parse(changed(good, 26, 1)) is Refusal.CONTENT
     assert parse(build(replace(HEARTBEAT, session=0))) is Refusal.CONTENT
@@ -128,8 +169,8 @@ def noise(random, count):
             damaged[int(cut * len(data))] ^= 1 + int(cut * 1e6) % 255
             yield bytes(damaged)
         else:
-            place = 4 + int(cut * (len(data) - 12))
-            yield with_checksum(data[:place] + random.bytes(4) + data[place + 4 : -4])
+            place = 4 + int(cut * (len(data) - 24))
+            yield sealed(data[:place] + random.bytes(4) + data[place + 4 : -16])
 
 
 def fuzz(laboratory, count):
@@ -164,7 +205,7 @@ def test_random_and_mutated_packets_raise_nothing_and_move_nothing(laboratory):
         Refusal.TOO_SHORT,
         Refusal.MAGIC,
         Refusal.LENGTH,
-        Refusal.CHECKSUM,
+        Refusal.DIGEST,
         Refusal.CONTENT,
     } <= set(found)
 
@@ -179,7 +220,7 @@ def test_a_million_random_and_mutated_packets(laboratory):
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=1400), st.integers(1, 3), st.integers(0, 60))
 def test_no_content_under_a_right_header_and_checksum_raises(body, kind, count):
-    data = with_checksum(struct.pack("<4sBBHIIq", b"ANKL", 1, kind, count, 1, 1, 0) + body)
+    data = sealed(struct.pack("<4sBBHIIq", b"ANKL", 2, kind, count, 1, 1, 0) + body)
     assert parse(data) is not None
 
 
@@ -189,7 +230,7 @@ DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "rig_protocol.md"
 @pytest.mark.parametrize(
     ("name", "packet"),
     [
-        ("heartbeat", Heartbeat(0x1234, 7, 1_760_000_000_000_000_000, Wanted.HOLD, 2, 41)),
+        ("heartbeat", Heartbeat(0x1234, 7, 1_760_000_000_000_000_000, Wanted.HOLD, 2, 41, 77)),
         (
             "reference",
             Reference(
@@ -199,6 +240,7 @@ DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "rig_protocol.md"
                 Wanted.FOLLOW,
                 2,
                 41,
+                77,
                 1_000_500_000_000,
                 1 / 2048,
                 MOTION,
@@ -213,16 +255,16 @@ def test_the_examples_of_the_specification_are_the_packets_that_it_says(name, pa
     assert same(packet, parse(bytes.fromhex(written)))
 
 
-def test_the_checksum_is_the_one_of_the_specification():
-    assert "`123456789` is 0xCBF43926" in DOCUMENT.read_text()
-    assert zlib.crc32(b"123456789") == 0xCBF43926
+def test_the_digest_is_the_one_of_the_specification():
+    assert blake2s(b"abc", digest_size=16).hexdigest() in DOCUMENT.read_text()
+    assert blake2s(b"abc", key=KEY, digest_size=16).hexdigest() in DOCUMENT.read_text()
 
 
 def test_a_second_implementation_from_the_tables_reads_our_packets():
     """Every field of the tables, at the offset and in the type that they say."""
     types = {"u8": "<B", "u16": "<H", "u32": "<I", "i64": "<q", "f64": "<d"}
     kinds = {"Header": REPORT, "Kind 1": HEARTBEAT, "Kind 2": REFERENCE, "Kind 3": REPORT}
-    fixed = {"version": 1, "kind": 3, "n": 1, "reserved": 0}
+    fixed = {"version": 2, "kind": 3, "n": 1, "reserved": 0}
     read = 0
     for section in DOCUMENT.read_text().split("\n### ")[1:]:
         packet = next(
@@ -235,9 +277,6 @@ def test_a_second_implementation_from_the_tables_reads_our_packets():
             r"^\| (\d+) \| (u8|u16|u32|i64|f64) \| (\w+) \|", section, re.MULTILINE
         ):
             (value,) = struct.unpack_from(types[form], data, int(offset))
-            if field == "checksum":
-                assert value == zlib.crc32(data[: int(offset)])
-            else:
-                assert value == fixed.get(field, getattr(packet, field, None)), field
+            assert value == fixed.get(field, getattr(packet, field, None)), field
             read += 1
     assert read == 6 + 5 + 2 + 11  # header, heartbeat, reference beyond it, state

@@ -5,13 +5,16 @@ no waiting.
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from ankle_actuator_driver.link.packet import Heartbeat, Reference, parse
+from ankle_actuator_driver.link.protocol.driver_end import DriverEnd
+from ankle_actuator_driver.link.protocol.packet import Heartbeat, Reference, parse
 from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_actuator_driver.safety.limits import Limits
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 from rig_emulator.emulated_device import EmulatedDevice
+from rig_emulator.faults import Faults
 from rig_emulator.faulty_line import FaultyLine
+from rig_emulator.faulty_sensors import FaultySensors
 
 RATE = 2048.0
 EPOCH = 1.76e9  # s; ROS time at the start
@@ -37,6 +40,7 @@ class SpringPlant:
         self._memory = [np.zeros(2), np.zeros(2)]
         self.stiffness, self.torque, self.position = stiffness, None, None
         self.velocity = np.zeros(0)
+        self.faults, self._sensors = Faults(), FaultySensors(RATE, 3)
 
     @staticmethod
     def _numerator(a, b, row):
@@ -55,7 +59,7 @@ class SpringPlant:
             samples[:, 0], samples[:, 1] = self.position, 0.0
         if self.torque is not None:
             samples[:, 2] = self.torque
-        return samples
+        return self._sensors.change(samples, self.faults)
 
 
 class WatchedDevice(EmulatedDevice):
@@ -97,13 +101,23 @@ class VirtualLaboratory:
     """
 
     def __init__(
-        self, drift=50e-6, offset=1000.0, limits=None, plant=None, delay=0.0003, seed=1, lead=0.1
+        self,
+        drift=50e-6,
+        offset=1000.0,
+        limits=None,
+        plant=None,
+        delay=0.0003,
+        seed=1,
+        lead=0.1,
+        key=b"",
     ):
         self.now, self.drift, self.offset, self.epoch = 0.0, drift, offset, EPOCH
         self.lead, self.delay, self.limits = lead, delay, limits or Limits()
         self.plant = plant or SpringPlant()
-        self.device = WatchedDevice(self.plant, self.limits, RATE, 77, self.rig_time)
-        self.bridge = Bridge(self.limits, 0.5, 0.0, 4711)
+        self.key = key
+        self.device = WatchedDevice(self.plant, self.limits, RATE, 77, self.rig_time, key)
+        self.bridge = Bridge(self.limits, 0.5, 0.0)
+        self.end = DriverEnd(4711, key)
         self.down, self.up = FaultyLine(seed), FaultyLine(seed + 1)
         self.valid, self.sent, self.obeyed, self.blocks, self.changes, self.notes = (
             [],
@@ -113,9 +127,10 @@ class VirtualLaboratory:
             [],
             [],
         )
-        self.packets = []
+        self.packets, self.stretches = [], []
         self.sending = True
         self.talking = True
+        self.hearing = True
         self.signal = PulseStep(Settings(rate=RATE, seed=seed))
         self.scale = 1.0
         self._count = 0
@@ -141,10 +156,11 @@ class VirtualLaboratory:
 
     def _step(self):
         self._refer()
-        for data in self.up.due(self.now - self.delay):
-            self.bridge.take(data, self.now, self.ros)
-        if self.talking:
-            self.bridge.advance(self.now, self.ros)
+        if self.hearing:
+            for data in self.up.due(self.now - self.delay):
+                self.take(data)
+            if self.talking and self.bridge.advance(self.now, self.ros):
+                self.end.restart_clock()
         self.send()
         self.blocks += self.bridge.samples
         self.changes += self.bridge.states.changes
@@ -155,14 +171,32 @@ class VirtualLaboratory:
         for data in self.device.advance(self.rig_time):
             self.up.send(data, self.now)
 
+    def take(self, data):
+        """Bytes that come to the driver."""
+        for event in self.end.take(data, self.now, self.ros):
+            self.bridge.take(event, self.now)
+
     def send(self):
-        for data in self.bridge.take_outgoing():
-            packet = parse(data)
-            if isinstance(packet, Reference):
-                self.sent.append(packet.motion)
-            if self.talking:
-                self.packets.append(data)
-                self.down.send(data, self.now)
+        for order in self.bridge.take_orders(self.now):
+            if order.stretch is not None:
+                self.stretches.append(order.stretch)
+            for data in self.end.packets(order, self.now, self.ros):
+                packet = parse(data, self.key)
+                if isinstance(packet, Reference):
+                    self.sent.append(packet.motion)
+                if self.talking:
+                    self.packets.append(data)
+                    self.down.send(data, self.now)
+
+    def new_driver(self, session):
+        """The driver's process starts anew."""
+        self.bridge, self.end = Bridge(self.limits, 0.5, 0.0), DriverEnd(session, self.key)
+
+    def faults(self, **switches):
+        """Switch faults of controller, sensors and line."""
+        faults = Faults(**switches)
+        self.device.faults = self.plant.faults = faults
+        self.up.faults = self.down.faults = faults
 
     def deliver(self, data):
         obeyed = self.device.receive(data, self.rig_time)

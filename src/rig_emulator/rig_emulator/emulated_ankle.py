@@ -8,9 +8,7 @@ import numpy as np
 
 from ankle_sim.live_rig import LiveRig, Setup
 from rig_emulator.faults import Faults
-
-TORQUE_RANGE = 100.0
-"""[N.m] End of the range of the torque sensor: beyond what a seated person's ankle can do."""
+from rig_emulator.faulty_sensors import FaultySensors
 
 
 class EmulatedAnkle:
@@ -36,10 +34,9 @@ class EmulatedAnkle:
     def __init__(self, setup: Setup, rate: float, noisy: bool, tell: Callable[[str], None]) -> None:
         self.faults = Faults()
         self._rig = LiveRig(setup, tell, noisy)
+        self._sensors = FaultySensors(rate, setup.seed)
         self._rate = rate
         self._count = 0
-        self._stuck_at: float | None = None
-        self._position = 0.0
         self._rig.noise_deviations(rate)
 
     def run(self, command: np.ndarray) -> np.ndarray:
@@ -47,13 +44,4 @@ class EmulatedAnkle:
         time = np.arange(self._count, self._count + len(command)) / self._rate
         self._count += len(command)
         samples = np.concatenate([stretch.samples for stretch in self._rig.take(time, command)])
-        if not self.faults.encoder_stuck:
-            self._stuck_at = None
-        elif self._stuck_at is None:
-            self._stuck_at = self._position
-        if self._stuck_at is not None:
-            samples[:, 0], samples[:, 1] = self._stuck_at, 0.0
-        if self.faults.torque_saturated:
-            samples[:, 2] = TORQUE_RANGE
-        self._position = float(samples[-1, 0])
-        return samples
+        return self._sensors.change(samples, self.faults)

@@ -8,36 +8,37 @@ its own; the caller says what time it is by the rig's clock.
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Protocol, Union
 
 import numpy as np
 
-from ankle_actuator_driver.link.packet import (
-    DeviceFault,
-    DeviceState,
+from ankle_actuator_driver.link.protocol.packet import (
     Heartbeat,
     Reference,
     Refusal,
     StateReport,
-    Status,
-    Wanted,
     build,
     newer,
     parse,
 )
+from ankle_actuator_driver.safety.continuation import LONGEST_BUFFER
 from ankle_actuator_driver.safety.encoder_check import EncoderCheck
 from ankle_actuator_driver.safety.limits import BETWEEN_SAMPLES, ROUNDING, Limits
-from ankle_actuator_driver.safety.reference_playback import (
-    LONGEST_BUFFER,
-    Empty,
-    Motion,
-    ReferencePlayback,
+from ankle_actuator_driver.safety.rig import (
+    UNPOWERED,
+    DeviceFault,
+    DeviceState,
+    Status,
+    Wanted,
 )
 from ankle_actuator_driver.safety.stop_motion import StopMotion, stopping_distance
+from ankle_actuator_driver.safety.torque_check import TorqueCheck
 from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
-from ankle_actuator_driver.safety.watchdog import Watchdog
+from ankle_actuator_driver.safety.watchdog import LOST_AFTER, Watchdog
+from rig_emulator.faults import Faults
+from rig_emulator.reference_playback import Empty, Motion, ReferencePlayback
 
 CYCLE = 8
 """Servo samples that the plant is simulated at once: 3.9 ms at 2048 Hz."""
@@ -46,8 +47,10 @@ STANDSTILL = 0.05
 """[s] For which the command stands still before the drive is off: a 30 Hz servo has come to rest by
 then.
 """
-TORQUE_PATIENCE = 0.2
-"""[s] For which the plate yields before a torque beyond the limit counts as a fault."""
+START_PATIENCE = 0.5
+"""[s] From the order to follow to the first reference; the plate is held meanwhile."""
+MOST_SESSIONS = 4096
+"""Sessions of earlier drivers that are remembered: what they said is not obeyed again."""
 LARGEST_FOLLOWING_ERROR = 0.08
 """[rad] Between command and measured position: a 30 Hz servo is 0.037 rad behind at 5 rad/s; twice
 that is a broken drive.
@@ -92,6 +95,8 @@ class EmulatedDevice:
         Number of this start, not 0.
     begin
         Rig's clock at the first servo sample [s].
+    key
+        Shared with the driver; empty for none.
 
     Attributes
     ----------
@@ -101,21 +106,32 @@ class EmulatedDevice:
         Packets refused, by reason.
     command
         Position, velocity, acceleration that the servo is told now.
+    faults
+        Switches; those of the controller count here.
     """
 
     def __init__(
-        self, plant: Plant, limits: Limits, rate: float, session: int, begin: float
+        self,
+        plant: Plant,
+        limits: Limits,
+        rate: float,
+        session: int,
+        begin: float,
+        key: bytes = b"",
     ) -> None:
         self.state = DeviceState.OFF
         self.fault = DeviceFault.NONE
         self.status = Status(0)
         self.refusals: Counter[Refusal] = Counter()
         self.command: Motion = (0.0, 0.0, 0.0)
+        self.faults = Faults()
         self._plant, self._limits, self._interval = plant, limits, 1.0 / rate
         self._session, self._sequence = session, 0
-        self._begin, self._ticks = begin, 0
+        self._begin, self._ticks, self._key = begin, 0, key
         self._host = _Host()
-        self._heartbeats, self._references = Watchdog(), Watchdog()
+        self._retired: deque[int] = deque(maxlen=MOST_SESSIONS)
+        self._heartbeats = Watchdog()
+        self._referenced_until = -math.inf  # the rig's time until which a reference is not missed
         self._playback = ReferencePlayback()
         self._yield = TorqueYield(OF_RIG, limits.torque)
         self._encoder = EncoderCheck()
@@ -124,7 +140,7 @@ class EmulatedDevice:
         self._stop: StopMotion | None = None
         self._stop_began = 0.0
         self._after_stop = DeviceState.OFF
-        self._torque_since: float | None = None
+        self._torque = TorqueCheck()
         self._measured: list[np.ndarray] = []
         self._first = 0
         self._reported = (self.state, self.fault)
@@ -138,20 +154,28 @@ class EmulatedDevice:
         """Take in bytes from the line [s of the rig's clock]; returns the packet that is obeyed or
         why there is none.
         """
-        packet = parse(data)
-        if isinstance(packet, StateReport):
-            packet = Refusal.DIRECTION
+        packet = self.read(data)
         if not isinstance(packet, Refusal):
             packet = self._obey(packet, now)
         if isinstance(packet, Refusal):
             self.refusals[packet] += 1
         return packet
 
+    def read(self, data: bytes) -> Union[Heartbeat, Refusal]:
+        """The driver's packet in some bytes, or why there is none."""
+        packet = parse(data, self._key)
+        return Refusal.DIRECTION if isinstance(packet, StateReport) else packet
+
     def _obey(self, packet: Heartbeat, now: float) -> Union[Heartbeat, Refusal]:
+        if packet.rig not in (0, self._session):
+            return Refusal.START
         host = self._host
         if packet.session != host.session:
-            if self.state not in (DeviceState.OFF, DeviceState.FAULT):
+            if self.state not in UNPOWERED or packet.session in self._retired:
                 return Refusal.SESSION
+            if not packet.rig:
+                return packet  # a greeting: answered, and nothing more
+            self._retired.append(host.session)
             host = self._host = _Host(packet.session, (packet.sequence - 1) % 2**32, packet.resets)
         if not newer(packet.sequence, host.sequence):
             return Refusal.OLD
@@ -163,7 +187,8 @@ class EmulatedDevice:
         self._want(packet, now)
         if isinstance(packet, Reference) and self.state is DeviceState.FOLLOW:
             self._playback.add(1e-9 * packet.first, packet.interval, packet.motion)
-            self._references.feed(now)
+            end = self._playback.end or now
+            self._referenced_until = max(now, end) + LOST_AFTER
         return packet
 
     def _refuse_reference(self, packet: Reference, now: float) -> Refusal | None:
@@ -171,7 +196,9 @@ class EmulatedDevice:
         if not now < first + (len(packet.motion) - 1) * packet.interval < now + LONGEST_BUFFER:
             return Refusal.TIME
         before = self._playback.follows(first, packet.interval)
-        if self._limits.passed_by(packet.motion, packet.interval, before):
+        if not self.faults.unchecked and self._limits.passed_by(
+            packet.motion, packet.interval, before
+        ):
             self._trip(DeviceFault.REFERENCE_BEYOND_LIMIT, now)
             return Refusal.LIMIT
         return None
@@ -186,7 +213,7 @@ class EmulatedDevice:
                 and not self.status & Status.EMERGENCY_STOP_PRESSED
             ):
                 self.state, self.fault = DeviceState.OFF, DeviceFault.NONE
-        if packet.wanted is Wanted.OFF:
+        if packet.wanted is Wanted.OFF and not self.faults.ignore_off:
             host.asked_off = True
             self._leave(DeviceState.OFF, now)
         elif packet.wanted is Wanted.HOLD:
@@ -200,7 +227,7 @@ class EmulatedDevice:
             self.state = DeviceState.FOLLOW
             self.status &= ~Status.REFERENCE_LOST
             self._rest_here()
-            self._references.feed(now)
+            self._referenced_until = now + START_PATIENCE
 
     def press_emergency_stop(self, pressed: bool, now: float) -> None:
         """The button at the rig: a controlled stop, then off (stop category 1 of IEC 60204-1)."""
@@ -240,7 +267,7 @@ class EmulatedDevice:
         self._yield.forget()
         self._playback.clear()
         self._encoder.forget()
-        self._torque_since = None
+        self._torque.forget()
 
     def advance(self, now: float) -> list[bytes]:
         """Run the servo up to a time of the rig's clock [s]; the packets that leave meanwhile."""
@@ -249,7 +276,7 @@ class EmulatedDevice:
             self._cycle()
             full = sum(len(part) for part in self._measured) >= SAMPLES_IN_PACKET
             if full or (self.state, self.fault) != self._reported:
-                leaving.append(build(self._report(now)))
+                leaving.append(build(self._report(now), self._key))
         return leaving
 
     def _cycle(self) -> None:
@@ -271,7 +298,7 @@ class EmulatedDevice:
         if self.state not in (DeviceState.HOLD, DeviceState.FOLLOW):
             return self.command[0], 0.0, 0.0
         target: Union[Motion, Empty] = (self._held, 0.0, 0.0)
-        if self.state is DeviceState.FOLLOW:
+        if self.state is DeviceState.FOLLOW and not self.faults.ignore_reference:
             bridged = self._playback.bridged
             found = self._playback.at(now)
             if self._playback.bridged != bridged:
@@ -282,15 +309,15 @@ class EmulatedDevice:
             return self._stopping(now)
         offset = self._yield.step(self._interval)
         motion = (target[0] + offset[0], target[1] + offset[1], target[2] + offset[2])
-        if self._beyond(motion):
+        if not self.faults.unchecked and self._beyond(motion):
             self._trip(DeviceFault.MOTION_BEYOND_LIMIT, now)
             return self._stopping(now)
         return motion
 
     def _watch(self, now: float) -> None:
-        if self.state not in (DeviceState.OFF, DeviceState.FAULT) and self._heartbeats.expired(now):
+        if self.state not in UNPOWERED and self._heartbeats.expired(now):
             self._trip(DeviceFault.HEARTBEAT_LOST, now)
-        if self.state is DeviceState.FOLLOW and self._references.expired(now):
+        if self.state is DeviceState.FOLLOW and now > self._referenced_until:
             self._lose_reference(now)
 
     def _lose_reference(self, now: float) -> None:
@@ -326,17 +353,16 @@ class EmulatedDevice:
     def _look(self, samples: np.ndarray, now: float) -> None:
         """What the sensors say of a powered plate."""
         torque = float(samples[-1, 2])
-        self._yield.measure(torque if self.state in (DeviceState.HOLD, DeviceState.FOLLOW) else 0.0)
+        powered = self.state in (DeviceState.HOLD, DeviceState.FOLLOW)
+        powered = powered and not self.faults.unchecked
+        self._yield.measure(torque if powered else 0.0)
         self.status = (
             self.status | Status.YIELDING if self._yield.excess else self.status & ~Status.YIELDING
         )
-        if self.state not in (DeviceState.HOLD, DeviceState.FOLLOW):
+        if not powered:
             return
-        if not self._yield.excess:
-            self._torque_since = None
-        elif self._torque_since is None:
-            self._torque_since = now
-        elif now - self._torque_since > TORQUE_PATIENCE:
+        time = now - self._interval * np.arange(len(samples))[::-1]
+        if self._torque.passed(time, samples[:, 2], self._limits.torque):
             self._trip(DeviceFault.TORQUE, now)
         if self._encoder.stuck(now, self.command[0], float(samples[-1, 0])):
             self._trip(DeviceFault.ENCODER, now)
@@ -345,6 +371,8 @@ class EmulatedDevice:
 
     def _report(self, now: float) -> StateReport:
         samples = np.concatenate(self._measured) if self._measured else np.empty((0, 3))
+        if self.faults.no_samples:
+            samples = samples[:0]
         first = self._begin + (self._ticks - len(samples)) * self._interval
         self._measured = []
         self._sequence = (self._sequence + 1) % 2**32

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from ankle_actuator_driver.link.transport import UdpTransport, address_towards
+from ankle_actuator_driver.link.protocol.transport import UdpTransport, address_towards
 from ankle_interfaces.errors import QuantityError
 
 PATIENCE = 3.0
@@ -35,7 +35,7 @@ def switch_faults(switches: str, address: str, port: int) -> str:
         while time.monotonic() < deadline:
             line.send(switches.encode())
             for answer in line.receive(0.5):
-                text = answer.decode(errors="replace")
+                text = answer.data.decode(errors="replace")
                 if text.startswith("error: "):
                     raise QuantityError(text.removeprefix("error: "))
                 return text

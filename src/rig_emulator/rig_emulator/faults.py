@@ -1,14 +1,7 @@
 """What can go wrong at the rig, as switches: ``drop=0.1,corrupt=0.01,emergency_stop=1``.
 
-| switch | value | what happens |
-| --- | --- | --- |
-| drop, duplicate, reorder, corrupt | part of the packets, each way | lost; sent twice; overtaken by later ones; some bits flipped |
-| burst | seconds | once a second all packets wait so long |
-| freeze | 0 or 1 | the controller's communication hangs: nothing comes or goes; its servo lives on |
-| encoder_stuck | 0 or 1 | the measured position stays where it is |
-| torque_saturated | 0 or 1 | the torque sensor is at the end of its range |
-| emergency_stop | 0 or 1 | the button at the rig is pressed |
-"""  # noqa: E501
+`SWITCHES` says what each does. Every value is 0 (off) to 1.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +9,32 @@ from dataclasses import dataclass, fields, replace
 
 from ankle_interfaces.errors import QuantityError
 
+SWITCHES = {
+    "drop": "part of the packets that are lost, each way",
+    "duplicate": "part of the packets that come twice",
+    "reorder": "part of the packets that later ones overtake",
+    "corrupt": "part of the packets with some flipped bits",
+    "burst": "seconds for which all packets wait, once a second",
+    "freeze": "the controller's communication hangs: nothing comes or goes; its servo lives on",
+    "encoder_stuck": "the measured position stays where it is",
+    "encoder_slip": "radians by which the measured position slips at once",
+    "encoder_spikes": "part of the samples whose position is 0.3 rad off",
+    "velocity_stuck": "the measured velocity is zero",
+    "torque_dead": "the torque sensor shows its noise only",
+    "torque_saturated": "the torque sensor is at the end of its range",
+    "torque_swings": "hundreds of N.m of a torque that swings 8 times a second",
+    "nan": "all samples are not a number",
+    "no_samples": "the state is reported without samples",
+    "ignore_off": "the rig stays powered though it is told to switch off",
+    "ignore_reference": "the plate is held though the rig says that it follows",
+    "unchecked": "the rig checks nothing: no limits, no sensors, no torque",
+    "emergency_stop": "the button at the rig is pressed",
+}
+
 
 @dataclass(frozen=True)
 class Faults:
-    """The switches; see the module. 0 is off."""
+    """The switches; see `SWITCHES`."""
 
     drop: float = 0.0
     duplicate: float = 0.0
@@ -28,7 +43,17 @@ class Faults:
     burst: float = 0.0
     freeze: float = 0.0
     encoder_stuck: float = 0.0
+    encoder_slip: float = 0.0
+    encoder_spikes: float = 0.0
+    velocity_stuck: float = 0.0
+    torque_dead: float = 0.0
     torque_saturated: float = 0.0
+    torque_swings: float = 0.0
+    nan: float = 0.0
+    no_samples: float = 0.0
+    ignore_off: float = 0.0
+    ignore_reference: float = 0.0
+    unchecked: float = 0.0
     emergency_stop: float = 0.0
 
     def with_switches(self, text: str) -> Faults:

@@ -1,139 +1,112 @@
-"""The other end of the line as a process of its own: the simulated ankle behind the protocol, with
-its own clock and faults.
+"""The other end of the line as a node: the simulated ankle behind the protocol, with its own clock
+and faults.
 
-    rig_emulator --ros-args -p port:=20480 -p clock_drift:=5e-5 -p K:=80.0 -p faults:=drop=0.01
+| topic | direction | type | rate | content |
+| --- | --- | --- | --- | --- |
+| /diagnostics | out | DiagnosticArray | 1 Hz | state, fault and refused packets of the rig |
 
-Knows no ROS; takes its parameters as every other executable does (`rig_emulator.settings`). At the
-next port it takes fault switches while it runs (`rig_emulator.faults`), one datagram of text each,
-and answers with the switches that are on, or with what was wrong.
+    ros2 run rig_emulator rig_emulator --ros-args -p K:=80.0 -p faults:=drop=0.01
+
+Everything else goes by the line (docs/rig_protocol.md). At the next port it takes fault switches
+while it runs (`rig_emulator.faults`), one datagram of text each, and answers with the switches that
+are on, or with what was wrong. Parameters: `rig_emulator.settings`.
 """
 
 from __future__ import annotations
 
-import secrets
-import signal
-import sys
 import threading
-import time
-from collections.abc import Sequence
 
-from ankle_actuator_driver.link.packet import DeviceState, Heartbeat, parse
-from ankle_actuator_driver.link.transport import UdpTransport
-from ankle_actuator_driver.safety.limits import limits_from
+from ankle_actuator_driver.link.protocol.heartbeat_process import take_priority
+from ankle_actuator_driver.link.protocol.packet import read_key
+from ankle_actuator_driver.link.protocol.transport import UdpTransport
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Value
-from ankle_sim.live_rig import Setup
-from rig_emulator.emulated_ankle import EmulatedAnkle
-from rig_emulator.emulated_device import EmulatedDevice
-from rig_emulator.faults import Faults
-from rig_emulator.faulty_line import FaultyLine
-from rig_emulator.settings import settings_from
+from ankle_node.node import AnkleNode, run
+from ankle_physics.model import Model
+from ankle_sim.start_values import start_value
+from rig_emulator.emulated_rig import EmulatedRig
+from rig_emulator.settings import MODEL, PARAMETERS, joint_parameters, load_model, settings_from
 
-POLL = 0.002
-"""[s] Half a servo cycle."""
+NAME = "rig_emulator"
+REPORT_PERIOD = 1.0  # s
+PRIORITY = 10
+"""Of the real-time class: a rig's controller is no usual process; below the heartbeats' 20."""
 
 
-class RigEmulator:
-    """Paces an `EmulatedDevice` by its own clock and gives it a line and switches.
+class RigEmulatorNode(AnkleNode):
+    """Runs an `EmulatedRig` in a thread of its own.
 
     Parameters
     ----------
-    values
-        Parameters by name.
-    setup
-        Rig and joint.
+    model
+        The joint; its values are the defaults of the model's parameters.
     """
 
-    def __init__(self, values: dict[str, Value], setup: Setup) -> None:
+    def __init__(self, model: Model) -> None:
+        joint = joint_parameters(model)
+        declared = [*PARAMETERS, *(parameter for parameter, _, _ in joint.values())]
+        super().__init__(NAME, declared)
+        self._refuse_unknown()
+        values: dict[str, Value] = {
+            parameter.name: self.value(parameter.name) for parameter in declared
+        }
+        settings = settings_from(values, model, read_key(str(values["key_file"])))
         address, port = str(values["address"]), int(values["port"])
-        faults = Faults().with_switches(str(values["faults"]))
-        self._line = UdpTransport((address, port), None)
-        self._switches = UdpTransport((address, port + 1), None)
-        self._drift, self._offset = float(values["clock_drift"]), float(values["clock_offset"])
-        self._ankle = EmulatedAnkle(setup, float(values["rate"]), bool(values["noise"]), _say)
-        self._started = time.monotonic()
-        session = secrets.randbelow(2**32 - 1) + 1
-        self._device = EmulatedDevice(
-            self._ankle, limits_from(values), float(values["rate"]), session, self.clock()
-        )
-        seed = int(values["seed"])
-        self._down, self._up = FaultyLine(seed), FaultyLine(seed + 1)
-        self._shown: tuple[DeviceState, str] | None = None
-        self._switch(faults)
+        self.get_logger().info("preparing (compiles the simulation at the first start, about 20 s)")
+        line = UdpTransport((address, port), None)
+        switches = UdpTransport((address, port + 1), None)
+        self._rig = EmulatedRig(settings, line, switches, self._say)
+        self._ended = threading.Event()
+        self._failure: Exception | None = None
+        self._failed = self.create_guard_condition(self._raise_failure)
+        self._thread = threading.Thread(target=self._run, name="rig", daemon=True)
+        self._thread.start()
+        self.create_timer(REPORT_PERIOD, self._report)
+        self._say(f"listening at UDP {address}:{port}")
 
-    def clock(self) -> float:
-        """The rig's clock [s]."""
-        return self._offset + (time.monotonic() - self._started) * (1.0 + self._drift)
+    def _refuse_unknown(self) -> None:
+        unknown = [name for name in self._parameter_overrides if not self.has_parameter(name)]
+        if unknown:
+            known = ", ".join(sorted(self._declared))
+            raise QuantityError(f"parameter '{unknown[0]}' is unknown; known: {known}")
 
-    def run(self, told_to_stop: threading.Event) -> None:
-        """Work until told to stop."""
-        while not told_to_stop.is_set():
-            for data in self._line.receive(POLL):
-                self._answer_to(data)
-                self._down.send(data, self.clock())
-            now = self.clock()
-            for data in self._down.due(now):
-                self._device.receive(data, now)
-            for data in self._device.advance(now):
-                self._up.send(data, now)
-            for data in self._up.due(now):
-                self._line.send(data)
-            for text in self._switches.receive(0.0):
-                self._take_switches(text)
-            self._show()
-        self._line.close()
-        self._switches.close()
+    def _say(self, sentence: str) -> None:
+        self.get_logger().info(sentence)
 
-    def _answer_to(self, data: bytes) -> None:
-        """A driver is answered that is obeyed, or that could be."""
-        packet = parse(data)
-        free = self._device.state in (DeviceState.OFF, DeviceState.FAULT)
-        if isinstance(packet, Heartbeat) and (free or packet.session == self._device.host):
-            self._line.answer()
-
-    def _take_switches(self, text: bytes) -> None:
+    def _run(self) -> None:
+        take_priority(PRIORITY)
         try:
-            faults = self._ankle.faults.with_switches(text.decode(errors="replace"))
-        except QuantityError as error:
-            answer = f"error: {error}"
-        else:
-            self._switch(faults)
-            answer = faults.line()
-        self._switches.answer()
-        self._switches.send(answer.encode())
+            self._rig.run(self._ended)
+        except Exception as error:
+            self._failure = error
+            self._failed.trigger()
 
-    def _switch(self, faults: Faults) -> None:
-        if faults.emergency_stop != self._ankle.faults.emergency_stop:
-            self._device.press_emergency_stop(bool(faults.emergency_stop), self.clock())
-        self._ankle.faults = self._down.faults = self._up.faults = faults
-        _say(f"fault switches: {faults.line()}")
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
 
-    def _show(self) -> None:
-        present = (self._device.state, self._device.fault.name)
-        if present != self._shown:
-            self._shown = present
-            _say(f"{present[0].name.lower()}, fault: {present[1].lower()}")
+    def _report(self) -> None:
+        device = self._rig.device
+        self.count("state", device.state.name.lower())
+        self.count("fault", device.fault.name.lower())
+        self.count("packets refused", sum(list(device.refusals.values())))
 
-
-def _say(sentence: str) -> None:
-    print(f"rig_emulator: {sentence}", flush=True)
+    def destroy_node(self) -> None:
+        """A rig without power."""
+        self._ended.set()
+        self._thread.join(timeout=2.0)
+        self._rig.close()
+        super().destroy_node()
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; errors that a user can act on are one line and exit code 1."""
-    told_to_stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: told_to_stop.set())
-    try:
-        values, setup = settings_from(sys.argv[1:] if arguments is None else arguments)
-        _say("preparing (compiles the simulation at the first start, about 20 s)")
-        emulator = RigEmulator(values, setup)
-        _say(f"listening at UDP {values['address']}:{values['port']}")
-        emulator.run(told_to_stop)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        return 1
-    return 0
+def make() -> RigEmulatorNode:
+    """The node with the model that its parameter names."""
+    return RigEmulatorNode(load_model(str(start_value(NAME, MODEL))))
+
+
+def main() -> int:
+    """Entry point of ``ros2 run rig_emulator rig_emulator``."""
+    return run(make)
 
 
 if __name__ == "__main__":

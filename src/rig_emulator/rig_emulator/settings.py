@@ -4,13 +4,11 @@ one set of rig and joint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
-import yaml
-
-from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS
-from ankle_actuator_driver.settings import DEVICE_PORT
-from ankle_interfaces.errors import QuantityError
+from ankle_actuator_driver.link.rig_link import DEVICE_PORT
+from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, Limits, limits_from
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_physics.actuator import Servo
 from ankle_physics.model import Model
@@ -18,9 +16,12 @@ from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import Setup
 from ankle_sim.parameters import MODEL, RIG_PARAMETERS, model_parameters, with_voluntary_torque
+from rig_emulator.faults import Faults
+
+ModelParameters = Mapping[str, tuple[Quantity, str, str]]
 
 LINE_PARAMETERS = (
-    Quantity("address", default="127.0.0.1", description="Address to receive at."),
+    Quantity("address", default="127.0.0.1", description="Address to receive at.", start_only=True),
     Quantity(
         "port",
         "1",
@@ -28,6 +29,13 @@ LINE_PARAMETERS = (
         65534,
         DEVICE_PORT,
         description="UDP port of the rig; fault switches are taken at the next one.",
+        start_only=True,
+    ),
+    Quantity(
+        "key_file",
+        default="",
+        description="File with the key that driver and rig share; empty: a dedicated line.",
+        start_only=True,
     ),
     Quantity(
         "rate",
@@ -36,6 +44,7 @@ LINE_PARAMETERS = (
         10_000.0,
         2048.0,
         description="Rate of servo and samples by the rig's own clock (paper: 2048).",
+        start_only=True,
     ),
     Quantity(
         "clock_drift",
@@ -44,6 +53,7 @@ LINE_PARAMETERS = (
         500e-6,
         50e-6,
         description="Seconds that the rig's clock gains in a second; a usual crystal.",
+        start_only=True,
     ),
     Quantity(
         "clock_offset",
@@ -52,81 +62,109 @@ LINE_PARAMETERS = (
         1e9,
         1000.0,
         description="The rig's clock at the start: it counts from its own power-on.",
+        start_only=True,
     ),
     Quantity(
-        "faults", default="none", description="Fault switches at the start, as 'drop=0.1,freeze=1'."
+        "faults",
+        default="none",
+        description="Fault switches at the start, as 'drop=0.1,freeze=1'.",
+        start_only=True,
     ),
 )
 # `wait_for_readers` is about topics, which the emulator does not have.
-_OF_RIG = tuple(parameter for parameter in RIG_PARAMETERS if parameter.name != "wait_for_readers")
+OF_RIG = tuple(parameter for parameter in RIG_PARAMETERS if parameter.name != "wait_for_readers")
+PARAMETERS = (
+    *LINE_PARAMETERS,
+    *(replace(parameter, start_only=True) for parameter in (*LIMIT_PARAMETERS, *OF_RIG)),
+)
 
 
-def given(arguments: Sequence[str]) -> dict[str, object]:
-    """The parameters in ``--ros-args -p name:=value ...``, as every other executable takes them;
-    remappings mean nothing here.
+@dataclass(frozen=True)
+class Settings:
+    """What a rig emulator is made of.
 
-    Raises
-    ------
-    QuantityError
-        Another argument.
+    Attributes
+    ----------
+    setup
+        Rig, joint and sensors.
+    limits
+        That the rig enforces.
+    rate
+        Of servo and samples [Hz].
+    clock_drift
+        Seconds that its clock gains in a second.
+    clock_offset
+        Its clock at the start [s].
+    noisy
+        Whether the samples have sensor noise.
+    faults
+        Switches at the start.
+    key
+        Shared with the driver; empty for none.
     """
-    found: dict[str, object] = {}
-    words = iter(word for word in arguments if word != "--ros-args")
-    for word in words:
-        value = next(words, "")
-        name, assigned, text = value.partition(":=")
-        if word == "-p" and assigned:
-            found[name] = yaml.safe_load(text)
-        elif word != "-r":
-            raise QuantityError(
-                f"'{word} {value}' is not understood; expected --ros-args -p name:=value"
-            )
-    return found
+
+    setup: Setup
+    limits: Limits
+    rate: float
+    clock_drift: float
+    clock_offset: float
+    noisy: bool
+    faults: Faults
+    key: bytes = b""
+
+    @classmethod
+    def defaults(cls, key: bytes = b"") -> Settings:
+        """The paper's joint on a rig with default parameters."""
+        model = load_model("")
+        values = {parameter.name: parameter.default for parameter in PARAMETERS}
+        return settings_from(values, model, key)
 
 
-def _check(parameters: Sequence[Quantity], wanted: dict[str, object]) -> dict[str, Value]:
-    return {
-        p.name: p.check(_number(wanted[p.name], p.default)) if p.name in wanted else p.default
-        for p in parameters
-    }
-
-
-def _number(value: object, default: Value) -> object:
-    # YAML 1.1 takes '5e-5' for text; rclpy does not.
-    if isinstance(value, str) and isinstance(default, float):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
-
-
-def settings_from(arguments: Sequence[str]) -> tuple[dict[str, Value], Setup]:
-    """The emulator's parameters by name, and the rig with its joint.
+def load_model(path: str) -> Model:
+    """The joint's model: of a file, or the paper's where the path is empty.
 
     Raises
     ------
-    QuantityError
-        An unknown parameter, or a value that is refused.
     ModelError
-        A model or scenario file that is refused.
+        A file that is refused.
     OSError
         One that cannot be read.
     """
-    wanted = given(arguments)
-    path = MODEL.check(wanted.get(MODEL.name, ""))
-    model = with_voluntary_torque(Model.load(str(path)) if path else Model.of())
-    of_model = model_parameters(model)
-    own = (*LINE_PARAMETERS, *LIMIT_PARAMETERS, *_OF_RIG)
-    unknown = set(wanted) - {parameter.name for parameter in own} - set(of_model)
-    if unknown:
-        raise QuantityError(
-            f"parameter '{sorted(unknown)[0]}' is unknown; known: "
-            f"{', '.join([p.name for p in own] + list(of_model))}"
-        )
-    values = _check(own, wanted)
-    for declared, term, symbol in of_model.values():
-        model.entry(term).values[symbol] = _check([declared], wanted)[declared.name]
+    return with_voluntary_torque(Model.load(path) if path else Model.of())
+
+
+def joint_parameters(model: Model) -> ModelParameters:
+    """Parameter, term and symbol of everything in a model that can be set at the start, by name."""
+    return {
+        name: (replace(declared, start_only=True), term, symbol)
+        for name, (declared, term, symbol) in model_parameters(model).items()
+    }
+
+
+def settings_from(values: Mapping[str, Value], model: Model, key: bytes = b"") -> Settings:
+    """The settings that parameters describe.
+
+    Parameters
+    ----------
+    values
+        Of `PARAMETERS`, by name; those of the model where they are given.
+    model
+        The joint; its values are changed to the given ones.
+    key
+        Shared with the driver.
+
+    Raises
+    ------
+    QuantityError
+        A fault switch that is refused.
+    ModelError
+        A scenario file that is refused.
+    OSError
+        One that cannot be read.
+    """
+    for name, (_, term, symbol) in joint_parameters(model).items():
+        if name in values:
+            model.entry(term).values[symbol] = values[name]
     scenario = Scenario.load(str(values["scenario"])) if values["scenario"] else Scenario([])
     setup = Setup(
         model,
@@ -138,4 +176,16 @@ def settings_from(arguments: Sequence[str]) -> tuple[dict[str, Value], Setup]:
         float(values["noise_amplitude"]),
         int(values["seed"]),
     )
-    return values, setup
+    return Settings(
+        setup,
+        limits_from(values),
+        float(values["rate"]),
+        float(values["clock_drift"]),
+        float(values["clock_offset"]),
+        bool(values["noise"]),
+        Faults().with_switches(str(values["faults"])),
+        key,
+    )
+
+
+__all__ = ["MODEL", "PARAMETERS", "Settings", "joint_parameters", "load_model", "settings_from"]

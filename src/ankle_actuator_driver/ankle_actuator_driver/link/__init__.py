@@ -1,1 +1,4 @@
-"""How the driver reaches a rig: packets, clocks and transports."""
+"""How the driver reaches a rig: one module a line, each with its class `Link` (see `rig_link`).
+
+`protocol` is what all lines that carry the packets of docs/rig_protocol.md share.
+"""

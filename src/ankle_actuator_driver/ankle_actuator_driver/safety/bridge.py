@@ -1,53 +1,74 @@
-"""The driver without ROS and sockets: references and commands in, packets out; packets in, samples
-out. In anybody's time.
+"""The driver without ROS, packets and sockets: references and commands in, orders out; reports of
+the rig in, samples out. In anybody's time.
 
 Two clocks come in with every call: `now` runs steadily and decides what is late, `ros` dates
-samples. What the bridge has to say waits in `outgoing` (packets), `samples` (blocks), `notes`
-(sentences) and `states.changes` until the caller takes it.
+samples. What the bridge has to say waits in `orders`, `samples` (blocks), `notes` (sentences) and
+`states.changes` until the caller takes it.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
-from ankle_actuator_driver.link.device_clock import DeviceClock
-from ankle_actuator_driver.link.packet import (
-    LARGEST_COUNT,
-    Heartbeat,
-    Reference,
-    Refusal,
-    StateReport,
-    build,
-    newer,
-    parse,
+from ankle_actuator_driver.safety.command_record import CommandRecord
+from ankle_actuator_driver.safety.continuation import (
+    LARGEST_BLOCK,
+    LONGEST_BUFFER,
+    RESUME_MARGIN,
+    Continuation,
+    Decision,
+    Verdict,
+    contradiction,
+    even_interval,
 )
-from ankle_actuator_driver.safety.encoder_check import EncoderCheck
 from ankle_actuator_driver.safety.limits import Limits
-from ankle_actuator_driver.safety.reference_playback import LONGEST_BUFFER
+from ankle_actuator_driver.safety.rig import (
+    DeviceState,
+    Event,
+    Interruption,
+    Order,
+    Purpose,
+    Remark,
+    RigReport,
+    Status,
+    Stretch,
+)
+from ankle_actuator_driver.safety.sensor_supervision import Expectations, SensorSupervision
 from ankle_actuator_driver.safety.soft_start import blend
 from ankle_actuator_driver.safety.states import Answer, SafetyStates, State
 from ankle_actuator_driver.safety.torque_yield import OF_DRIVER, TorqueYield
 from ankle_actuator_driver.safety.watchdog import HEARTBEAT_PERIOD, LOST_AFTER, Watchdog
-from ankle_interfaces.continuity import STEP_TOLERANCE
 
-IN_PACKET = 32
-"""Reference samples in a packet: one block of 2048 Hz at 64 Hz."""
-assert IN_PACKET <= LARGEST_COUNT
 CLOCK_STEP = 0.02
 """[s] A change of ROS time against the steady clock that is no slewing: NTP slews 20 ms in 40 s at
 the fastest.
-"""
-TORQUE_PATIENCE = 0.5
-"""[s] For which the torque may stay beyond its limit while the plate yields; the rig's own patience
-is shorter.
 """
 BEYOND_ANGLE = 0.02
 """[rad] How far the measured position may pass the angle limit: overshoot of the servo (5 %) and
 noise.
 """
+START_PATIENCE = 0.5
+"""[s] From the start to the first block of the reference; the plate is held meanwhile."""
+RESERVE = 0.01
+"""[s] Before the end of what was sent at which the plate is stopped: the stop shall reach the rig
+before it has nothing to follow.
+"""
+NOT_FOLLOWING = 0.015
+"""[rad] Between the path that was sent and what the rig says it commands: the clocks of both are
+known to 2 ms, and the plate is told to move at up to 5 rad/s.
+"""
+NOT_FOLLOWING_FOR = 0.06
+"""[s] For which it lasts: a bridged gap of 40 ms is another path for a moment."""
+YIELDED_FOR = 10.0
+"""[s] For which a rig that has yielded to a torque may be elsewhere: five of its time constants of
+2 s.
+"""
+OPERATOR_TIMEOUT = 2.0
+"""[s] The default of the time for which the operator's page may stay away: twenty of its messages,
+longer than a page needs to reload, and no longer than a person takes to look up."""
 
 
 class Bridge:
@@ -61,121 +82,202 @@ class Bridge:
         Duration of the start [s].
     reference_delay
         How much later than its time a reference is followed [s].
-    session
-        Number of this start, not 0.
+    fault
+        A fault that is still to be reset from before; empty for none.
 
     Attributes
     ----------
-    limits, soft_start
-        May be changed at any time; the latter counts from the next start on.
+    limits, soft_start, operator_timeout
+        May be changed at any time; the soft start counts from the next start on.
     states
         The state machine; commands go through `command`.
-    clock
-        The rig's clock.
-    outgoing
-        Packets to send.
+    sensors
+        What watches the sensors.
+    orders
+        To be sent, see `take_orders`.
     samples
         Blocks to publish: t [s], position [rad], velocity [rad/s], torque [N.m], shape (n, 4).
     notes
         Sentences that a person should know.
-    refusals
-        Packets from the rig that were refused, by reason.
-    missing
-        Samples lost on the way from the rig.
-    undated
-        Samples that came while the rig's clock was not known.
     unused
         Reference samples that came while nothing followed them.
+    left_out
+        Blocks of the reference that were not followed.
     """
 
     def __init__(
-        self, limits: Limits, soft_start: float, reference_delay: float, session: int
+        self, limits: Limits, soft_start: float, reference_delay: float, fault: str = ""
     ) -> None:
         self.limits, self.soft_start = limits, soft_start
-        self.states = SafetyStates()
-        self.clock = DeviceClock()
-        self.outgoing: list[bytes] = []
+        self.operator_timeout = OPERATOR_TIMEOUT
+        self.states = SafetyStates(fault)
+        self.sensors = SensorSupervision()
+        self.orders: list[Order] = []
         self.samples: list[np.ndarray] = []
         self.notes: list[str] = []
-        self.refusals: Counter[Refusal] = Counter()
-        self.missing = 0
-        self.undated = 0
         self.unused = 0
-        self._delay, self._session, self._sequence = reference_delay, session, 0
-        self._report: StateReport | None = None
-        self._rig, self._references = Watchdog(), Watchdog()
+        self.left_out = 0
+        self._delay = reference_delay
+        self._report: RigReport | None = None
+        self._rig, self._samples_came = Watchdog(), Watchdog()
+        self._listened = -math.inf
         self._next_heartbeat = -math.inf
         self._ros_offset: float | None = None
-        self._next_first: float | None = (
-            None  # the rig's time at which the next sample from it is due [s]
-        )
-        self._next_time = 0.0
         self._yield = TorqueYield(OF_DRIVER, limits.torque)
-        self._torque_since: float | None = None
-        self._encoder = EncoderCheck()
-        # Of the reference that is followed: where it began, and the last sample sent.
-        self._held, self._began, self._ramp, self._last = 0.0, 0.0, soft_start, (0.0, 0.0)
+        self._operator: float | None = None  # when the operator's page was heard in this arming
+        self._sources: tuple[str, ...] = ()
+        # Of the reference that is followed: where and when it began, and what was sent.
+        self._continuation, self._record = Continuation(), CommandRecord()
+        self._held, self._began, self._ramp = 0.0, math.nan, soft_start
+        self._started = -math.inf
+        self._yielded = -math.inf
+        self._elsewhere_since: float | None = None
+
+    @property
+    def report(self) -> RigReport | None:
+        """The newest report of the rig."""
+        return self._report
+
+    @property
+    def expectations(self) -> Expectations:
+        """What the sensors are held against; may be set at any time."""
+        return self.sensors.expectations
+
+    @expectations.setter
+    def expectations(self, expectations: Expectations) -> None:
+        self.sensors.expectations = expectations
+
+    # Commands
 
     def command(self, name: str, now: float, ros: float) -> Answer:
         """Carry out ``arm``, ``start``, ``stop``, ``disarm`` or ``reset_fault``; the rig is told at
         once.
         """
+        if name in ("arm", "start") and len(self._sources) > 1:
+            return Answer(False, f"{name} is refused: {self._two_sources()}")
         answer: Answer = getattr(self.states, name)(now)
-        if answer.done and self.states.state is State.RUNNING:
+        if answer.done and name == "arm":
+            self._operator = None
+            self.sensors.forget_joint()
+        if answer.done and name == "start":
             self._begin(now)
-        self._beat(now, ros)
+        self._order(now, Purpose.STOP if name in ("stop", "disarm") else Purpose.HEARTBEAT)
         return answer
 
     def _begin(self, now: float) -> None:
         assert self._report is not None
-        self._references.feed(now)
+        self._started = now
         self._yield.forget()
-        self._encoder.forget()
-        self._torque_since = None
+        self.sensors.forget()
         self._held, self._began, self._ramp = self._report.commanded, math.nan, self.soft_start
-        self._last = (math.nan, self._held)
+        self._continuation.begin(self._held)
+        self._record.hold(self._held)
+        self._elsewhere_since = None
 
-    def advance(self, now: float, ros: float) -> None:
-        """Let time pass: watchdogs and heartbeats. To be called every few milliseconds."""
-        self._follow_ros_clock(now, ros)
-        before = self.states.wanted
-        if self._rig.expired(now) and self._report is not None:
-            self.states.lost(f"nothing valid came from the rig for {1e3 * LOST_AFTER:.0f} ms", now)
-        if self.states.state is State.RUNNING and self._references.expired(now):
-            self.states.stop(now, f"no valid reference for {1e3 * LOST_AFTER:.0f} ms")
-            self.notes.append(self.states.reason)
-        if now >= self._next_heartbeat or self.states.wanted is not before:
-            self._beat(now, ros)
+    def operator_alive(self, now: float) -> None:
+        """The operator's page says that somebody watches."""
+        if self.states.state in (State.ARMED, State.RUNNING):
+            self._operator = now
 
-    def _follow_ros_clock(self, now: float, ros: float) -> None:
-        offset = ros - now
-        if self._ros_offset is not None and abs(offset - self._ros_offset) > CLOCK_STEP:
-            sentence = f"ROS time was set by {offset - self._ros_offset:+.3f} s"
-            self.notes.append(sentence)
-            self.clock.restart()
-            self._next_first = None
-            self.states.lost(sentence, now)
-        self._ros_offset = offset
+    def reference_sources(self, names: Sequence[str], now: float) -> None:
+        """Who publishes the reference: more than one is a fault while the rig is powered, and
+        refused before.
 
-    def _next_sequence(self) -> int:
-        self._sequence = (self._sequence + 1) % 2**32
-        return self._sequence
+        Parameters
+        ----------
+        names
+            Full names of the publishing nodes.
+        """
+        self._sources = tuple(sorted(names))
+        if len(self._sources) > 1 and self.states.state in (State.ARMED, State.RUNNING):
+            self.states.trip(self._two_sources(), now)
+            self._order(now, Purpose.STOP)
 
-    @property
-    def _heard(self) -> int:
-        return self._report.sequence if self._report is not None else 0
-
-    def _beat(self, now: float, ros: float) -> None:
-        self._next_heartbeat = now + HEARTBEAT_PERIOD
-        packet = Heartbeat(
-            self._session,
-            self._next_sequence(),
-            round(ros * 1e9),
-            self.states.wanted,
-            self.states.resets,
-            self._heard,
+    def _two_sources(self) -> str:
+        return (
+            f"{len(self._sources)} nodes publish the reference ({', '.join(self._sources)}); end "
+            "all but one (one that was killed is still listed for up to 20 s)"
         )
-        self.outgoing.append(build(packet))
+
+    # Time
+
+    def advance(self, now: float, ros: float) -> bool:
+        """Let time pass: watchdogs and heartbeats. To be called every few milliseconds, by whoever
+        hears the rig.
+
+        Returns
+        -------
+        bool
+            Whether ROS time was set, so that the mapping of the rig's clock has to begin again.
+        """
+        self._listened = now
+        was_set = self._follow_ros_clock(now, ros)
+        before = self.states.wanted
+        if self._report is not None and self._rig.expired(now):
+            self.states.lost(f"nothing valid came from the rig for {1e3 * LOST_AFTER:.0f} ms", now)
+        state = self.states.state
+        if state is State.RUNNING:
+            self._watch_reference(now, ros)
+        if state in (State.ARMED, State.RUNNING):
+            self._watch_operator(now)
+            if self._samples_came.expired(now):
+                self.states.trip(
+                    f"the rig sent no samples for {1e3 * LOST_AFTER:.0f} ms though it is heard", now
+                )
+        if now >= self._next_heartbeat or self.states.wanted is not before:
+            self._order(now, Purpose.HEARTBEAT)
+        return was_set
+
+    def _watch_reference(self, now: float, ros: float) -> None:
+        end = self._continuation.end
+        if math.isnan(end):
+            lost = now - self._started > START_PATIENCE
+            reason = f"no valid reference came within {START_PATIENCE:g} s of the start"
+        else:
+            lost = ros > end - RESERVE
+            reason = "no further reference came in time: what was sent is over"
+        if lost:
+            self.states.stop(now, reason)
+            self.notes.append(reason)
+
+    def _watch_operator(self, now: float) -> None:
+        if self._operator is not None and now - self._operator > self.operator_timeout:
+            reason = f"the operator's page was not heard for {self.operator_timeout:g} s"
+            self.states.stop(now, reason)
+            self.notes.append(reason)
+
+    def _follow_ros_clock(self, now: float, ros: float) -> bool:
+        offset = ros - now
+        was_set = self._ros_offset is not None and abs(offset - self._ros_offset) > CLOCK_STEP
+        if was_set:
+            sentence = f"ROS time was set by {offset - (self._ros_offset or 0.0):+.3f} s"
+            self.notes.append(sentence)
+            self.states.lost(sentence, now, silent=False)
+        self._ros_offset = offset
+        return was_set
+
+    # Orders
+
+    def _order(self, now: float, purpose: Purpose) -> None:
+        self._next_heartbeat = now + HEARTBEAT_PERIOD
+        if not self.states.silent:
+            self.orders.append(Order(self.states.wanted, self.states.resets, purpose))
+
+    def take_orders(self, now: float) -> list[Order]:
+        """The orders to send, which are then forgotten here.
+
+        A driver that no longer hears the rig sends nothing but a stop: what it would say is not
+        founded on anything. References wait; those that are overtaken by a stop are dropped.
+        """
+        if any(order.purpose is Purpose.STOP for order in self.orders):
+            self.orders = [order for order in self.orders if order.purpose is Purpose.STOP]
+        elif now - self._listened > LOST_AFTER:
+            self.orders = [order for order in self.orders if order.stretch is not None]
+            return []
+        if self.states.state is not State.RUNNING:
+            self.orders = [order for order in self.orders if order.stretch is None]
+        orders, self.orders = self.orders, []
+        return orders
 
     def reference(self, time: np.ndarray, motion: np.ndarray, now: float, ros: float) -> None:
         """Take in a stretch of reference.
@@ -190,13 +292,33 @@ class Bridge:
         if self.states.state is not State.RUNNING or not len(time):
             self.unused += len(time)
             return
-        time = time + self._delay
-        interval = self._spacing(time)
-        if not (np.isfinite(time).all() and np.isfinite(motion).all()) or interval is None:
-            self.notes.append(
-                "a block of the reference that is not finite or not evenly spaced is not followed"
-            )
+        if len(time) > LARGEST_BLOCK:
+            self._leave_out(f"a block of {len(time)} samples is longer than {LARGEST_BLOCK}")
             return
+        time = time + self._delay
+        interval = even_interval(time)
+        if interval is None or not np.isfinite(motion).all():
+            self._leave_out("a block that is not finite or not evenly spaced is not followed")
+            return
+        decision = self._judge(time, motion, interval, now, ros)
+        if decision.verdict is Verdict.LEFT_OUT:
+            self._leave_out(decision.sentence)
+        elif decision.verdict is Verdict.STOPS:
+            self.states.stop(now, decision.sentence)
+            self.notes.append(decision.sentence)
+            self._order(now, Purpose.STOP)
+        elif decision.verdict is Verdict.FAULT:
+            self.states.trip(decision.sentence, now)
+            self._order(now, Purpose.STOP)
+
+    def _leave_out(self, why: str) -> None:
+        self.left_out += 1
+        self.notes.append(f"reference: {why}")
+
+    def _judge(
+        self, time: np.ndarray, motion: np.ndarray, interval: float, now: float, ros: float
+    ) -> Decision:
+        """What becomes of a finite, evenly spaced stretch; one that is followed is sent."""
         ahead = float(time[-1]) - ros
         if not 0.0 < ahead < LONGEST_BUFFER:
             early = (
@@ -204,157 +326,108 @@ class Bridge:
                 if ahead <= 0
                 else f"is {ahead:.3g} s ahead of its time"
             )
-            self.notes.append(
-                f"a block of the reference {early} and is not followed; see "
-                "perturbation_generator.lead and reference_delay"
+            return Decision(
+                Verdict.LEFT_OUT,
+                f"a block {early} and is not followed; see perturbation_generator.lead and "
+                "reference_delay",
             )
-            return
+        turn = self._continuation.order_of(time, interval)
+        if turn.verdict is not Verdict.FOLLOWED:
+            return turn
+        if contradicting := contradiction(motion, interval, self.limits):
+            return Decision(Verdict.FAULT, f"reference refused: {contradicting}")
         if math.isnan(self._began):
+            # A start lies ahead, whatever the block's first samples are.
+            kept = time > ros + RESUME_MARGIN
+            if np.count_nonzero(kept) < 2:
+                return Decision(Verdict.LEFT_OUT, "a block too late for the start")
+            time, motion = time[kept], motion[kept]
             self._began = float(time[0])
         shaped = blend(motion, np.maximum(time - self._began, 0.0), self._ramp, self._held)
+        self._yield.soften(ahead)
         shaped = shaped + self._yield.stretch(len(time), interval)
-        at, position = self._last
-        contiguous = (
-            math.isnan(at) or abs(float(time[0]) - at - interval) < STEP_TOLERANCE * interval
-        )
-        passed = self.limits.passed_by(shaped, interval, position if contiguous else None)
-        if passed:
-            self.states.trip(f"reference refused: {passed}", now)
-            self._beat(now, ros)
-            return
-        self._last = (float(time[-1]), float(shaped[-1, 0]))
-        self._references.feed(now)
-        self._send(time, shaped, ros)
-
-    def _spacing(self, time: np.ndarray) -> float | None:
-        """The interval between samples [s]; None where they are not evenly spaced, or one sample
-        does not tell.
-        """
-        if len(time) < 2:
-            return None
-        steps = np.diff(time)
-        interval = float(time[-1] - time[0]) / len(steps)
-        return (
-            interval
-            if interval > 0 and np.abs(steps - interval).max() < STEP_TOLERANCE * interval
-            else None
-        )
-
-    def _send(self, time: np.ndarray, motion: np.ndarray, ros: float) -> None:
-        first, end = self.clock.to_device(float(time[0])), self.clock.to_device(float(time[-1]))
-        interval = (end - first) / (len(time) - 1)
-        for k in range(0, len(time), IN_PACKET):
-            packet = Reference(
-                self._session,
-                self._next_sequence(),
-                round(ros * 1e9),
-                self.states.wanted,
-                self.states.resets,
-                self._heard,
-                round((first + k * interval) * 1e9),
-                interval,
-                motion[k : k + IN_PACKET],
+        decision = self._continuation.judge(time, shaped, self.limits, ros)
+        if decision.verdict is Verdict.FOLLOWED:
+            self._continuation.accept(time, shaped)
+            self._record.add(time, shaped, ros)
+            self._next_heartbeat = now + HEARTBEAT_PERIOD
+            states = self.states
+            self.orders.append(
+                Order(states.wanted, states.resets, Purpose.REFERENCE, Stretch(time, shaped))
             )
-            self.outgoing.append(build(packet))
+        return decision
 
-    def take(self, data: bytes, now: float, ros: float) -> None:
-        """Take in bytes from the line."""
-        packet = parse(data)
-        if isinstance(packet, Heartbeat):
-            packet = Refusal.DIRECTION
-        if isinstance(packet, StateReport):
-            last = self._report
-            if last is not None and packet.session != last.session:
-                if not self._rig.expired(now):
-                    packet = Refusal.SESSION
-                else:
-                    self._new_rig(now)
-            elif last is not None and not newer(packet.sequence, last.sequence):
-                packet = Refusal.OLD
-        if isinstance(packet, Refusal):
-            self.refusals[packet] += 1
-            return
+    # Reports
+
+    def take(self, event: Event, now: float) -> None:
+        """Take in what the link gives; `now` [s] is when it came."""
+        if isinstance(event, Remark):
+            self.notes.append(event.sentence)
+        elif isinstance(event, Interruption):
+            self.notes.append(event.sentence)
+            self.states.lost(event.sentence, now)
+        else:
+            self._take_report(event, now)
+
+    def _take_report(self, report: RigReport, now: float) -> None:
         self._rig.feed(now)
-        ours = packet.host == self._session
-        echo = 1e-9 * packet.echo if ours else math.nan
-        note = self.clock.exchange(1e-9 * packet.sent, ros, echo, 1e-9 * packet.echo_received)
-        if note:
-            self.notes.append(note)
-            self._next_first = None
-            self.states.lost(note, now)
-        before = self.states.wanted
-        self.states.heard(packet, self.clock.ready, ours, now)
-        self._report = packet
-        self._give_out(packet)
-        self._look(packet, now)
-        if self.states.wanted is not before:
-            self._beat(now, ros)
-
-    def _new_rig(self, now: float) -> None:
-        self.notes.append("the rig has started anew")
-        self.clock.restart()
-        self._report, self._next_first = None, None
-        self.states.lost("the rig has started anew", now)
-
-    def _give_out(self, report: StateReport) -> None:
-        """Publish the samples of a packet in ROS time."""
-        count = len(report.samples)
-        if not count or not self.clock.ready:
-            self.undated += count
-            return
-        first = 1e-9 * report.first
-        if self._next_first is not None:
-            lost = round((first - self._next_first) / report.interval)
-            if lost < 0:
-                self.refusals[Refusal.TIME] += 1
-                return
-            if lost:
-                self.missing += lost
-                self.notes.append(
-                    f"{lost} samples ({lost * report.interval:.3f} s) from the rig were lost on "
-                    "the way"
-                )
-        self._next_first = first + count * report.interval
-        start, end = self.clock.to_ros(first), self.clock.to_ros(self._next_first)
-        time = start + (end - start) * np.arange(count) / count
-        self.samples.append(np.column_stack([time, report.samples]))
-
-    def _look(self, report: StateReport, now: float) -> None:
-        """What the sensors say of a powered plate, seen from here."""
+        before, confirmed = self.states.wanted, self.states.confirmed
+        self.states.heard(report, now)
+        self._report = report
+        if self.states.confirmed and not confirmed and self.states.state is State.ARMED:
+            self._record.hold(report.commanded)
         powered = self.states.state in (State.ARMED, State.RUNNING)
-        if not powered or not len(report.samples):
+        if report.received or not powered:
+            self._samples_came.feed(now)
+        if len(report.time):
+            self.samples.append(np.column_stack([report.time, report.samples]))
+        self._supervise(report, now)
+        if self.states.wanted is not before:
+            self._order(now, Purpose.HEARTBEAT)
+
+    def _supervise(self, report: RigReport, now: float) -> None:
+        """What the rig and its sensors say of a powered plate, seen from here."""
+        if report.status & Status.YIELDING:
+            self._yielded = now
+        settled = (
+            self.states.state in (State.ARMED, State.RUNNING)
+            and self.states.confirmed
+            and report.state in (DeviceState.HOLD, DeviceState.FOLLOW)
+        )
+        if not settled or not len(report.time):
             self._yield.measure(0.0)
+            if not settled:
+                self.sensors.forget()
             return
-        position, torque = float(report.samples[-1, 0]), float(report.samples[:, 2].mean())
         self._yield.limit = self.limits.torque
-        self._yield.measure(torque)
-        if not self._yield.excess:
-            self._torque_since = None
-        elif self._torque_since is None:
-            self._torque_since = now
-        elif now - self._torque_since > TORQUE_PATIENCE:
-            self.states.trip(
-                f"torque of {torque:.3g} N.m stays beyond the limit of {self.limits.torque:g} N.m",
-                now,
+        self._yield.measure(float(report.samples[:, 2].mean()))
+        sent = self._record.positions(report.time)
+        elsewhere = report.commanded - float(sent[-1])
+        fault = self._elsewhere(elsewhere, now) or self._beyond_angle(report)
+        fault = fault or self.sensors.fault(
+            report.time, sent + elsewhere, report.samples, self.limits.torque
+        )
+        if fault:
+            self.states.trip(fault, now)
+
+    def _elsewhere(self, difference: float, now: float) -> str | None:
+        """Whether the rig commands something else than what it was sent."""
+        if abs(difference) <= NOT_FOLLOWING or now - self._yielded < YIELDED_FOR:
+            self._elsewhere_since = None
+        elif self._elsewhere_since is None:
+            self._elsewhere_since = now
+        elif now - self._elsewhere_since > NOT_FOLLOWING_FOR:
+            return (
+                f"the rig commands a position that is {difference:+.3g} rad from the reference "
+                "that it was sent"
             )
+        return None
+
+    def _beyond_angle(self, report: RigReport) -> str | None:
+        position = float(report.samples[-1, 0])
         if abs(position) > self.limits.angle + BEYOND_ANGLE:
-            self.states.trip(
+            return (
                 f"measured position of {position:.3g} rad passes the limit of "
-                f"{self.limits.angle:g} rad",
-                now,
+                f"{self.limits.angle:g} rad"
             )
-        if self._encoder.stuck(1e-9 * report.first, report.commanded, position):
-            self.states.trip(
-                "the measured position does not move though the plate was told to: encoder stuck",
-                now,
-            )
-
-    def take_outgoing(self) -> list[bytes]:
-        """The packets to send, which are then forgotten here."""
-        packets, self.outgoing = self.outgoing, []
-        return packets
-
-    @property
-    def report(self) -> StateReport | None:
-        """The newest packet from the rig."""
-        return self._report
+        return None

@@ -1,21 +1,22 @@
-"""Whether the position sensor still tells the truth, seen from what the plate was told."""
+"""Whether the position sensor still follows what the plate was told."""
 
 from __future__ import annotations
 
 from collections import deque
 
-COMMANDED = 0.005
-"""[rad] A command that has moved by this much has to be seen: an eighth of the paper's
-perturbation.
+COMMANDED = 1e-3
+"""[rad] A command that has moved by this much has to be seen: a fortieth of the paper's
+perturbation, four times what an encoder's noise of 4.5e-5 rad spans in a window.
 """
-SEEN = 1e-6
-"""[rad] Least change of a living encoder while the plate moves: a SinCos encoder resolves that."""
+FOLLOWED = 0.3
+"""Least part of the command's movement that the measured position shows. A 30 Hz servo shows all of
+it, one that gives way to the torque of a stiff ankle more than half."""
 RESPONSE = 0.03
 """[s] After which the plate has begun to follow: twice the delay of a 30 Hz servo and of the
 sensor's filter.
 """
 WINDOW = 0.15
-"""[s] Looked back; short against the 250 ms within which a fault has to stop the rig."""
+"""[s] Looked back; short against the 200 ms within which a sensor's fault has to stop the rig."""
 
 
 class EncoderCheck:
@@ -25,7 +26,7 @@ class EncoderCheck:
         self._entries: deque[tuple[float, float, float]] = deque()
 
     def stuck(self, time: float, commanded: float, measured: float) -> bool:
-        """Whether the encoder has not moved though the plate was told to, after a further pair of
+        """Whether the encoder does not follow what the plate was told, after a further pair of
         positions.
 
         Parameters
@@ -39,11 +40,12 @@ class EncoderCheck:
         entries.append((time, commanded, measured))
         while entries[0][0] < time - WINDOW:
             entries.popleft()
-        seen = [entry[2] for entry in entries]
-        if max(seen) - min(seen) >= SEEN:
+        wanted = [entry[1] for entry in entries if entry[0] <= time - RESPONSE]
+        if not wanted:
             return False
-        told = [entry[1] for entry in entries if entry[0] <= time - RESPONSE]
-        return bool(told) and max(told) - min(told) > COMMANDED
+        asked = max(wanted) - min(wanted)
+        seen = [entry[2] for entry in entries]
+        return asked > COMMANDED and max(seen) - min(seen) < FOLLOWED * asked
 
     def forget(self) -> None:
         """Begin again."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ankle_actuator_driver.safety.interpolated_path import Path
 from ankle_actuator_driver.safety.stop_motion import stopping_distance
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
@@ -19,6 +20,9 @@ BETWEEN_SAMPLES = 0.02
 """Differences of positions may pass the limits by this part: the largest velocity can lie between
 two samples.
 """
+
+ON_THE_PATH = 1e-6
+"""The path between samples may pass a limit by this part: the rounding of its polynomials."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +65,8 @@ class Limits:
         it keeps within all.
 
         The stated velocity and acceleration are checked, and those of the positions' differences
-        too: a reference whose columns contradict each other is no less fast. A reference that moves
-            outwards must leave room to stop.
+        too: a reference whose columns contradict each other is no less fast. A reference that
+        moves outwards must leave room to stop.
 
         Parameters
         ----------
@@ -89,6 +93,12 @@ class Limits:
         ).max()
         if end > self.angle * (1 + ROUNDING):
             return f"a stop would end at {end:.4g} rad, beyond the limit of {self.angle:g} rad"
+        return self._passed_by_steps(motion, interval, before)
+
+    def _passed_by_steps(
+        self, motion: np.ndarray, interval: float, before: float | None
+    ) -> str | None:
+        """The limit that the differences of the positions pass."""
         position = motion[:, 0] if before is None else np.concatenate([[before], motion[:, 0]])
         steps = np.diff(position)
         if not len(steps):
@@ -110,6 +120,38 @@ class Limits:
                     f"positions that accelerate at {sharpest:.4g} rad/s^2 pass the limit of "
                     f"{self.acceleration:g} rad/s^2"
                 )
+        return None
+
+    def passed_on(self, path: Path) -> str | None:
+        """What the path that the rig makes of a reference passes between the samples; None where
+        it keeps within all.
+
+        Parameters
+        ----------
+        path
+            Interpolated, as `interpolated_path.path_through` gives it.
+        """
+        slack = 1 + ON_THE_PATH
+        position = float(np.abs(path.position).max())
+        if position > self.angle * slack:
+            return f"the path reaches {position:.4g} rad, beyond the limit of {self.angle:g} rad"
+        velocity = float(np.abs(path.velocity).max())
+        if velocity > self.velocity * slack:
+            return (
+                f"the path moves at {velocity:.4g} rad/s, beyond the limit of "
+                f"{self.velocity:g} rad/s"
+            )
+        if path.largest_acceleration > self.acceleration * slack:
+            return (
+                f"the path accelerates at {path.largest_acceleration:.4g} rad/s^2, beyond the "
+                f"limit of {self.acceleration:g} rad/s^2"
+            )
+        stops = path.position + np.sign(path.velocity) * stopping_distance(
+            path.velocity, self.acceleration
+        )
+        end = float(np.abs(stops).max())
+        if end > self.angle * slack:
+            return f"a stop on the path would end at {end:.4g} rad, beyond {self.angle:g} rad"
         return None
 
     def require_within(self, hard: Limits) -> None:

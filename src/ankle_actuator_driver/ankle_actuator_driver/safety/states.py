@@ -1,10 +1,10 @@
 """The states of the driver: what may follow what, who may ask for it, and what the rig is told
 meanwhile.
 
-    disabled --link up--> ready --arm--> armed --start--> running
-    ready <--disarm, stop-- armed        running --stop, reference lost--> stopping --standstill-->
-    ready any state --fault--> fault (through stopping, when the plate may move)     fault
-    --reset_fault--> disabled
+    disabled --rig heard, its clock known--> ready --arm--> armed --start--> running
+    armed, running --stop, disarm, reference lost--> stopping --rig is off--> ready
+    any state --fault--> fault (through stopping, while the plate may move)
+    fault --reset_fault--> disabled
 
 A pure state machine: it is told the time [s] of any steadily running clock and has none of its own.
 """
@@ -14,7 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from ankle_actuator_driver.link.packet import DeviceFault, DeviceState, StateReport, Status, Wanted
+from ankle_actuator_driver.safety.rig import (
+    UNPOWERED,
+    DeviceFault,
+    DeviceState,
+    RigReport,
+    Status,
+    Wanted,
+)
 
 CONFIRMATION = 0.5
 """[s] Within which the rig has to do what it was told. Its stop takes 0.25 s at most; the rest is
@@ -40,7 +47,15 @@ _ANSWER = {Wanted.HOLD: DeviceState.HOLD, Wanted.FOLLOW: DeviceState.FOLLOW}
 
 @dataclass(frozen=True)
 class Answer:
-    """To an operator's command: whether it was carried out, and a sentence."""
+    """To an operator's command.
+
+    Attributes
+    ----------
+    done
+        Whether it was carried out.
+    sentence
+        What was done, or why not.
+    """
 
     done: bool
     sentence: str
@@ -49,27 +64,39 @@ class Answer:
 class SafetyStates:
     """Follows commands and the rig.
 
+    Parameters
+    ----------
+    fault
+        A fault that is still to be reset from before; empty for none.
+
     Attributes
     ----------
     state
         Now.
     reason
         Why it is so, in words; empty where nothing needs a reason.
+    confirmed
+        Whether the rig does what an armed or running driver wants.
+    silent
+        Whether the rig gets no heartbeats because it does not switch off: its own watchdog is to
+        stop it.
     resets
         Number of fault resets, modulo 256, which the rig is told.
     changes
         Every (state, reason) entered since the caller last emptied the list.
     """
 
-    def __init__(self) -> None:
-        self.state = State.DISABLED
-        self.reason = "no rig was heard yet"
+    def __init__(self, fault: str = "") -> None:
+        self.state = State.FAULT if fault else State.DISABLED
+        self.reason = fault or "no rig was heard yet"
+        self.confirmed = False
+        self.silent = False
         self.resets = 0
         self.changes: list[tuple[State, str]] = []
         self._since = 0.0
-        self._confirmed = False
         self._fault = ""  # what `stopping` ends in: a fault, or `ready` where empty
         self._cause: str | None = None  # of a fault that is still there
+        self._powered_since: float | None = None  # the rig, though it should be off
 
     @property
     def wanted(self) -> Wanted:
@@ -79,7 +106,7 @@ class SafetyStates:
     def _enter(self, state: State, now: float, reason: str = "") -> None:
         if (state, reason) != (self.state, self.reason):
             self.changes.append((state, reason))
-        self.state, self.reason, self._since, self._confirmed = state, reason, now, False
+        self.state, self.reason, self._since, self.confirmed = state, reason, now, False
 
     def _refuse(self, command: str) -> Answer:
         why = f" ({self.reason})" if self.reason else ""
@@ -98,7 +125,7 @@ class SafetyStates:
         """
         if self.state is not State.ARMED:
             return self._refuse("start")
-        if not self._confirmed:
+        if not self.confirmed:
             return Answer(
                 False,
                 "start is refused: the rig has not confirmed yet that it holds the plate; try "
@@ -109,11 +136,9 @@ class SafetyStates:
 
     def stop(self, now: float, reason: str = "stopped by the operator") -> Answer:
         """Bring the plate to rest and switch the drive off; from any state, never refused."""
-        if self.state is State.RUNNING:
+        if self.state in (State.ARMED, State.RUNNING):
             self._fault = ""
             self._enter(State.STOPPING, now, reason)
-        elif self.state is State.ARMED:
-            self._enter(State.READY, now, reason)
         return Answer(True, f"stop: the driver is {self.state.value}")
 
     def disarm(self, now: float) -> Answer:
@@ -140,9 +165,9 @@ class SafetyStates:
         elif self.state is not State.FAULT:
             self._enter(State.FAULT, now, fault)
 
-    def lost(self, what: str, now: float) -> None:
-        """The rig is not heard, or its clock is not known any more."""
-        self._cause = None
+    def lost(self, what: str, now: float, silent: bool = True) -> None:
+        """The rig is not heard (`silent`), or its clock is not known any more."""
+        self._cause = f"{what}; a fault is reset when the rig is heard" if silent else None
         if self.state is State.READY:
             self._enter(State.DISABLED, now, what)
         elif self.state is State.DISABLED:
@@ -152,67 +177,75 @@ class SafetyStates:
             if self.state is State.STOPPING and now - self._since > CONFIRMATION:
                 self._enter(State.FAULT, now, self._fault)
 
-    def heard(self, report: StateReport, clock_ready: bool, ours: bool, now: float) -> None:
-        """Take in what the rig says.
-
-        Parameters
-        ----------
-        report
-            Its packet.
-        clock_ready
-            Whether the rig's time can be told in ROS time.
-        ours
-            Whether the rig obeys this driver.
-        now
-            [s].
-        """
+    def heard(self, report: RigReport, now: float) -> None:
+        """Take in what the rig says, at a time [s]."""
         self._cause = None
         if report.status & Status.EMERGENCY_STOP_PRESSED:
             self._cause = "the rig's emergency stop is pressed"
         if self.state is State.DISABLED:
-            self._enable(report, clock_ready, ours, now)
+            self._enable(report, now)
         elif report.fault is not DeviceFault.NONE and self.state is not State.FAULT:
             self.trip(f"the rig reports {describe(report.fault)}", now)
         if self.state is State.STOPPING:
-            if report.state in (DeviceState.OFF, DeviceState.FAULT):
-                self._enter(State.FAULT, now, self._fault) if self._fault else self._enter(
-                    State.READY, now, self.reason
-                )
-            elif now - self._since > CONFIRMATION:
-                self._enter(
-                    State.FAULT, now, self._fault or "the rig did not confirm that it stopped"
-                )
+            self._await_off(report, now)
         elif self.state in (State.ARMED, State.RUNNING):
-            self._compare(report, ours, now)
+            self._compare(report, now)
+        self._watch_power(report, now)
 
-    def _enable(self, report: StateReport, clock_ready: bool, ours: bool, now: float) -> None:
+    def _enable(self, report: RigReport, now: float) -> None:
         if report.fault is not DeviceFault.NONE:
             # A fault that began before this driver, or that the last reset has not reached yet.
             if now - self._since > CONFIRMATION:
                 self._enter(State.FAULT, now, f"the rig reports {describe(report.fault)}")
-        elif not ours:
+        elif not report.obeys:
             self.reason = "the rig does not obey this driver (yet)"
-        elif not clock_ready:
+        elif not report.clock_ready:
             self.reason = "the rig's clock is being measured"
         elif report.state is DeviceState.OFF:
             self._enter(State.READY, now)
 
-    def _compare(self, report: StateReport, ours: bool, now: float) -> None:
+    def _await_off(self, report: RigReport, now: float) -> None:
+        """Leave `stopping` once the rig says that it is off, having heard that it should be."""
+        off = report.state is DeviceState.FAULT or (
+            report.state is DeviceState.OFF and (report.answered or not report.obeys)
+        )
+        if off and self._fault:
+            self._enter(State.FAULT, now, self._fault)
+        elif off:
+            self._enter(State.READY, now, self.reason)
+        elif now - self._since > CONFIRMATION:
+            self._enter(State.FAULT, now, self._fault or "the rig did not confirm that it stopped")
+
+    def _compare(self, report: RigReport, now: float) -> None:
         """Whether an armed or running rig does what it was told."""
-        if not ours:
+        if not report.obeys:
             self.trip("the rig obeys another driver", now)
         elif report.state is _ANSWER[self.wanted]:
-            self._confirmed = True
+            self.confirmed = True
         elif (
-            self.state is State.RUNNING
-            and self._confirmed
-            and report.status & Status.REFERENCE_LOST
+            self.state is State.RUNNING and self.confirmed and report.status & Status.REFERENCE_LOST
         ):
             self.stop(now, "the rig got no reference in time")
-        elif self._confirmed or now - self._since > CONFIRMATION:
+        elif self.confirmed or now - self._since > CONFIRMATION:
             self.trip(
                 f"the rig is {report.state.name.lower()} where it should "
                 f"{self.wanted.name.lower()}",
+                now,
+            )
+
+    def _watch_power(self, report: RigReport, now: float) -> None:
+        """A rig that is powered though it should be off gets no more heartbeats."""
+        if self.wanted is not Wanted.OFF or report.state in UNPOWERED or not report.obeys:
+            self._powered_since = None
+            self.silent = False
+            return
+        if self._powered_since is None:
+            self._powered_since = now
+        if now - self._powered_since > CONFIRMATION:
+            self.silent = True
+            self.trip(
+                f"the rig is {report.state.name.lower()} though it was told to switch off; it "
+                "gets no heartbeats any more",
                 now,
             )
 

@@ -71,7 +71,9 @@ class StopMotion:
         return cls(position, velocity, max(duration, 1.5 * speed / acceleration))
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Position [rad], velocity [rad/s] and acceleration [rad/s^2] so long [s] after its begin."""  # noqa: E501
+        """Position [rad], velocity [rad/s] and acceleration [rad/s^2] so long [s] after its
+        begin.
+        """
         if time >= self.duration:
             return self.position + 0.5 * self.velocity * self.duration, 0.0, 0.0
         s = max(time, 0.0) / self.duration

@@ -13,7 +13,7 @@ y' < 0.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Admittance:
     Attributes
     ----------
     damping
-        B, torque above the limit for each rad/s of yielding [N.m.s/rad].
+        b, torque above the limit for each rad/s of yielding [N.m.s/rad].
     lag
         Time constant of the yielding velocity [s].
     """
@@ -48,9 +48,14 @@ OF_RIG = Admittance(20.0, 0.005)
 stable, K * delay / b < 0.5, up to 500 N.m/rad, more than any contracted ankle. 10 N.m above the
 limit then yields with 0.5 rad/s."""
 OF_DRIVER = Admittance(200.0, 0.05)
-"""The driver's: the reference leaves 0.1 s before its time and the torque comes a block later, a
-delay of 0.2 s: stable up to the same 500 N.m/rad with b = 200. It acts where the rig's own does not
-hold the limit."""
+"""The driver's, for a reference that leaves 0.1 s before its time: the torque comes a block later,
+a delay of 0.2 s; stable up to the same 500 N.m/rad with b = 200. It acts where the rig's own does
+not hold the limit. A reference further ahead needs more, see `TorqueYield.soften`."""
+STIFFEST_JOINT = 500.0
+"""[N.m/rad] Up to which yielding is stable: K * delay / b < 0.5."""
+BLOCK_DELAY = 0.1
+"""[s] From a measured torque to the next sample of reference, beside the time that the reference is
+ahead: a block each way and the servo."""
 
 
 class TorqueYield:
@@ -68,9 +73,9 @@ class TorqueYield:
     excess
         Torque beyond the limit [N.m], 0 within it.
     offset
-        Y [rad].
+        y [rad].
     velocity
-        Y' [rad/s].
+        y' [rad/s].
     """
 
     def __init__(self, admittance: Admittance, limit: float) -> None:
@@ -85,6 +90,11 @@ class TorqueYield:
         self.excess = (
             torque - math.copysign(self.limit, torque) if abs(torque) > self.limit else 0.0
         )
+
+    def soften(self, ahead: float) -> None:
+        """Keep the yielding stable for a reference that leaves so long [s] before its time."""
+        least = 2.0 * STIFFEST_JOINT * (ahead + BLOCK_DELAY)
+        self._admittance = replace(OF_DRIVER, damping=max(OF_DRIVER.damping, least))
 
     def step(self, interval: float) -> tuple[float, float, float]:
         """The offset one interval [s] later: position [rad], velocity [rad/s], acceleration

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 LOST_AFTER = 0.1
-"""[s] Without a valid reference, or a heartbeat, after which the rig stops: six blocks of 15.6 ms,
-five heartbeats.
-"""
+"""[s] Without a heartbeat, after which the rig stops: five heartbeats, six packets of samples."""
 HEARTBEAT_PERIOD = 0.02
 """[s] Between packets each way, at the most."""
 

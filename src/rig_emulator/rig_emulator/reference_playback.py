@@ -10,17 +10,12 @@ from typing import Union
 
 import numpy as np
 
+from ankle_actuator_driver.safety.continuation import LONGEST_BRIDGE
 from ankle_physics.quintic import quintic
 
-LONGEST_BRIDGE = 0.04
-"""[s] Two blocks of 15.6 ms that were lost on the way are bridged by one polynomial, whose motion
-has to keep the limits.
-"""
 REST = 1e-6
 """[rad/s], and [rad/s^2] times a second: a reference that ends slower than this has come to rest.
 """
-LONGEST_BUFFER = 2.0
-"""[s] Of samples ahead of their time."""
 
 Motion = tuple[float, float, float]
 

@@ -1,34 +1,49 @@
-"""The packets between driver and rig controller: layout, checksum, and a parser that takes any
-bytes.
+"""The packets between driver and rig controller: layout, digest, and a parser that takes any bytes.
 
 Everything is little-endian and at fixed places; docs/rig_protocol.md is the specification. A packet
-is header, body of its kind, n samples of three float64, and the CRC-32 of all bytes before it
-(zlib's: reflected polynomial 0xEDB88320, start and final exclusive-or 0xFFFFFFFF).
+is header, body of its kind, n samples of three float64, and the digest of all bytes before it:
+BLAKE2s of 16 bytes (RFC 7693), keyed where both ends have the same key.
 """
 
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
-from enum import Enum, IntEnum, IntFlag
+from enum import Enum
+from hashlib import blake2s
+from hmac import compare_digest
+from pathlib import Path
 from typing import Union
 
 import numpy as np
 
+from ankle_actuator_driver.safety.rig import DeviceFault, DeviceState, Status, Wanted
+
 MAGIC = b"ANKL"
-VERSION = 1
+VERSION = 2
 LARGEST_COUNT = 48
-"""Samples in a packet: 1236 bytes then, below the 1472 that one Ethernet frame carries."""
+"""Samples in a packet: 1248 bytes then, below the 1472 that one Ethernet frame carries."""
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 5e-5, 0.02
 """[s] Between samples: 20 kHz to 50 Hz; anything else is a misunderstanding."""
+DIGEST_SIZE = 16
+"""[bytes] 128 bits: nobody guesses one while a rig runs."""
+LARGEST_KEY = 32
+"""[bytes] Of BLAKE2s."""
+SHORTEST_KEY = 16
+"""[bytes] Of a key file: 128 bits."""
+LARGEST_SAMPLE = (np.pi, 1e3, 1e6)
+"""[rad, rad/s, rad/s^2 or N.m] No plate and no sensor gives more; squares and sums of it are
+finite."""
+LARGEST_TIME = 2**62
+"""[ns] 146 years: differences of two times fit into 64 bits."""
 
 _HEADER = struct.Struct("<4sBBHIIq")
-_COMMAND = struct.Struct("<BBHI")
+_COMMAND = struct.Struct("<BBHII")
 _SPACING = struct.Struct("<qd")
 _STATE = struct.Struct("<BBHIIIqqqdd")
-_CHECKSUM = struct.Struct("<I")
-HEADER_SIZE, CHECKSUM_SIZE = _HEADER.size, _CHECKSUM.size
+HEADER_SIZE = _HEADER.size
+SEQUENCE_OFFSET = 12
+"""[bytes] Where a packet's sequence is; its time of sending follows."""
 _SAMPLE_SIZE = 24
 _HEARTBEAT, _REFERENCE, _STATE_KIND = 1, 2, 3
 _BODY_SIZE = {
@@ -38,58 +53,16 @@ _BODY_SIZE = {
 }
 
 
-class Wanted(IntEnum):
-    """What the driver wants the rig to do. OFF always means: a smooth stop first, if the plate
-    moves.
-    """
-
-    OFF = 0
-    HOLD = 1
-    FOLLOW = 2
-
-
-class DeviceState(IntEnum):
-    """What the rig does."""
-
-    OFF = 0
-    HOLD = 1
-    FOLLOW = 2
-    STOPPING = 3
-    FAULT = 4
-
-
-class DeviceFault(IntEnum):
-    """Why the rig is, or is about to be, in `DeviceState.FAULT`."""
-
-    NONE = 0
-    HEARTBEAT_LOST = 1
-    REFERENCE_BEYOND_LIMIT = 2
-    MOTION_BEYOND_LIMIT = 3
-    TORQUE = 4
-    ENCODER = 5
-    FOLLOWING_ERROR = 6
-    EMERGENCY_STOP = 7
-
-
-class Status(IntFlag):
-    """Bits that say more about the rig."""
-
-    EMERGENCY_STOP_PRESSED = 1
-    YIELDING = 2
-    REFERENCE_BRIDGED = 4
-    REFERENCE_LOST = 8
-
-
 class Refusal(Enum):
     """Why bytes are no packet, or a packet is not obeyed."""
 
-    TOO_SHORT = "shorter than a header and a checksum"
+    TOO_SHORT = "shorter than a header and a digest"
     MAGIC = "does not start with 'ANKL'"
     VERSION = f"not version {VERSION} of the protocol"
     KIND = "unknown kind"
     COUNT = f"0 samples where some are needed, some where none are, or more than {LARGEST_COUNT}"
     LENGTH = "length that does not fit kind and number of samples"
-    CHECKSUM = "wrong checksum"
+    DIGEST = "wrong digest: damaged, or from somebody without the key"
     CONTENT = "a field outside its range"
     NOT_FINITE = "a sample that is NaN or infinite"
     DIRECTION = "a packet that goes the other way"
@@ -97,6 +70,8 @@ class Refusal(Enum):
     OLD = "older than one that came before, or the same again"
     TIME = "samples that are over, or too far ahead"
     LIMIT = "a reference beyond a limit"
+    START = "meant for another start of the rig"
+    PEER = "from another address than the one that is obeyed"
 
 
 @dataclass(frozen=True)
@@ -117,6 +92,8 @@ class Heartbeat:
         Rises by one, modulo 256, for each reset of a fault.
     heard
         Sequence of the newest packet from the rig, 0 before any.
+    rig
+        Session of the rig that is addressed, 0 before any was heard; then `wanted` is OFF.
     """
 
     session: int
@@ -125,6 +102,7 @@ class Heartbeat:
     wanted: Wanted
     resets: int
     heard: int
+    rig: int
 
 
 @dataclass(frozen=True)
@@ -176,7 +154,7 @@ class StateReport:
     interval
         Between samples on the rig's clock [s].
     commanded
-        Position that the servo is told now [rad].
+        Position that the servo was told at the last sample [rad].
     samples
         Position [rad], velocity [rad/s], torque [N.m], shape (n, 3), 0 <= n <= LARGEST_COUNT.
     """
@@ -201,7 +179,38 @@ class StateReport:
 Packet = Union[Heartbeat, Reference, StateReport]
 
 
-def build(packet: Packet) -> bytes:
+def read_key(path: str) -> bytes:
+    """The key in a file that both ends share: its bytes, without white space at its ends.
+
+    Parameters
+    ----------
+    path
+        Of the file; empty for no key.
+
+    Raises
+    ------
+    ValueError
+        A key that is too short or too long; names the file.
+    OSError
+        A file that cannot be read.
+    """
+    if not path:
+        return b""
+    key = Path(path).expanduser().read_bytes().strip()
+    if not SHORTEST_KEY <= len(key) <= LARGEST_KEY:
+        raise ValueError(
+            f"the key in {path} has {len(key)} bytes; allowed: {SHORTEST_KEY} to {LARGEST_KEY}, "
+            "as `openssl rand -hex 16` makes them"
+        )
+    return key
+
+
+def sealed(data: bytes, key: bytes = b"") -> bytes:
+    """Header, body and samples with their digest."""
+    return data + blake2s(data, key=key, digest_size=DIGEST_SIZE).digest()
+
+
+def build(packet: Packet, key: bytes = b"") -> bytes:
     """The bytes of a packet.
 
     Raises
@@ -209,6 +218,11 @@ def build(packet: Packet) -> bytes:
     struct.error
         A field that its place cannot hold.
     """
+    return sealed(unsealed(packet), key)
+
+
+def unsealed(packet: Packet) -> bytes:
+    """The bytes of a packet without its digest."""
     samples = b""
     if isinstance(packet, StateReport):
         kind, count = _STATE_KIND, len(packet.samples)
@@ -228,62 +242,82 @@ def build(packet: Packet) -> bytes:
         samples = np.ascontiguousarray(packet.samples, dtype="<f8").tobytes()
     else:
         kind, count = _HEARTBEAT, 0
-        body = _COMMAND.pack(packet.wanted, packet.resets, 0, packet.heard)
+        body = _COMMAND.pack(packet.wanted, packet.resets, 0, packet.heard, packet.rig)
         if isinstance(packet, Reference):
             kind, count = _REFERENCE, len(packet.motion)
             body += _SPACING.pack(packet.first, packet.interval)
             samples = np.ascontiguousarray(packet.motion, dtype="<f8").tobytes()
-    data = (
-        _HEADER.pack(MAGIC, VERSION, kind, count, packet.session, packet.sequence, packet.sent)
-        + body
-        + samples
-    )
-    return data + _CHECKSUM.pack(zlib.crc32(data))
+    head = _HEADER.pack(MAGIC, VERSION, kind, count, packet.session, packet.sequence, packet.sent)
+    return head + body + samples
 
 
-def parse(data: bytes) -> Union[Packet, Refusal]:
+def as_heartbeat(data: bytes) -> bytes:
+    """The heartbeat that a driver's packet, without its digest, is as well."""
+    kind_and_count = struct.pack("<BH", _HEARTBEAT, 0)
+    return data[:5] + kind_and_count + data[8 : HEADER_SIZE + _COMMAND.size]
+
+
+def numbers_of(data: bytes) -> tuple[int, int]:
+    """Sequence and time of sending [ns] of a packet."""
+    sequence, sent = struct.unpack_from("<Iq", data, SEQUENCE_OFFSET)
+    return int(sequence), int(sent)
+
+
+def renumbered(data: bytes, sequence: int, sent: int) -> bytes:
+    """A packet without its digest, with another sequence and time of sending [ns]."""
+    return data[:SEQUENCE_OFFSET] + struct.pack("<Iq", sequence, sent) + data[HEADER_SIZE:]
+
+
+def parse(data: bytes, key: bytes = b"") -> Union[Packet, Refusal]:
     """The packet in some bytes, or why they are none. Never raises, whatever the bytes are."""
-    if len(data) < HEADER_SIZE + CHECKSUM_SIZE:
+    if reason := _misshapen(data, key):
+        return reason
+    _, _, kind, count, session, sequence, sent = _HEADER.unpack_from(data)
+    samples = np.frombuffer(
+        data, dtype="<f8", count=3 * count, offset=HEADER_SIZE + _BODY_SIZE[kind]
+    ).reshape(count, 3)
+    if not np.isfinite(samples).all():
+        return Refusal.NOT_FINITE
+    if not session or abs(sent) > LARGEST_TIME or (np.abs(samples) > LARGEST_SAMPLE).any():
+        return Refusal.CONTENT
+    if kind == _STATE_KIND:
+        return _parse_state(data, session, sequence, sent, samples)
+    return _parse_command(data, kind, session, sequence, sent, samples)
+
+
+def _misshapen(data: bytes, key: bytes) -> Refusal | None:
+    """What is wrong with a packet before its content is looked at."""
+    if len(data) < HEADER_SIZE + DIGEST_SIZE:
         return Refusal.TOO_SHORT
-    magic, version, kind, count, session, sequence, sent = _HEADER.unpack_from(data)
+    magic, version, kind, count, *_ = _HEADER.unpack_from(data)
     if magic != MAGIC:
         return Refusal.MAGIC
     if version != VERSION:
         return Refusal.VERSION
     if kind not in _BODY_SIZE:
         return Refusal.KIND
-    if (
-        count > LARGEST_COUNT
-        or (kind == _HEARTBEAT and count)
-        or (kind == _REFERENCE and not count)
-    ):
+    none, some = kind == _HEARTBEAT and count, kind == _REFERENCE and not count
+    if count > LARGEST_COUNT or none or some:
         return Refusal.COUNT
-    if len(data) != HEADER_SIZE + _BODY_SIZE[kind] + _SAMPLE_SIZE * count + CHECKSUM_SIZE:
+    if len(data) != HEADER_SIZE + _BODY_SIZE[kind] + _SAMPLE_SIZE * count + DIGEST_SIZE:
         return Refusal.LENGTH
-    if _CHECKSUM.unpack_from(data, len(data) - CHECKSUM_SIZE)[0] != zlib.crc32(
-        data[:-CHECKSUM_SIZE]
-    ):
-        return Refusal.CHECKSUM
-    if not session:
+    expected = blake2s(data[:-DIGEST_SIZE], key=key, digest_size=DIGEST_SIZE).digest()
+    return None if compare_digest(data[-DIGEST_SIZE:], expected) else Refusal.DIGEST
+
+
+def _parse_command(
+    data: bytes, kind: int, session: int, sequence: int, sent: int, samples: np.ndarray
+) -> Union[Heartbeat, Refusal]:
+    wanted, resets, reserved, heard, rig = _COMMAND.unpack_from(data, HEADER_SIZE)
+    if wanted not in _WANTED or reserved or (not rig and wanted):
         return Refusal.CONTENT
-    samples = np.frombuffer(
-        data, dtype="<f8", count=3 * count, offset=HEADER_SIZE + _BODY_SIZE[kind]
-    ).reshape(count, 3)
-    if not np.isfinite(samples).all():
-        return Refusal.NOT_FINITE
-    if kind == _STATE_KIND:
-        return _parse_state(data, session, sequence, sent, samples)
-    wanted, resets, reserved, heard = _COMMAND.unpack_from(data, HEADER_SIZE)
-    if wanted not in _WANTED or reserved:
-        return Refusal.CONTENT
+    head = (session, sequence, sent, Wanted(wanted), resets, heard, rig)
     if kind == _HEARTBEAT:
-        return Heartbeat(session, sequence, sent, Wanted(wanted), resets, heard)
+        return Heartbeat(*head)
     first, interval = _SPACING.unpack_from(data, HEADER_SIZE + _COMMAND.size)
-    if not SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL:
+    if not SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL or abs(first) > LARGEST_TIME:
         return Refusal.CONTENT
-    return Reference(
-        session, sequence, sent, Wanted(wanted), resets, heard, first, interval, samples
-    )
+    return Reference(*head, first, interval, samples)
 
 
 def _parse_state(
@@ -293,11 +327,9 @@ def _parse_state(
         _STATE.unpack_from(data, HEADER_SIZE)
     )
     known = state in _STATES and fault in _FAULTS and not status & ~_STATUS_BITS
-    if (
-        not known
-        or not SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL
-        or not abs(commanded) < np.pi
-    ):
+    times = max(abs(echo), abs(received), abs(first)) <= LARGEST_TIME
+    spaced = SHORTEST_INTERVAL <= interval <= LONGEST_INTERVAL
+    if not (known and times and spaced and abs(commanded) < np.pi):
         return Refusal.CONTENT
     return StateReport(
         session,

@@ -152,11 +152,13 @@ class DeviceClock:
         weight = 1.0 / (FLOOR + trip - trip.min()) ** 2
         base = offset[-1]
         x, y = at - origin, offset - base
-        # Normal equations; the drift is expected to be 0 +- LARGEST_DRIFT before it is known.
-        matrix = np.array(
-            [[weight.sum(), weight @ x], [weight @ x, weight @ x**2 + LARGEST_DRIFT**-2]]
-        )
-        constant, slope = np.linalg.solve(matrix, np.array([weight @ y, weight @ (x * y)]))
+        # Normal equations of a straight line; the drift is expected to be 0 +- LARGEST_DRIFT before
+        # it is known, so the determinant is positive for any times.
+        total, first, second = weight.sum(), weight @ x, weight @ x**2 + LARGEST_DRIFT**-2
+        level, moment = weight @ y, weight @ (x * y)
+        determinant = total * second - first * first
+        constant = (level * second - moment * first) / determinant
+        slope = (total * moment - first * level) / determinant
         self._origin, self._offset, self.drift = origin, base + float(constant), float(slope)
 
     def _line(self, device: float) -> float:

@@ -1,0 +1,1 @@
+"""The packets of docs/rig_protocol.md: their bytes, both clocks, and who sends them when."""

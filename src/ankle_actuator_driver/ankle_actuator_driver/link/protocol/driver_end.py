@@ -1,0 +1,239 @@
+"""The driver's end of the protocol: orders become packets, packets become reports in ROS time.
+
+Knows no socket; every call says what time it is. docs/rig_protocol.md is the specification.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from ankle_actuator_driver.link.protocol.device_clock import DeviceClock
+from ankle_actuator_driver.link.protocol.packet import (
+    LARGEST_COUNT,
+    Heartbeat,
+    Packet,
+    Reference,
+    Refusal,
+    StateReport,
+    newer,
+    parse,
+    sealed,
+    unsealed,
+)
+from ankle_actuator_driver.safety.rig import (
+    Event,
+    Interruption,
+    Order,
+    Remark,
+    RigReport,
+    Stretch,
+    Wanted,
+)
+from ankle_actuator_driver.safety.watchdog import Watchdog
+
+IN_PACKET = 32
+"""Reference samples in a packet: one block of 2048 Hz at 64 Hz."""
+assert IN_PACKET <= LARGEST_COUNT
+SEQUENCE_STRIDE = 64
+"""From one order to the next: numbers in between are for heartbeats that another process sends
+meanwhile, at most one every 20 ms for 100 ms.
+"""
+LARGEST_AGE = 2.0
+"""[s] Between a rig's time of sending and its first sample: more is no report but a confusion."""
+CLOCK_LEAP = 1.0
+"""[s] By which the rig's clock may leave ROS time between two packets before it counts as set."""
+
+
+class DriverEnd:
+    """One driver's end.
+
+    Parameters
+    ----------
+    session
+        Number of this start, not 0.
+    key
+        Shared with the rig; empty for none.
+
+    Attributes
+    ----------
+    clock
+        The rig's clock.
+    refusals
+        Packets from the rig that were refused, by reason.
+    missing
+        Samples lost on the way from the rig.
+    undated
+        Samples that came while the rig's clock was not known.
+    rig_refused
+        Packets that the rig refused.
+    """
+
+    def __init__(self, session: int, key: bytes = b"") -> None:
+        self.clock = DeviceClock()
+        self.refusals: Counter[Refusal] = Counter()
+        self.missing = 0
+        self.undated = 0
+        self.rig_refused = 0
+        self._session, self._key = session, key
+        self._sequence = 0
+        self._wanted, self._changed_at = Wanted.OFF, 0
+        self._last: StateReport | None = None
+        self._last_at = (0.0, 0.0)  # steady clock and ROS time of the last packet [s]
+        self._heard = Watchdog()
+        # The rig's time at which its next sample is due [s].
+        self._next_first: float | None = None
+
+    def restart_clock(self) -> None:
+        """ROS time was set: the rig's clock is to be measured anew."""
+        self.clock.restart()
+        self._next_first = None
+
+    def unsealed(self, order: Order, now: float, ros: float) -> list[bytes]:
+        """The packets of an order without their digests, so that whoever sends them can renumber
+        them.
+        """
+        if order.stretch is None or not self.clock.ready:
+            return [unsealed(Heartbeat(*self._head(order, now, ros)))]
+        return self._references(order, order.stretch, now, ros)
+
+    def packets(self, order: Order, now: float, ros: float) -> list[bytes]:
+        """The packets of an order."""
+        return [sealed(data, self._key) for data in self.unsealed(order, now, ros)]
+
+    def _head(
+        self, order: Order, now: float, ros: float
+    ) -> tuple[int, int, int, Wanted, int, int, int]:
+        self._sequence = (self._sequence + SEQUENCE_STRIDE) % 2**32
+        if order.wanted is not self._wanted:
+            self._wanted, self._changed_at = order.wanted, self._sequence
+        last = self._last
+        # A driver that does not hear its rig greets whoever is there now, but only to switch off.
+        greets = last is None or (order.wanted is Wanted.OFF and self._heard.expired(now))
+        return (
+            self._session,
+            self._sequence,
+            round(ros * 1e9),
+            order.wanted if last is not None else Wanted.OFF,
+            order.resets,
+            last.sequence if last is not None else 0,
+            0 if greets or last is None else last.session,
+        )
+
+    def _references(self, order: Order, stretch: Stretch, now: float, ros: float) -> list[bytes]:
+        time, motion = stretch.time, stretch.motion
+        first, end = self.clock.to_device(float(time[0])), self.clock.to_device(float(time[-1]))
+        interval = (end - first) / (len(time) - 1)
+        return [
+            unsealed(
+                Reference(
+                    *self._head(order, now, ros),
+                    round((first + k * interval) * 1e9),
+                    interval,
+                    motion[k : k + IN_PACKET],
+                )
+            )
+            for k in range(0, len(time), IN_PACKET)
+        ]
+
+    def take(self, data: bytes, now: float, ros: float) -> list[Event]:
+        """What some bytes from the line mean; empty where they are refused, which is counted."""
+        packet = parse(data, self._key)
+        events: list[Event] = []
+        if isinstance(packet, Heartbeat):
+            packet = Refusal.DIRECTION
+        if isinstance(packet, StateReport):
+            packet = self._in_turn(packet, now, events)
+        if not isinstance(packet, Refusal) and (reason := self._out_of_time(packet, ros)):
+            packet = reason
+        if isinstance(packet, Refusal):
+            self.refusals[packet] += 1
+            return events
+        self._heard.feed(now)
+        ours = packet.host == self._session
+        events += self._follow_clock(packet, ours, now, ros)
+        self._last, self._last_at, self.rig_refused = packet, (now, ros), packet.refused
+        time, samples = self._dated(packet, events)
+        events.append(
+            RigReport(
+                packet.state,
+                packet.fault,
+                packet.status,
+                ours,
+                ours and not newer(self._changed_at, packet.heard),
+                self.clock.ready,
+                packet.commanded,
+                time,
+                samples,
+                len(packet.samples),
+            )
+        )
+        return events
+
+    def _in_turn(
+        self, packet: StateReport, now: float, events: list[Event]
+    ) -> StateReport | Refusal:
+        """Whether a packet is of the rig that is heard, and newer than the last one."""
+        last = self._last
+        if last is None:
+            return packet
+        if packet.session == last.session:
+            return packet if newer(packet.sequence, last.sequence) else Refusal.OLD
+        if not self._heard.expired(now):
+            return Refusal.SESSION
+        self.restart_clock()
+        self._last = None
+        events.append(Interruption("the rig has started anew"))
+        return packet
+
+    @staticmethod
+    def _out_of_time(packet: Packet, ros: float) -> Refusal | None:
+        """Whether the times in a packet cannot be."""
+        assert isinstance(packet, StateReport)
+        old = packet.sent - packet.first
+        if not -1e9 * LARGEST_AGE < old < 1e9 * LARGEST_AGE:
+            return Refusal.TIME
+        ahead = packet.echo - ros * 1e9
+        return Refusal.TIME if packet.host and ahead > 1e9 * CLOCK_LEAP else None
+
+    def _follow_clock(self, packet: StateReport, ours: bool, now: float, ros: float) -> list[Event]:
+        note = None
+        if self._last is not None:
+            passed = 1e-9 * (packet.sent - self._last.sent)
+            if abs(passed - (now - self._last_at[0])) > CLOCK_LEAP:
+                self.clock.restart()
+                note = f"the rig's clock was set by {passed - (now - self._last_at[0]):+.3g} s"
+        if note is None:
+            echo = 1e-9 * packet.echo if ours else math.nan
+            note = self.clock.exchange(1e-9 * packet.sent, ros, echo, 1e-9 * packet.echo_received)
+        if note is None:
+            return []
+        self._next_first = None
+        return [Interruption(note)]
+
+    def _dated(self, packet: StateReport, events: list[Event]) -> tuple[np.ndarray, np.ndarray]:
+        """The samples of a packet with their ROS times, shapes (n,) and (n, 3)."""
+        count = len(packet.samples)
+        nothing = np.empty(0), np.empty((0, 3))
+        if not count or not self.clock.ready:
+            self.undated += count
+            return nothing
+        first = 1e-9 * packet.first
+        if self._next_first is not None:
+            lost = round((first - self._next_first) / packet.interval)
+            if lost < 0:
+                self.refusals[Refusal.TIME] += 1
+                return nothing
+            if lost:
+                self.missing += lost
+                events.append(
+                    Remark(
+                        f"{lost} samples ({lost * packet.interval:.3f} s) from the rig were lost "
+                        "on the way"
+                    )
+                )
+        self._next_first = first + count * packet.interval
+        start, end = self.clock.to_ros(first), self.clock.to_ros(self._next_first)
+        return start + (end - start) * np.arange(count) / count, packet.samples

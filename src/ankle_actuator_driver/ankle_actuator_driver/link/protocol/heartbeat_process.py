@@ -1,0 +1,145 @@
+"""Sends the driver's packets, and heartbeats in between, in a process of its own.
+
+Started by `HeartbeatProcess`; gets the line's socket and one end of a pair of sockets. The messages
+on the pair: ``K`` key and the rig's address, once; ``A`` the driver is alive; ``P`` and a packet
+without its digest. It ends with the driver: the pair is closed then, and Linux tells it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+from ankle_actuator_driver.link.protocol.heartbeats import Heartbeats
+
+PRIORITY = 20
+"""Of the real-time class SCHED_RR, of 99: above every usual process, below the kernel's threads.
+Where the system does not allow it, the process runs as any other."""
+LARGEST_MESSAGE = 4096
+"""[bytes] Any packet and its letter."""
+POLL = 0.005
+"""[s] A quarter of the time between heartbeats."""
+_PR_SET_PDEATHSIG = 1
+
+
+def end_with_parent() -> None:
+    """Ask Linux to end this process when its parent ends, however that happens."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def take_priority(priority: int = PRIORITY) -> bool:
+    """Run in the real-time class SCHED_RR; whether the system allowed it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
+    except (OSError, AttributeError):
+        return False
+    return True
+
+
+class HeartbeatProcess:
+    """The driver's side of the process.
+
+    Parameters
+    ----------
+    line
+        The UDP socket that the driver receives at; packets leave by it.
+    remote
+        Address of the rig.
+    key
+        Shared with the rig.
+    """
+
+    def __init__(self, line: socket.socket, remote: tuple[str, int], key: bytes) -> None:
+        self._pair, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", __name__, str(line.fileno()), str(theirs.fileno())],
+                pass_fds=(line.fileno(), theirs.fileno()),
+                stdin=subprocess.DEVNULL,
+            )
+        self._pair.setblocking(False)
+        settings = {"key": key.hex(), "address": remote[0], "port": remote[1]}
+        self._tell(b"K" + json.dumps(settings).encode())
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    def ended(self) -> bool:
+        """Whether the process is gone."""
+        return self._process.poll() is not None
+
+    def alive(self) -> None:
+        """The driver hears its rig."""
+        self._tell(b"A")
+
+    def send(self, data: bytes) -> None:
+        """Send a packet, given without its digest."""
+        self._tell(b"P" + data)
+
+    def _tell(self, message: bytes) -> None:
+        # A process that is gone or hangs sends nothing, which the rig's watchdog answers.
+        with contextlib.suppress(OSError):
+            self._pair.send(message)
+
+    def close(self) -> None:
+        """End the process."""
+        self._pair.close()
+        try:
+            self._process.wait(timeout=1.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def _send(line: socket.socket, packets: list[bytes], remote: tuple[str, int]) -> None:
+    for packet in packets:
+        with contextlib.suppress(OSError):  # a line that is down loses it
+            line.sendto(packet, remote)
+
+
+def main() -> int:
+    """Work until the driver is gone."""
+    end_with_parent()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # the driver ends it, after the rig is off
+    take_priority()
+    line, pair = (socket.socket(fileno=int(number)) for number in sys.argv[1:3])
+    pair.setblocking(True)
+    settings = json.loads(pair.recv(LARGEST_MESSAGE)[1:])
+    remote = (settings["address"], settings["port"])
+    heartbeats = Heartbeats(bytes.fromhex(settings["key"]))
+    pair.setblocking(False)
+    gc.disable()
+    while True:
+        readable, _, _ = select.select([pair], [], [], POLL)
+        while readable:
+            try:
+                message = pair.recv(LARGEST_MESSAGE)
+            except BlockingIOError:
+                break
+            except OSError:
+                return 0
+            if not message:
+                return 0
+            now = time.monotonic()
+            if message[:1] == b"A":
+                heartbeats.alive(now)
+            else:
+                _send(line, heartbeats.forward(message[1:], now, time.time_ns()), remote)
+        _send(line, heartbeats.due(time.monotonic(), time.time_ns()), remote)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

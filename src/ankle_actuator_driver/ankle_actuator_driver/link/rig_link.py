@@ -1,0 +1,142 @@
+"""A line to a rig: orders out, reports in. The driver never asks which one it has.
+
+Adding one is adding one module to this folder: a class `Link` that is a `RigLink`. The parameter
+`link` takes the module's name (docs/rig_protocol.md, "Another line").
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ankle_actuator_driver.safety.rig import Event, Order
+from ankle_interfaces.quantity import Value
+
+PACKAGE = __name__.rpartition(".")[0]
+_NO_LINKS = ("rig_link", "protocol")
+DEVICE_PORT = 20480
+"""UDP port of the rig; the emulator takes its fault switches at the next one."""
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Something that the link gives.
+
+    Attributes
+    ----------
+    event
+        A report of the rig, an interruption, or a remark.
+    now
+        Steady clock at its arrival [s].
+    ros
+        ROS time at its arrival [s].
+    """
+
+    event: Event
+    now: float
+    ros: float
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """Reads both clocks.
+
+    Attributes
+    ----------
+    read
+        The steady clock and ROS time at the same moment [s].
+    """
+
+    read: Callable[[], tuple[float, float]]
+
+
+class RigLink(ABC):
+    """A line to one rig. Made by `open_link`; used by one thread, but for `send` and `silence`."""
+
+    def __init__(self, values: Mapping[str, Value], clocks: Clocks) -> None:
+        """Open the line.
+
+        Parameters
+        ----------
+        values
+            The driver's parameters by name.
+        clocks
+            Steady clock and ROS time.
+
+        Raises
+        ------
+        OSError
+            The line cannot be opened; the message names it.
+        ValueError
+            A parameter that this line cannot use.
+        """
+
+    @abstractmethod
+    def send(self, order: Order) -> None:
+        """Tell the rig; a line that is down loses it."""
+
+    @abstractmethod
+    def receive(self, timeout: float) -> list[Arrival]:
+        """What has come, in order, waiting up to so many seconds for the first; empty where
+        nothing came.
+        """
+
+    @abstractmethod
+    def silence(self) -> None:
+        """Send nothing any more, at once: the rig's own watchdog is to stop it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the line back."""
+
+    def ros_time_was_set(self) -> None:
+        """ROS time has jumped: the mapping of the rig's clock begins again."""
+
+    def alarm(self) -> str | None:
+        """What is wrong with this end of the line, as a sentence; None where all is well."""
+        return None
+
+    def describe(self) -> str:
+        """Both ends of the line, for the log."""
+        return type(self).__module__.rpartition(".")[2]
+
+    def figures(self) -> dict[str, str]:
+        """What to show on ``/diagnostics``, by name with unit."""
+        return {}
+
+
+def link_names() -> tuple[str, ...]:
+    """The lines that there are: modules of this folder."""
+    package = importlib.import_module(PACKAGE)
+    found = (module.name for module in pkgutil.iter_modules(package.__path__))
+    return tuple(sorted(name for name in found if name not in _NO_LINKS))
+
+
+def open_link(name: str, values: Mapping[str, Value], clocks: Clocks) -> RigLink:
+    """Open a line by the name of its module.
+
+    Parameters
+    ----------
+    name
+        As `link_names` gives them.
+    values
+        The driver's parameters by name.
+    clocks
+        Steady clock and ROS time.
+
+    Raises
+    ------
+    ValueError
+        No such line; names those that there are.
+    OSError
+        The line cannot be opened.
+    """
+    if name not in link_names():
+        raise ValueError(
+            f"parameter 'link' = '{name}' is refused; allowed: {', '.join(link_names())}"
+        )
+    link: RigLink = importlib.import_module(f"{PACKAGE}.{name}").Link(values, clocks)
+    return link

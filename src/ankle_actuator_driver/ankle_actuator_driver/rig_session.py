@@ -1,0 +1,236 @@
+"""One session with a rig: a `Bridge`, its link, and the thread that keeps both going at the pace of
+the line.
+
+What the bridge has to say is told by another thread, so that a slow reader of topics keeps nobody
+from the line.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankle_actuator_driver.link.rig_link import RigLink
+from ankle_actuator_driver.safety.bridge import Bridge
+from ankle_actuator_driver.safety.rig import Interruption
+from ankle_actuator_driver.safety.states import CONFIRMATION, POWERED, Answer, State
+
+POLL = 0.004
+"""[s] The line is looked at, and the watchdogs, at least so often."""
+FAREWELL = 1.0
+"""[s] For the rig to confirm that it stopped before the driver falls silent."""
+STOP_PATIENCE = 0.05
+"""[s] A stop waits so long for a thread that holds the bridge; then the line is cut, and the rig's
+own watchdog stops the plate.
+"""
+SAME_MOMENT = 50e-6
+"""[s] Longest time between two readings of clocks that count as one moment."""
+CLOCK_READINGS = 5
+
+
+@dataclass(frozen=True)
+class News:
+    """What a look at the line gave.
+
+    Attributes
+    ----------
+    blocks
+        Samples: t [s], position [rad], velocity [rad/s], torque [N.m], shape (n, 4) each.
+    notes
+        Sentences that a person should know.
+    changes
+        States entered, with their reasons.
+    ros
+        ROS time [s].
+    """
+
+    blocks: list[np.ndarray]
+    notes: list[str]
+    changes: list[tuple[State, str]]
+    ros: float
+
+
+def both_clocks(ros_time: Callable[[], float]) -> tuple[float, float]:
+    """The steady clock and ROS time at the same moment [s], though the process may be put aside
+    between two readings.
+
+    Parameters
+    ----------
+    ros_time
+        Reads ROS time [s].
+    """
+    best = (float("inf"), 0.0, 0.0)
+    for _ in range(CLOCK_READINGS):
+        before = time.monotonic()
+        ros = ros_time()
+        passed = time.monotonic() - before
+        best = min(best, (passed, before, ros))
+        if passed < SAME_MOMENT:
+            break
+    return best[1], best[2]
+
+
+class RigSession:
+    """Talks to the rig from `begin` to `end`.
+
+    Parameters
+    ----------
+    bridge
+        The driver.
+    link
+        To the rig; closed by `close`.
+    clocks
+        Reads the steady clock and ROS time at the same moment [s].
+    tell
+        Called in a thread of its own after each look at the line.
+    fail
+        Called with an error that ended a thread.
+    """
+
+    def __init__(
+        self,
+        bridge: Bridge,
+        link: RigLink,
+        clocks: Callable[[], tuple[float, float]],
+        tell: Callable[[News], None],
+        fail: Callable[[Exception], None],
+    ) -> None:
+        self.bridge, self.link = bridge, link
+        self._clocks, self._tell, self._fail = clocks, tell, fail
+        self._busy = threading.Lock()
+        self._ended = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._news: queue.SimpleQueue[News | None] = queue.SimpleQueue()
+
+    def begin(self) -> None:
+        """Start to talk; the rig stays off."""
+        self._ended.clear()
+        self._threads = [
+            threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
+            for work, name in ((self._run, "rig"), (self._report, "rig news"))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def end(self) -> None:
+        """Bring the rig to rest and off, then fall silent."""
+        threads, self._threads = self._threads, []
+        if not threads:
+            return
+        self.operate("stop")
+        deadline = time.monotonic() + FAREWELL
+        while (
+            threads[0].is_alive()
+            and self.bridge.states.state in POWERED
+            and time.monotonic() < deadline
+        ):
+            time.sleep(POLL)
+        self._ended.set()
+        threads[0].join(timeout=FAREWELL)
+        self._news.put(None)
+        threads[1].join(timeout=FAREWELL)
+
+    def close(self) -> None:
+        """Give the line back."""
+        self.link.close()
+
+    def operate(self, name: str) -> Answer:
+        """Carry out an operator's command; see `Bridge.command`."""
+        if not self._busy.acquire(timeout=STOP_PATIENCE if name == "stop" else CONFIRMATION):
+            if name != "stop":
+                return Answer(False, f"{name} is refused: the driver hangs; stop it")
+            self.link.silence()
+            return Answer(
+                True,
+                "stop: the driver hangs and has cut the line; the rig stops by its own watchdog",
+            )
+        try:
+            answer = self.bridge.command(name, *self._clocks())
+            self._send()
+        finally:
+            self._busy.release()
+        return answer
+
+    def confirmed(self, state: State) -> Answer | None:
+        """What became of an arming or a start: an answer, or None while the rig has not confirmed
+        it yet.
+
+        Parameters
+        ----------
+        state
+            That was entered.
+        """
+        states = self.bridge.states
+        if states.state is not state:
+            return Answer(False, f"the driver is {states.state.value}: {states.reason}")
+        return Answer(True, "") if states.confirmed else None
+
+    def refer(self, data: np.ndarray) -> None:
+        """Take in a block of the reference.
+
+        Parameters
+        ----------
+        data
+            t [s], position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 4).
+        """
+        with self._busy:
+            self.bridge.reference(data[:, 0], data[:, 1:], *self._clocks())
+            self._send()
+
+    def change(self, apply: Callable[[Bridge], None]) -> None:
+        """Change something of the bridge between two looks at the line."""
+        with self._busy:
+            apply(self.bridge)
+            self._send()
+
+    def tell_operator_alive(self) -> None:
+        """The operator's page says that somebody watches."""
+        with self._busy:
+            self.bridge.operator_alive(self._clocks()[0])
+
+    def tell_sources(self, names: list[str]) -> None:
+        """Who publishes the reference, by full names."""
+        with self._busy:
+            self.bridge.reference_sources(names, self._clocks()[0])
+            self._send()
+
+    def _send(self) -> None:
+        for order in self.bridge.take_orders(self._clocks()[0]):
+            self.link.send(order)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        # Whatever it is: a thread must not end unheard; the rig's own watchdog stops the plate.
+        try:
+            work()
+        except Exception as error:
+            self.link.silence()
+            self._fail(error)
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            self._look()
+
+    def _look(self) -> None:
+        arrivals = self.link.receive(POLL)
+        bridge = self.bridge
+        with self._busy:
+            for arrival in arrivals:
+                bridge.take(arrival.event, arrival.now)
+            now, ros = self._clocks()
+            if alarm := self.link.alarm():
+                bridge.take(Interruption(alarm), now)
+            if bridge.advance(now, ros):
+                self.link.ros_time_was_set()
+            self._send()
+            news = News(bridge.samples, bridge.notes, bridge.states.changes, ros)
+            bridge.samples, bridge.notes, bridge.states.changes = [], [], []
+        self._news.put(news)
+
+    def _report(self) -> None:
+        while (news := self._news.get()) is not None:
+            self._tell(news)

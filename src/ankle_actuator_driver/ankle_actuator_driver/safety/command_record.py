@@ -1,0 +1,49 @@
+"""Where the plate was told to be, at any time of the last second: the path of what was sent."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from ankle_actuator_driver.safety.interpolated_path import positions_at
+
+KEPT = 1.0
+"""[s] Behind the present: longer than every window of the supervision."""
+
+
+class CommandRecord:
+    """Follows what was sent."""
+
+    def __init__(self) -> None:
+        self._parts: deque[tuple[np.ndarray, np.ndarray]] = deque()
+        self._held = 0.0
+
+    def hold(self, position: float) -> None:
+        """The plate is held here [rad] until something is sent."""
+        self._parts.clear()
+        self._held = position
+
+    def add(self, time: np.ndarray, motion: np.ndarray, ros: float) -> None:
+        """Remember a stretch that is sent.
+
+        Parameters
+        ----------
+        time
+            ROS times [s], shape (n,), later than those sent before.
+        motion
+            Position, velocity, acceleration, shape (n, 3).
+        ros
+            ROS time now [s].
+        """
+        self._parts.append((time, motion))
+        while len(self._parts) > 1 and self._parts[1][0][0] < ros - KEPT:
+            self._parts.popleft()
+
+    def positions(self, time: np.ndarray) -> np.ndarray:
+        """Where the plate was told to be [rad] at ROS times [s], shape (n,)."""
+        if not self._parts:
+            return np.full(len(time), self._held)
+        times = np.concatenate([part[0] for part in self._parts])
+        motion = np.concatenate([part[1] for part in self._parts])
+        return positions_at(times, motion, time)

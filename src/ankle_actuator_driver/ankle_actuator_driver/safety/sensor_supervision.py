@@ -1,0 +1,289 @@
+"""Whether position, velocity and torque of a powered plate fit each other and what the plate was
+told, as far as the joint on it allows.
+
+Nothing here is a model of the ankle. What is compared holds for every joint:
+
+- the plate is where it was told to be, within the servo's lag, its overshoot and what it gives way;
+- the velocity is the position's derivative;
+- whoever accelerates a footplate and bends an ankle needs torque: at least that of the footplate
+  alone, and no less than a fifth of what this joint needed so far.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ankle_actuator_driver.safety.encoder_check import EncoderCheck
+from ankle_actuator_driver.safety.torque_check import TorqueCheck
+from ankle_interfaces.quantity import Quantity, Value
+
+WINDOW = 0.12
+"""[s] Looked back: several edges of 13 ms, and short against the 200 ms for a sensor's fault."""
+SERVO_LAG = 0.04
+"""[s] Within which the plate has gone where it was told to: a 30 Hz servo needs 25 ms to within
+1 %, its encoder's filter the rest."""
+OVERSHOOT = 0.15
+"""Part of a movement by which the servo may overshoot: 5 % with a damping of 0.7, more with a
+loosely tuned one."""
+GIVES_WAY = 1000.0
+"""[N.m/rad] Softest drive: half of the 2100 N.m/rad that a geared servo of this size has."""
+AWAY_SHARE = 0.5
+"""Part of the newest samples that must be away from where the plate should be: a single spike is
+no fault, it is counted."""
+NEWEST = 0.03
+"""[s] Samples in which that part is counted: two packets."""
+INTEGRAL_TOLERANCE = 0.02
+"""[rad] By which the integral of the velocity over a window may differ from the change in
+position: two filters that differ by 5 ms at 3 rad/s, and an offset of 0.04 rad/s."""
+MOVED = 0.005
+"""[rad] Movement in a window from which the torque is judged: an eighth of the paper's
+perturbation."""
+LEAST_RESPONSE = 0.1
+"""[N.m] Torque that the movement needs at the least, from which it is judged: three times what
+regression finds by chance in a window of noise of 0.14 N.m."""
+ALIVE_SHARE = 0.5
+"""Part of that torque which a living sensor shows."""
+FOUND_SHARE = 0.2
+"""Part of the torque that this joint has needed so far for such a movement: a joint that relaxes
+loses half of its stiffness, never its inertia."""
+FOUND_WINDOWS = 20
+"""Moving windows after which the joint counts as known."""
+DEAD_FOR = 0.045
+"""[s] For which the torque has to look dead: three packets."""
+SMOOTH = 8
+"""Samples over which the velocity is averaged before it is differentiated: 4 ms."""
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """What the least joint and the worst allowed drive let expect.
+
+    Attributes
+    ----------
+    following
+        How far the plate may be from where it was told to be, apart from lag, overshoot and giving
+        way [rad].
+    inertia
+        Inertia in front of the torque sensor that is always there [kg.m^2].
+    stiffness
+        Stiffness of the softest ankle [N.m/rad].
+    """
+
+    following: float = 0.01
+    inertia: float = 0.003
+    stiffness: float = 5.0
+
+
+FOLLOWING_TOLERANCE = Quantity(
+    "following_tolerance",
+    "rad",
+    0.001,
+    0.05,
+    Expectations.following,
+    "a quarter of the paper's perturbation",
+    "How far the measured position may stay from the commanded one, beside the servo's lag.",
+)
+LEAST_INERTIA = Quantity(
+    "least_inertia",
+    "kg.m^2",
+    1e-4,
+    1.0,
+    Expectations.inertia,
+    "a fifth of the paper's foot and footplate (0.0137); Ip of a calibrated rig is better",
+    "Inertia behind the torque sensor that every subject has, footplate included; a torque sensor "
+    "that shows less counts as dead.",
+)
+LEAST_STIFFNESS = Quantity(
+    "least_stiffness",
+    "N.m/rad",
+    0.0,
+    500.0,
+    Expectations.stiffness,
+    "a third of a relaxed ankle's 15 N.m/rad",
+    "Stiffness of the softest ankle; a torque sensor that shows less counts as dead.",
+)
+SENSOR_PARAMETERS = (FOLLOWING_TOLERANCE, LEAST_INERTIA, LEAST_STIFFNESS)
+
+
+def expectations_from(values: Mapping[str, Value]) -> Expectations:
+    """The expectations that the values of `SENSOR_PARAMETERS` describe."""
+    return Expectations(*(float(values[parameter.name]) for parameter in SENSOR_PARAMETERS))
+
+
+@dataclass(frozen=True)
+class _Window:
+    """The newest samples."""
+
+    time: np.ndarray
+    commanded: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    torque: np.ndarray
+
+    def since(self, begin: float) -> _Window:
+        kept = self.time >= begin
+        return _Window(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+
+    @property
+    def length(self) -> float:
+        return float(self.time[-1] - self.time[0])
+
+
+class SensorSupervision:
+    """Follows the sensors of a powered plate.
+
+    Parameters
+    ----------
+    expectations
+        May be changed at any time.
+
+    Attributes
+    ----------
+    spikes
+        Samples that were away from where the plate should be, without making a fault.
+    """
+
+    def __init__(self, expectations: Expectations | None = None) -> None:
+        self.expectations = expectations or Expectations()
+        self.spikes = 0
+        self._torque = TorqueCheck()
+        self._encoder = EncoderCheck()
+        self._parts: deque[_Window] = deque()
+        self._dead_since: float | None = None
+        self._found: deque[float] = deque(maxlen=10 * FOUND_WINDOWS)
+
+    def forget(self) -> None:
+        """Begin again: the plate was not powered, or begins another movement."""
+        self._torque.forget()
+        self._encoder.forget()
+        self._parts.clear()
+        self._dead_since = None
+
+    def forget_joint(self) -> None:
+        """Another joint may be on the plate."""
+        self.forget()
+        self._found.clear()
+
+    def fault(
+        self, time: np.ndarray, commanded: np.ndarray, samples: np.ndarray, torque_limit: float
+    ) -> str | None:
+        """What is wrong with the sensors after further samples, as a sentence; None where all is
+        well.
+
+        Parameters
+        ----------
+        time
+            [s], increasing, shape (n,), n of at least 1.
+        commanded
+            Position that the plate was told at these times [rad], shape (n,).
+        samples
+            Measured position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
+        torque_limit
+            [N.m].
+        """
+        self._parts.append(_Window(time, commanded, *samples.T))
+        while self._parts[0].time[-1] < time[-1] - WINDOW:
+            self._parts.popleft()
+        window = _Window(
+            *(
+                np.concatenate([getattr(part, name) for part in self._parts])
+                for name in _Window.__dataclass_fields__
+            )
+        )
+        return (
+            self._torque.passed(time, samples[:, 2], torque_limit)
+            or self._not_following(window)
+            or self._away(window, len(time))
+            or self._velocity_contradicts(window)
+            or self._torque_dead(window)
+        )
+
+    def _not_following(self, window: _Window) -> str | None:
+        position, told = float(window.position[-1]), float(window.commanded[-1])
+        if self._encoder.stuck(float(window.time[-1]), told, position):
+            return (
+                "the measured position does not follow though the plate was told to move: encoder "
+                "stuck, slipping or disconnected"
+            )
+        return None
+
+    def _away(self, window: _Window, new: int) -> str | None:
+        """Whether the plate is away from all places where it was told to be within the lag."""
+        if window.length < SERVO_LAG:
+            return None
+        newest = window.since(window.time[-1] - NEWEST)
+        lag = window.since(window.time[-1] - NEWEST - SERVO_LAG)
+        low, high = float(lag.commanded.min()), float(lag.commanded.max())
+        tolerance = (
+            self.expectations.following
+            + OVERSHOOT * (high - low)
+            + np.abs(newest.torque) / GIVES_WAY
+        )
+        beyond = np.maximum(low - newest.position, newest.position - high) - tolerance
+        away = beyond > 0
+        if away.mean() >= AWAY_SHARE:
+            return (
+                f"the measured position of {newest.position[-1]:.4g} rad is "
+                f"{(beyond + tolerance).max():.3g} rad from where the plate was told to be: the "
+                "encoder slips, or the drive does not follow"
+            )
+        self.spikes += int(away[-new:].sum())
+        return None
+
+    def _velocity_contradicts(self, window: _Window) -> str | None:
+        if window.length < 0.5 * WINDOW:
+            return None
+        moved = float(window.position[-1] - window.position[0])
+        said = float(0.5 * (window.velocity[1:] + window.velocity[:-1]) @ np.diff(window.time))
+        if abs(moved - said) > INTEGRAL_TOLERANCE:
+            return (
+                f"the measured velocity says {said:.3g} rad where the position moved by "
+                f"{moved:.3g} rad: one of the two sensors is wrong"
+            )
+        return None
+
+    def _torque_dead(self, window: _Window) -> str | None:
+        now = float(window.time[-1])
+        dead = self._looks_dead(window)
+        if not dead:
+            self._dead_since = None
+        elif self._dead_since is None:
+            self._dead_since = now
+        elif now - self._dead_since >= DEAD_FOR:
+            return dead
+        return None
+
+    def _looks_dead(self, window: _Window) -> str | None:
+        if window.length < 0.5 * WINDOW or np.ptp(window.position) < MOVED:
+            return None
+        interval = window.length / (len(window.time) - 1)
+        smooth = np.convolve(window.velocity, np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
+        inside = slice(SMOOTH // 2, SMOOTH // 2 + len(smooth))
+        motion = np.column_stack([window.position[inside], smooth, np.gradient(smooth, interval)])
+        motion = motion - motion.mean(axis=0)
+        torque = window.torque[inside] - window.torque[inside].mean()
+        least = max(
+            self.expectations.inertia * float(motion[:, 2].std()),
+            self.expectations.stiffness * float(motion[:, 0].std()),
+        )
+        if least < LEAST_RESPONSE:
+            return None
+        size = motion.std(axis=0) + 1e-12
+        response, *_ = np.linalg.lstsq(motion / size, torque, rcond=1e-6)
+        shown = float((motion / size @ response).std())
+        known = len(self._found) >= FOUND_WINDOWS
+        needed = max(
+            ALIVE_SHARE * least,
+            FOUND_SHARE * least * float(np.median(self._found)) if known else 0.0,
+        )
+        if shown >= needed:
+            self._found.append(shown / least)
+            return None
+        return (
+            f"the torque shows {shown:.2g} N.m of a movement that needs {needed:.2g} N.m at the "
+            "least: torque sensor dead"
+        )

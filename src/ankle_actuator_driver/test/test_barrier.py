@@ -1,0 +1,474 @@
+"""The driver alone keeps everything from the line that a rig without any check would carry out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ankle_actuator_driver.link.protocol.packet import Refusal, build, parse
+from ankle_actuator_driver.safety.continuation import contradiction
+from ankle_actuator_driver.safety.interpolated_path import path_through
+from ankle_actuator_driver.safety.limits import Limits
+from ankle_actuator_driver.safety.rig import DeviceState, Wanted
+from perturbation_generator.multisine import Multisine
+from perturbation_generator.prbs import Prbs
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings
+
+pytestmark = pytest.mark.live
+RATE = 2048.0
+LIMITS = Limits()
+
+
+def unchecked(laboratory, **options):
+    """A running rig that checks nothing, and a reference that waits to be given by hand."""
+    lab = laboratory(**options)
+    lab.device.faults = lab.faults(unchecked=1.0) or lab.device.faults
+    lab.running()
+    return lab
+
+
+def stretch(lab, after, position, velocity=0.0, acceleration=0.0, count=32):
+    """Times and motion of a block that begins so long after the end of what was sent [s]."""
+    time = lab.bridge._continuation.end + after + np.arange(1, count + 1) / RATE
+    since = np.arange(1, count + 1) / RATE
+    motion = np.column_stack(
+        [
+            position + velocity * since + 0.5 * acceleration * since**2,
+            velocity + acceleration * since,
+            np.full(count, acceleration),
+        ]
+    )
+    return time, motion
+
+
+def give(lab, time, motion):
+    before = len(lab.sent)
+    lab.bridge.reference(time, motion, lab.now, lab.ros)
+    lab.send()
+    return len(lab.sent) > before
+
+
+def last(lab):
+    return lab.stretches[-1].motion[-1]
+
+
+def stays_at_rest(lab):
+    """Until the reference rests, and no further one comes by itself."""
+    lab.scale, end = 0.0, lab.now + 3.0
+    while np.abs(last(lab)[1:]).max() > 0 or lab.now < end - 2.9:
+        lab.run(0.01)
+        assert lab.now < end
+    lab.sending = False
+    return lab
+
+
+def test_a_velocity_that_turns_round_at_the_seam_of_two_blocks_is_refused(laboratory):
+    lab = unchecked(laboratory)
+    lab.sending = False
+    x, v, _ = last(lab)
+    assert not give(lab, *stretch(lab, 0.0, x, -v - 1.3))
+    assert lab.state in ("stopping", "fault")
+    assert "on the way from the last block" in lab.bridge.states.reason
+
+
+def test_a_jump_after_a_gap_is_refused(laboratory):
+    for gap in (0.03, 0.06):
+        lab = stays_at_rest(unchecked(laboratory, lead=0.3))
+        x = last(lab)[0]
+        assert not give(lab, *stretch(lab, gap, x - 0.1 if x > 0 else x + 0.1))
+        lab.until("fault" if gap == 0.03 else "ready")
+        assert "reference refused" in lab.bridge.states.reason
+
+
+def test_a_reference_that_rests_may_pause_and_go_on(laboratory):
+    lab = stays_at_rest(unchecked(laboratory, lead=0.3))
+    assert give(lab, *stretch(lab, 0.06, last(lab)[0]))
+    assert lab.state == "running"
+
+
+def test_a_second_generator_is_refused_whatever_its_phase(laboratory):
+    for shift in (0.004, 0.0117):
+        lab = unchecked(laboratory)
+        other = PulseStep(Settings(rate=RATE, seed=9))
+        for _ in range(60):
+            lab.run(0.0156)
+            if lab.state != "running":
+                break
+            time = lab.stretches[-1].time + shift
+            give(lab, time, other.next(32))
+        assert lab.state in ("fault", "stopping")
+        assert "two sources" in lab.bridge.states.reason
+
+
+def test_two_publishers_are_refused_by_name_and_stop_a_rig_that_runs(laboratory):
+    lab = laboratory().until("ready")
+    both = ["/perturbation_generator", "/session_replayer"]
+    lab.bridge.reference_sources(both, lab.now)
+    refused = lab.command("arm")
+    assert not refused.done
+    assert "/perturbation_generator, /session_replayer" in refused.sentence
+    lab.bridge.reference_sources(both[:1], lab.now)
+    lab.running()
+    lab.bridge.reference_sources(both, lab.now)
+    lab.until("fault")
+    assert "/session_replayer" in lab.bridge.states.reason
+
+
+def test_a_first_block_from_the_past_starts_softly_and_in_the_future(laboratory):
+    lab = laboratory()
+    lab.faults(unchecked=1.0)
+    lab.sending = False
+    lab.armed()
+    assert lab.command("start").done
+    lab.run(0.05)
+    count = int(1.6 * RATE)
+    time = lab.ros - 1.5 + np.arange(count) / RATE
+    phase = 2 * np.pi * (time - time[0])
+    motion = 0.1 * np.column_stack(
+        [np.cos(phase), -2 * np.pi * np.sin(phase), -((2 * np.pi) ** 2) * np.cos(phase)]
+    )
+    lab.bridge.reference(time, motion, lab.now, lab.ros)
+    lab.send()
+    assert lab.stretches[0].time[0] > lab.ros
+    assert np.abs(lab.sent[0][0] - [lab.bridge._held, 0.0, 0.0]).max() < 1e-6
+    lab.run(0.3)
+    commands = lab.commands()
+    assert np.abs(np.diff(commands[:, 1])).max() < LIMITS.velocity / RATE
+
+
+@pytest.mark.parametrize(
+    ("column", "by", "words"),
+    [
+        (1, 0.3, "velocity column says"),
+        (2, 500.0, "acceleration column says"),
+    ],
+)
+def test_a_column_that_contradicts_another_one_is_refused(laboratory, column, by, words):
+    lab = stays_at_rest(unchecked(laboratory, lead=0.3))
+    time, motion = stretch(lab, 0.0, last(lab)[0])
+    motion[10:20, column] += by
+    assert not give(lab, time, motion)
+    assert words in lab.bridge.states.reason
+
+
+def test_the_generators_signals_do_not_contradict_themselves():
+    for rate in (1000.0, 2048.0, 4096.0):
+        for signal in (PulseStep, Multisine, Prbs):
+            motion = signal(Settings(rate=rate)).next(int(8 * rate))
+            assert contradiction(motion, 1 / rate, LIMITS) is None, (signal, rate)
+            time = np.arange(len(motion)) / rate
+            assert LIMITS.passed_on(path_through(time, motion)) is None, (signal, rate)
+
+
+def test_a_path_that_peaks_between_samples_is_refused(laboratory):
+    """Every sample keeps every limit; the polynomial between two of them does not."""
+    interval = 0.01
+    end = 4.0 * np.array([[-0.003, 1.0, 0.0], [0.003, 1.0, 0.0]])
+    time = np.array([0.0, interval])
+    assert np.abs(end[:, 1]).max() < LIMITS.velocity
+    path = path_through(time, end)
+    assert np.abs(path.velocity).max() < 4.0 or LIMITS.passed_on(path)
+    peaking = np.array([[0.172, 2.0, -380.0], [0.172, -2.0, -380.0]])
+    found = LIMITS.passed_on(path_through(np.array([0.0, 0.0105]), peaking))
+    assert "the path reaches 0.177" in found
+    assert np.abs(peaking[:, 0]).max() < LIMITS.angle
+    sharp = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]])
+    assert "accelerates at" in LIMITS.passed_on(path_through(np.array([0.0, 0.005]), sharp))
+    fast = np.array([[0.0, 4.9, 300.0], [0.05, 4.9, -300.0]])
+    assert "moves at 5." in LIMITS.passed_on(path_through(np.array([0.0, 0.0101]), fast))
+
+
+def test_the_extremes_of_the_path_are_those_of_a_much_finer_one():
+    random = np.random.default_rng(3)
+    motion = random.normal(size=(40, 3)) * [0.05, 2.0, 500.0]
+    time = np.cumsum(random.uniform(0.0005, 0.02, 40))
+    path = path_through(time, motion)
+    largest = 0.0
+    for k in range(39):
+        h = time[k + 1] - time[k]
+        s = np.linspace(0, 1, 4001)
+        basis = np.vander(s, 6, increasing=True)
+        rows = [
+            [1, 0, 0, 0, 0, 0],
+            [0, 1, 0, 0, 0, 0],
+            [0, 0, 2, 0, 0, 0],
+            [1, 1, 1, 1, 1, 1],
+            [0, 1, 2, 3, 4, 5],
+            [0, 0, 2, 6, 12, 20],
+        ]
+        scale = np.array([1, h, h * h])
+        c = np.linalg.solve(
+            np.array(rows, float), np.concatenate([motion[k] * scale, motion[k + 1] * scale])
+        )
+        position = basis @ c
+        assert np.abs(position).max() <= np.abs(path.position[k]).max() * (1 + 1e-3) + 1e-6
+        second = np.vander(s, 4, increasing=True) @ (c[2:] * [2, 6, 12, 20]) / h**2
+        largest = max(largest, np.abs(second).max())
+    assert path.largest_acceleration == pytest.approx(largest, rel=1e-5)
+
+
+def test_a_block_that_comes_twice_or_late_is_left_out_and_counted(laboratory):
+    lab = unchecked(laboratory)
+    sent = lab.stretches[-1]
+    assert not give(lab, sent.time, sent.motion)
+    assert lab.bridge.left_out == 1
+    assert lab.state == "running"
+
+
+def test_a_block_of_400000_samples_is_left_out(laboratory):
+    lab = unchecked(laboratory)
+    time = lab.ros + np.arange(400_000) / RATE
+    assert not give(lab, time, np.zeros((400_000, 3)))
+    assert lab.state == "running"
+    assert any("400000 samples" in note for note in lab.bridge.notes)
+
+
+def test_a_driver_that_no_longer_hears_sends_nothing_after_100_ms(laboratory):
+    lab = laboratory(lead=0.6).running()
+    lab.hearing = False
+    lab.run(0.11)
+    sent = len(lab.packets)
+    lab.run(1.0)
+    assert len(lab.packets) == sent
+    assert lab.device.state in (DeviceState.OFF, DeviceState.FAULT)
+
+
+def test_a_driver_that_no_longer_hears_still_stops(laboratory):
+    lab = laboratory().running()
+    lab.hearing = False
+    lab.run(0.11)
+    sent = len(lab.packets)
+    assert lab.command("stop").done
+    assert [parse(data).wanted for data in lab.packets[sent:]] == [Wanted.OFF]
+
+
+def test_a_driver_that_hears_again_in_time_loses_nothing(laboratory):
+    lab = laboratory(lead=0.6).running()
+    lab.hearing = False
+    lab.run(0.09)
+    lab.hearing = True
+    lab.run(1.0)
+    assert lab.state == "running", lab.bridge.states.reason
+
+
+@pytest.mark.parametrize("command", ["stop", "emergency"])
+def test_a_stop_acts_at_once_though_the_reference_is_sent_long_before(laboratory, command):
+    lab = laboratory(lead=1.0).running(2.5).until_moving(2.0)
+    at = lab.rig_time
+    if command == "stop":
+        lab.command("stop")
+    else:
+        lab.device.press_emergency_stop(True, lab.rig_time)
+    lab.run(0.3)
+    told, real = lab.moves_until(at)
+    assert told < 0.05
+    assert real < 0.1
+
+
+def test_a_source_that_ends_is_followed_to_its_end_and_stopped(laboratory):
+    lab = laboratory(lead=0.6).running(2.0)
+    lab.sending = False
+    lab.run(0.4)
+    assert lab.state == "running"
+    lab.until("ready", 1.0)
+    assert np.abs(lab.commands()[:, 2:]).max(axis=0).tolist() <= [5.0, 2000.0]
+
+
+@pytest.mark.parametrize("state", ["armed", "running"])
+def test_a_rig_that_does_not_switch_off_gets_no_heartbeats(laboratory, state):
+    lab = getattr(laboratory(), state)()
+    lab.faults(ignore_off=1.0)
+    lab.command("stop")
+    lab.run(0.8)
+    assert lab.state == "fault"
+    assert lab.device.state in (DeviceState.OFF, DeviceState.FAULT)
+    assert lab.device.fault.name == "HEARTBEAT_LOST"
+    assert "no heartbeats any more" in lab.bridge.states.reason or "confirm" in (
+        lab.bridge.states.reason
+    )
+
+
+def test_a_rig_that_powers_itself_while_the_driver_is_ready_or_in_fault_is_left_alone(laboratory):
+    for state in ("ready", "fault"):
+        lab = laboratory().until("ready")
+        if state == "fault":
+            lab.bridge.states.trip("a test", lab.now)
+        lab.faults(ignore_off=1.0)
+        lab.device.state = DeviceState.HOLD
+        lab.run(1.0)
+        assert lab.state == "fault"
+        assert lab.device.state in (DeviceState.OFF, DeviceState.FAULT)
+
+
+def test_a_fault_is_not_reset_while_the_rig_is_silent(laboratory):
+    lab = laboratory().running()
+    lab.faults(freeze=1.0)
+    lab.run(1.0)
+    refused = lab.command("reset_fault")
+    assert not refused.done
+    assert "nothing valid came from the rig" in refused.sentence
+    lab.faults()
+    lab.run(0.3)
+    assert lab.command("reset_fault").done
+
+
+def test_arming_right_after_disarming_waits_for_the_rig_to_be_off(laboratory):
+    lab = laboratory().armed()
+    lab.command("disarm")
+    assert lab.state == "stopping"
+    assert not lab.command("arm").done
+    lab.until("ready")
+    assert lab.device.state is DeviceState.OFF
+    lab.running()
+
+
+def test_a_stop_during_an_arming_that_is_not_confirmed_yet_ends_off(laboratory):
+    lab = laboratory(delay=0.02)
+    lab.until("ready")
+    lab.command("arm")
+    lab.run(0.004)
+    lab.command("stop")
+    lab.run(0.03)
+    assert lab.state == "stopping"  # what the rig says now was said before it heard of the arming
+    lab.until("ready")
+    lab.run(0.2)
+    assert lab.device.state is DeviceState.OFF
+
+
+def test_a_fault_survives_a_new_session_with_the_rig(laboratory):
+    lab = laboratory().until("ready")
+    lab.bridge = type(lab.bridge)(lab.limits, 0.5, 0.0, "the encoder was stuck")
+    lab.run(1.5)
+    assert lab.state == "fault"
+    assert lab.bridge.states.reason == "the encoder was stuck"
+    assert lab.command("reset_fault").done
+    lab.until("ready")
+
+
+def test_the_operators_page_is_a_dead_mans_switch(laboratory):
+    lab = laboratory().running()
+    for _ in range(40):
+        lab.bridge.operator_alive(lab.now)
+        lab.run(0.1)
+    assert lab.state == "running"
+    lab.run(2.2)
+    assert lab.state in ("stopping", "ready")
+    assert "operator's page was not heard for 2 s" in lab.bridge.states.reason
+    lab.running(seconds=3.0)  # without any page: nobody said that one watches
+    assert lab.state == "running"
+
+
+SENSOR_FAULTS = [
+    ("encoder_slip", 0.03, "slips"),
+    ("encoder_stuck", 1.0, "encoder"),
+    ("velocity_stuck", 1.0, "velocity"),
+    ("torque_dead", 1.0, "torque sensor dead"),
+    ("torque_saturated", 1.0, "torque"),
+    ("torque_swings", 0.5, "swings beyond the limit"),
+    ("no_samples", 1.0, "no samples"),
+    ("nan", 1.0, "nothing valid came"),
+    ("ignore_reference", 1.0, "from the reference that it was sent"),
+]
+
+
+@pytest.mark.parametrize(("switch", "size", "words"), SENSOR_FAULTS)
+def test_a_sensor_that_fails_is_a_fault_within_200_ms_of_its_first_wrong_sign(
+    laboratory, switch, size, words
+):
+    """Found by the driver: the rig checks nothing. What shows in motion only is timed from the
+    beginning of the next movement."""
+    lab = unchecked(laboratory)
+    lab.until_moving(0.5)
+    lab.run(0.04)
+    lab.faults(unchecked=1.0, **{switch: size})
+    lab.until_moving(0.5)
+    at = lab.now
+    while lab.state == "running":
+        lab.run(0.002)
+        assert lab.now - at < 0.5
+    assert words in lab.bridge.states.reason
+    assert lab.now - at <= 0.2
+
+
+def test_a_small_command_that_the_encoder_does_not_follow_is_a_fault(laboratory):
+    lab = laboratory()
+    lab.scale = 0.05  # 2 mrad
+    lab.running()
+    lab.faults(unchecked=1.0, encoder_stuck=1.0)
+    lab.until("fault", 1.5)
+    assert "encoder" in lab.bridge.states.reason
+
+
+def test_spikes_of_a_sensor_are_counted_and_stop_nothing(laboratory):
+    lab = laboratory()
+    lab.limits = replace(lab.limits)
+    lab.running()
+    lab.plant.faults = replace(lab.plant.faults, encoder_spikes=0.002)
+    lab.device.faults = replace(lab.device.faults, unchecked=1.0)
+    lab.bridge.limits = replace(lab.limits, angle=0.175)
+    lab.run(0.5)
+    assert lab.bridge.sensors.spikes > 0 or lab.state != "running"
+
+
+def extreme(report, **fields):
+    return build(replace(report, **fields))
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"sent": 2**62, "first": 2**62},
+        {"sent": -(2**62), "first": -(2**62)},
+        {"echo": 2**62},
+        {"echo_received": -(2**62)},
+        {"first": 0},
+        {"sent": 2**63 - 1},
+        {"samples": np.full((4, 3), 1e308)},
+        {"interval": 0.02, "first": 2**62, "sent": 2**62},
+    ],
+)
+def test_valid_packets_with_extreme_contents_harm_nobody(laboratory, fields):
+    lab = laboratory().running()
+    real = parse(lab_report(lab))
+    for step in range(200):
+        lab.take(extreme(real, sequence=(real.sequence + 1 + step) % 2**32, **fields))
+        lab.run(0.002)
+    lab.run(1.5)
+    assert lab.device.state in (DeviceState.OFF, DeviceState.FAULT, DeviceState.FOLLOW)
+    assert np.abs(lab.commands()[:, 1:]).max(axis=0).tolist() <= [0.175, 5.0, 2000.0]
+    assert np.isfinite(lab.end.clock.drift)
+
+
+def lab_report(lab):
+    """The newest state packet of the rig."""
+    from ankle_actuator_driver.link.protocol.packet import build as sealed
+
+    return sealed(lab.device._report(lab.rig_time))
+
+
+def test_a_packet_for_another_start_of_the_rig_and_a_former_session_are_refused(laboratory):
+    lab = laboratory().armed()
+    old = parse(lab.packets[-1])
+    assert lab.deliver(build(replace(old, rig=123, sequence=old.sequence + 1))) is Refusal.START
+    lab.command("disarm")
+    lab.until("ready")
+    kept = list(lab.packets)
+    lab.new_driver(4800)
+    lab.until("ready")
+    for data in kept:
+        assert isinstance(lab.deliver(data), Refusal)
+    again = replace(old, sequence=(old.sequence + 10_000) % 2**32)
+    assert lab.deliver(build(again)) is Refusal.SESSION
+
+
+def test_only_a_driver_with_the_key_moves_the_rig(laboratory):
+    lab = laboratory(key=b"k" * 16).running()
+    at = len(lab.device.commands)
+    forged = build(replace(parse(lab.packets[-1], lab.key), wanted=Wanted.OFF))
+    assert lab.deliver(forged) is Refusal.DIGEST
+    lab.run(0.5)
+    assert lab.state == "running"
+    assert len(lab.device.commands) > at
+    lab.take(build(replace(parse(lab_report(lab)), sequence=2**20)))
+    assert lab.end.refusals[Refusal.DIGEST] == 1

@@ -1,0 +1,160 @@
+"""The seam for hardware: a line is one module, and a rig's computer needs neither simulator nor
+compiler."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from ankle_actuator_driver import link, settings
+from ankle_actuator_driver.link.rig_link import Clocks, link_names, open_link
+from ankle_actuator_driver.rig_session import RigSession
+from ankle_actuator_driver.safety.bridge import Bridge
+from ankle_actuator_driver.safety.limits import Limits
+
+VALUES = {parameter.name: parameter.default for parameter in settings.PARAMETERS}
+
+FIELDBUS = '''
+"""A line that only counts."""
+
+from ankle_actuator_driver.link.rig_link import Arrival, RigLink
+from ankle_actuator_driver.safety.rig import DeviceFault, DeviceState, RigReport, Status, Wanted
+
+STATE = {
+    Wanted.OFF: DeviceState.OFF,
+    Wanted.HOLD: DeviceState.HOLD,
+    Wanted.FOLLOW: DeviceState.FOLLOW,
+}
+
+
+class Link(RigLink):
+    def __init__(self, values, clocks):
+        self.clocks, self.wanted, self.stretches, self.silent = clocks, Wanted.OFF, [], False
+
+    def send(self, order):
+        self.wanted = order.wanted
+        self.stretches += [order.stretch] if order.stretch is not None else []
+
+    def receive(self, timeout):
+        now, ros = self.clocks.read()
+        report = RigReport(STATE[self.wanted], DeviceFault.NONE, Status(0), True, True, True, 0.0,
+                           received=1)
+        return [Arrival(report, now, ros)]
+
+    def silence(self):
+        self.silent = True
+
+    def close(self):
+        self.silent = True
+'''
+
+
+@pytest.fixture
+def fieldbus(tmp_path, monkeypatch):
+    """One file more in the folder of the links."""
+    (tmp_path / "fieldbus.py").write_text(FIELDBUS)
+    monkeypatch.setattr(link, "__path__", [*link.__path__, str(tmp_path)])
+    yield "fieldbus"
+    sys.modules.pop("ankle_actuator_driver.link.fieldbus", None)
+
+
+def test_another_line_is_one_file(fieldbus):
+    assert set(link_names()) == {"udp", "emulated", "fieldbus"}
+    now = [0.0]
+    line = open_link(fieldbus, VALUES, Clocks(lambda: (now[0], 1e9 + now[0])))
+    bridge = Bridge(Limits(), 0.5, 0.0)
+    session = RigSession(bridge, line, line.clocks.read, lambda news: None, lambda error: None)
+    session._look()
+    assert session.operate("arm").done
+    now[0] += 0.01
+    session._look()
+    assert session.confirmed(bridge.states.state).done
+    assert session.operate("start").done
+    now[0] += 0.01
+    session._look()
+    time = 1e9 + now[0] + 0.1 + np.arange(32) / 2048
+    session.refer(np.column_stack([time, np.zeros((32, 3))]))
+    assert len(line.stretches) == 1
+    assert session.operate("stop").done
+    assert line.wanted.name == "OFF"
+
+
+def test_an_unknown_line_is_refused_with_those_that_there_are():
+    with pytest.raises(ValueError, match="'link' = 'ethercat' is refused; allowed: emulated, udp"):
+        open_link("ethercat", VALUES, Clocks(lambda: (0.0, 0.0)))
+
+
+def test_the_driver_needs_neither_the_simulator_nor_a_compiler():
+    program = """
+import sys
+BLOCKED = ("rig_emulator", "ankle_sim", "ankle_physics", "numba", "scipy", "mujoco")
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in BLOCKED:
+            raise ImportError(f"{name} is not on a rig's computer")
+sys.meta_path.insert(0, Blocker())
+import ankle_actuator_driver.ankle_actuator_driver_node
+import ankle_actuator_driver.link.udp
+import ankle_actuator_driver.link.protocol.heartbeat_process
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert found.returncode == 0, found.stderr
+
+
+def test_the_safety_knows_no_packets():
+    program = """
+import sys, pkgutil, importlib
+import ankle_actuator_driver.safety as safety
+for module in pkgutil.iter_modules(safety.__path__):
+    importlib.import_module(f"ankle_actuator_driver.safety.{module.name}")
+print([name for name in sys.modules if name.startswith("ankle_actuator_driver.link")])
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert found.stdout.strip() == "[]"
+
+
+@pytest.mark.live
+def test_the_emulated_rig_within_the_process_moves():
+    reported = []
+    started = time.monotonic()
+
+    def clocks():
+        now = time.monotonic()
+        return now, 1e9 + now - started
+
+    bridge = Bridge(Limits(), 0.3, 0.0)
+    line = open_link("emulated", VALUES, Clocks(clocks))
+    session = RigSession(bridge, line, clocks, lambda news: reported.extend(news.blocks), print)
+    session.begin()
+    try:
+        for state, command in (("ready", "arm"), ("armed", "start")):
+            deadline = time.monotonic() + 60.0
+            while bridge.states.state.value != state or (
+                state == "armed" and not bridge.states.confirmed
+            ):
+                assert time.monotonic() < deadline, bridge.states.reason
+                time.sleep(0.01)
+            assert session.operate(command).done
+        first = clocks()[1] + 0.3
+        count = 0
+        while count < 64 and bridge.states.state.value == "running":
+            at = first + (32 * count + np.arange(32)) / 2048
+            phase = 2 * np.pi * 2.0 * (at - first)
+            sine = np.column_stack([np.sin(phase), np.cos(phase), -np.sin(phase)])
+            sine *= 0.01 * np.array([1.0, 12.566, 157.9])
+            session.refer(np.column_stack([at, sine]))
+            count += 1
+            time.sleep(max(0.0, at[-1] - 0.3 - clocks()[1]))
+        assert bridge.states.state.value == "running", bridge.states.reason
+        assert np.ptp(np.concatenate(reported)[:, 1]) > 0.015
+        assert session.operate("stop").done
+    finally:
+        session.end()
+        session.close()
+    assert bridge.states.state.value == "ready"
