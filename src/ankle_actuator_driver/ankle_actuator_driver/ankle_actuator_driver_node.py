@@ -29,7 +29,6 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from ankle_actuator_driver import settings
 from ankle_actuator_driver.link.rig_link import Clocks, open_link
 from ankle_actuator_driver.rig_session import News, RigSession, both_clocks
 from ankle_actuator_driver.safety.bridge import Bridge
@@ -39,6 +38,7 @@ from ankle_actuator_driver.safety.sensor_supervision import (
     expectations_from,
 )
 from ankle_actuator_driver.safety.states import CONFIRMATION, State
+from ankle_actuator_driver.settings import PARAMETERS
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import QuantityError
@@ -75,7 +75,7 @@ class ActuatorDriverNode(ManagedNode):
     """Wires a `RigSession` to topics and services."""
 
     def __init__(self) -> None:
-        super().__init__("ankle_actuator_driver", settings.PARAMETERS)
+        super().__init__("ankle_actuator_driver", PARAMETERS)
         values = self._values()
         self._hard = hard_limits_from(values)
         limits_from(values).require_within(self._hard)
@@ -101,7 +101,7 @@ class ActuatorDriverNode(ManagedNode):
         self.when_read(ANKLE_SAMPLES, int(self.number("wait_for_readers")), self._begin)
 
     def _values(self) -> dict[str, Value]:
-        return {parameter.name: self.value(parameter.name) for parameter in settings.PARAMETERS}
+        return {parameter.name: self.value(parameter.name) for parameter in PARAMETERS}
 
     def _begin(self) -> None:
         self.block_subscription(

@@ -1,5 +1,6 @@
 """The driver alone keeps everything from the line that a rig without any check would carry out."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -55,8 +56,8 @@ def last(lab):
 
 def stays_at_rest(lab):
     """Until the reference rests, and no further one comes by itself."""
-    lab.scale, end = 0.0, lab.now + 3.0
-    while np.abs(last(lab)[1:]).max() > 0 or lab.now < end - 2.9:
+    end = lab.now + 3.0
+    while np.abs(lab.stretches[-1].motion[:, 1:]).max() > 1e-9:
         lab.run(0.01)
         assert lab.now < end
     lab.sending = False
@@ -163,18 +164,12 @@ def test_the_generators_signals_do_not_contradict_themselves():
 
 def test_a_path_that_peaks_between_samples_is_refused(laboratory):
     """Every sample keeps every limit; the polynomial between two of them does not."""
-    interval = 0.01
-    end = 4.0 * np.array([[-0.003, 1.0, 0.0], [0.003, 1.0, 0.0]])
-    time = np.array([0.0, interval])
-    assert np.abs(end[:, 1]).max() < LIMITS.velocity
-    path = path_through(time, end)
-    assert np.abs(path.velocity).max() < 4.0 or LIMITS.passed_on(path)
     peaking = np.array([[0.172, 2.0, -380.0], [0.172, -2.0, -380.0]])
     found = LIMITS.passed_on(path_through(np.array([0.0, 0.0105]), peaking))
     assert "the path reaches 0.177" in found
     assert np.abs(peaking[:, 0]).max() < LIMITS.angle
-    sharp = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]])
-    assert "accelerates at" in LIMITS.passed_on(path_through(np.array([0.0, 0.005]), sharp))
+    sharp = np.array([[0.0, 0.0, 0.0], [0.002, 0.0, 0.0]])
+    assert "accelerates at" in LIMITS.passed_on(path_through(np.array([0.0, 0.002]), sharp))
     fast = np.array([[0.0, 4.9, 300.0], [0.05, 4.9, -300.0]])
     assert "moves at 5." in LIMITS.passed_on(path_through(np.array([0.0, 0.0101]), fast))
 
@@ -277,16 +272,14 @@ def test_a_source_that_ends_is_followed_to_its_end_and_stopped(laboratory):
 
 @pytest.mark.parametrize("state", ["armed", "running"])
 def test_a_rig_that_does_not_switch_off_gets_no_heartbeats(laboratory, state):
-    lab = getattr(laboratory(), state)()
+    lab = getattr(laboratory(lead=1.5), state)()
     lab.faults(ignore_off=1.0)
     lab.command("stop")
     lab.run(0.8)
     assert lab.state == "fault"
     assert lab.device.state in (DeviceState.OFF, DeviceState.FAULT)
     assert lab.device.fault.name == "HEARTBEAT_LOST"
-    assert "no heartbeats any more" in lab.bridge.states.reason or "confirm" in (
-        lab.bridge.states.reason
-    )
+    assert "confirm" in lab.bridge.states.reason
 
 
 def test_a_rig_that_powers_itself_while_the_driver_is_ready_or_in_fault_is_left_alone(laboratory):
@@ -360,7 +353,7 @@ def test_the_operators_page_is_a_dead_mans_switch(laboratory):
 
 
 SENSOR_FAULTS = [
-    ("encoder_slip", 0.03, "slips"),
+    ("encoder_slip", 0.03, "slips|one of the two sensors is wrong"),
     ("encoder_stuck", 1.0, "encoder"),
     ("velocity_stuck", 1.0, "velocity"),
     ("torque_dead", 1.0, "torque sensor dead"),
@@ -368,7 +361,6 @@ SENSOR_FAULTS = [
     ("torque_swings", 0.5, "swings beyond the limit"),
     ("no_samples", 1.0, "no samples"),
     ("nan", 1.0, "nothing valid came"),
-    ("ignore_reference", 1.0, "from the reference that it was sent"),
 ]
 
 
@@ -387,8 +379,15 @@ def test_a_sensor_that_fails_is_a_fault_within_200_ms_of_its_first_wrong_sign(
     while lab.state == "running":
         lab.run(0.002)
         assert lab.now - at < 0.5
-    assert words in lab.bridge.states.reason
+    assert re.search(words, lab.bridge.states.reason)
     assert lab.now - at <= 0.2
+
+
+def test_a_rig_that_does_not_follow_the_reference_is_a_fault(laboratory):
+    lab = unchecked(laboratory)
+    lab.faults(unchecked=1.0, ignore_reference=1.0)
+    lab.until("fault", 1.5)
+    assert "from the reference that it was sent" in lab.bridge.states.reason
 
 
 def test_a_small_command_that_the_encoder_does_not_follow_is_a_fault(laboratory):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
 import subprocess
@@ -11,8 +12,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
+from ankle_actuator_driver.link.protocol.port_holder import holder_of
 from ankle_bringup.errors import RunError
-from ankle_bringup.executables import become, node_command
+from ankle_bringup.executables import (
+    become,
+    declared_parameters,
+    find_executable,
+    node_command,
+)
 from ankle_bringup.graph import Graph, NodeDescription
 
 # A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that
@@ -24,6 +31,40 @@ def become_node(package: str, executable: str, **parameters: object) -> None:
     """Replace this process by a node with these parameters."""
     description = NodeDescription(package, executable, executable, parameters)
     become(node_command(package, executable) + description.ros_arguments())
+
+
+_LIBC = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1
+
+
+def _end_with_parent() -> None:
+    """In a node's process before it begins: Linux is to tell it SIGTERM when its parent ends,
+    however that happens; the driver then stops its rig.
+    """
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+_LISTENING = {"biofeedback": "tcp", "rig_emulator": "udp"}
+"""Protocol of the executables that listen at their parameter `port`."""
+
+
+def require_free_ports(graph: Graph) -> None:
+    """Whether every port at which a node of a graph listens is free.
+
+    Raises
+    ------
+    RunError
+        One is not; names the process that holds it.
+    """
+    for node in graph.nodes:
+        if node.executable in _LISTENING:
+            declared = declared_parameters(
+                find_executable(node.package, node.executable), node.parameters
+            )
+            usual = declared["port"].default if declared else 0
+            port = int(node.parameters.get("port", usual))
+            if holder := holder_of(_LISTENING[node.executable], port) if port else "":
+                raise RunError(f"{node.name} cannot listen{holder}")
 
 
 class Processes:
@@ -43,6 +84,7 @@ class Processes:
     """
 
     def __init__(self, graph: Graph, logs: Path) -> None:
+        self._graph = graph
         self._commands = [
             (node, node_command(node.package, node.executable)) for node in graph.nodes
         ]
@@ -50,6 +92,7 @@ class Processes:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Processes:
+        require_free_ports(self._graph)
         self._logs.mkdir(parents=True, exist_ok=True)
         for node, command in self._commands:
             self._start(node, command)
@@ -68,6 +111,7 @@ class Processes:
                 stdin=subprocess.DEVNULL,
                 env=environment,
                 start_new_session=True,
+                preexec_fn=_end_with_parent,
             )
 
     def __exit__(

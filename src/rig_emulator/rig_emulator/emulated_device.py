@@ -213,9 +213,10 @@ class EmulatedDevice:
                 and not self.status & Status.EMERGENCY_STOP_PRESSED
             ):
                 self.state, self.fault = DeviceState.OFF, DeviceFault.NONE
-        if packet.wanted is Wanted.OFF and not self.faults.ignore_off:
-            host.asked_off = True
-            self._leave(DeviceState.OFF, now)
+        if packet.wanted is Wanted.OFF:
+            if not self.faults.ignore_off:
+                host.asked_off = True
+                self._leave(DeviceState.OFF, now)
         elif packet.wanted is Wanted.HOLD:
             if self.state is DeviceState.OFF and host.asked_off:
                 self.state = DeviceState.HOLD

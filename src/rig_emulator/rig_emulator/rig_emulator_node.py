@@ -15,12 +15,13 @@ are on, or with what was wrong. Parameters: `rig_emulator.settings`.
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 
 from ankle_actuator_driver.link.protocol.heartbeat_process import take_priority
 from ankle_actuator_driver.link.protocol.packet import read_key
 from ankle_actuator_driver.link.protocol.transport import UdpTransport
 from ankle_interfaces.errors import QuantityError
-from ankle_interfaces.quantity import Value
+from ankle_interfaces.quantity import Quantity, Value
 from ankle_node.node import AnkleNode, run
 from ankle_physics.model import Model
 from ankle_sim.start_values import start_value
@@ -33,6 +34,16 @@ PRIORITY = 10
 """Of the real-time class: a rig's controller is no usual process; below the heartbeats' 20."""
 
 
+def _declared_for(model: Model) -> list[Quantity]:
+    """The parameters of an emulator with a joint."""
+    return [*PARAMETERS, *(parameter for parameter, _, _ in joint_parameters(model).values())]
+
+
+def declared_parameters(values: Mapping[str, Value]) -> list[Quantity]:
+    """The parameters that the node declares for start values, by which its joint is found."""
+    return _declared_for(load_model(str(values.get(MODEL.name, ""))))
+
+
 class RigEmulatorNode(AnkleNode):
     """Runs an `EmulatedRig` in a thread of its own.
 
@@ -43,8 +54,7 @@ class RigEmulatorNode(AnkleNode):
     """
 
     def __init__(self, model: Model) -> None:
-        joint = joint_parameters(model)
-        declared = [*PARAMETERS, *(parameter for parameter, _, _ in joint.values())]
+        declared = _declared_for(model)
         super().__init__(NAME, declared)
         self._refuse_unknown()
         values: dict[str, Value] = {

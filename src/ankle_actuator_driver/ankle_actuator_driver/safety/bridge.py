@@ -60,8 +60,10 @@ NOT_FOLLOWING = 0.015
 """[rad] Between the path that was sent and what the rig says it commands: the clocks of both are
 known to 2 ms, and the plate is told to move at up to 5 rad/s.
 """
-NOT_FOLLOWING_FOR = 0.06
-"""[s] For which it lasts: a bridged gap of 40 ms is another path for a moment."""
+NOT_FOLLOWING_FOR = 0.025
+"""[s] For which it lasts: two packets; a pulse of the paper lasts 40 ms."""
+BRIDGED_FOR = 0.1
+"""[s] For which a rig that has bridged a gap of the line may be on another path."""
 YIELDED_FOR = 10.0
 """[s] For which a rig that has yielded to a torque may be elsewhere: five of its time constants of
 2 s.
@@ -130,7 +132,7 @@ class Bridge:
         self._continuation, self._record = Continuation(), CommandRecord()
         self._held, self._began, self._ramp = 0.0, math.nan, soft_start
         self._started = -math.inf
-        self._yielded = -math.inf
+        self._elsewhere_until = -math.inf  # until then the rig may be on a path of its own
         self._elsewhere_since: float | None = None
 
     @property
@@ -388,7 +390,9 @@ class Bridge:
     def _supervise(self, report: RigReport, now: float) -> None:
         """What the rig and its sensors say of a powered plate, seen from here."""
         if report.status & Status.YIELDING:
-            self._yielded = now
+            self._elsewhere_until = now + YIELDED_FOR
+        elif report.status & Status.REFERENCE_BRIDGED:
+            self._elsewhere_until = max(self._elsewhere_until, now + BRIDGED_FOR)
         settled = (
             self.states.state in (State.ARMED, State.RUNNING)
             and self.states.confirmed
@@ -412,7 +416,7 @@ class Bridge:
 
     def _elsewhere(self, difference: float, now: float) -> str | None:
         """Whether the rig commands something else than what it was sent."""
-        if abs(difference) <= NOT_FOLLOWING or now - self._yielded < YIELDED_FOR:
+        if abs(difference) <= NOT_FOLLOWING or now < self._elsewhere_until:
             self._elsewhere_since = None
         elif self._elsewhere_since is None:
             self._elsewhere_since = now

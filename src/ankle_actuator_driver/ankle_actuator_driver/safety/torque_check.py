@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-TORQUE_PATIENCE = 0.2
-"""[s] For which the torque may stay beyond its limit while the plate yields; as the rig's own."""
+TORQUE_PATIENCE = 0.17
+"""[s] For which the torque may stay beyond its limit while the plate yields: with the packet that
+brings the news it is a fault within 200 ms."""
 SWING = 0.25
 """[s] Between two excursions beyond the limit that make a swing: a plate that yields comes back
 once, and slowly."""
