@@ -54,7 +54,7 @@ from ankle_node import session_event
 from ankle_node.derived_topics import joint_states
 from ankle_node.managed_node import ManagedNode
 from ankle_node.node import ERROR, LATEST_QOS, WARN, run
-from ankle_node.qos import publisher_qos
+from ankle_node.qos import publisher_qos, reader_qos
 
 COMMANDS = ("arm", "start", "stop", "disarm", "reset_fault")
 REPORT_PERIOD = 1.0  # s
@@ -96,7 +96,9 @@ class ActuatorDriverNode(ManagedNode):
         for name in COMMANDS:
             answer = self._command_to_confirm if name in CONFIRMED else self._command
             self.create_service(Trigger, f"~/{name}", partial(answer, name))
-        self.create_subscription(String, RIG_OPERATOR_ALIVE.name, self._hear_operator, LATEST_QOS)
+        self.create_subscription(
+            String, RIG_OPERATOR_ALIVE.name, self._hear_operator, reader_qos(RIG_OPERATOR_ALIVE)
+        )
         self.create_timer(SOURCES_PERIOD, self._look_for_sources)
         self.when_read(ANKLE_SAMPLES, int(self.number("wait_for_readers")), self._begin)
 

@@ -281,7 +281,7 @@ def test_life_cycle_services_and_a_rig_that_is_not_there(bench):
             "parameter 'hard_angle_limit' = 3.0 rad is refused; allowed: 0.001 to 0.35 rad",
         ),
         (DRIVER, "use_sim_time:=true", "a rig moves in real time"),
-        (EMULATOR, "speed:=3", "parameter 'speed' is unknown"),
+        (EMULATOR, "prot:=3", "parameter 'prot' is unknown; did you mean 'port'?"),
         (
             EMULATOR,
             "clock_drift:=0.1",

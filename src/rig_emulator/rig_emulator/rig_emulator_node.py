@@ -20,7 +20,6 @@ from collections.abc import Mapping
 from ankle_actuator_driver.link.protocol.heartbeat_process import take_priority
 from ankle_actuator_driver.link.protocol.packet import read_key
 from ankle_actuator_driver.link.protocol.transport import UdpTransport
-from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_node.node import AnkleNode, run
 from ankle_physics.model import Model
@@ -56,7 +55,6 @@ class RigEmulatorNode(AnkleNode):
     def __init__(self, model: Model) -> None:
         declared = _declared_for(model)
         super().__init__(NAME, declared)
-        self._refuse_unknown()
         values: dict[str, Value] = {
             parameter.name: self.value(parameter.name) for parameter in declared
         }
@@ -73,12 +71,6 @@ class RigEmulatorNode(AnkleNode):
         self._thread.start()
         self.create_timer(REPORT_PERIOD, self._report)
         self._say(f"listening at UDP {address}:{port}")
-
-    def _refuse_unknown(self) -> None:
-        unknown = [name for name in self._parameter_overrides if not self.has_parameter(name)]
-        if unknown:
-            known = ", ".join(sorted(self._declared))
-            raise QuantityError(f"parameter '{unknown[0]}' is unknown; known: {known}")
 
     def _say(self, sentence: str) -> None:
         self.get_logger().info(sentence)
