@@ -22,5 +22,8 @@ setup(
         "console_scripts": [
             "rig_emulator = rig_emulator.rig_emulator_node:main",
         ],
+        "ankle_actuator_driver.links": [
+            "emulated = rig_emulator.emulated_link:Link",
+        ],
     },
 )

@@ -1,7 +1,8 @@
 """A line to a rig: orders out, reports in. The driver never asks which one it has.
 
 Adding one is adding one module to this folder: a class `Link` that is a `RigLink`. The parameter
-`link` takes the module's name (docs/rig_protocol.md, "Another line").
+`link` takes the module's name (docs/rig_protocol.md, "Another line"). Another package offers one as
+an entry point of the group `ankle_actuator_driver.links`.
 """
 
 from __future__ import annotations
@@ -11,11 +12,14 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 
 from ankle_actuator_driver.safety.rig import Event, Order
 from ankle_interfaces.quantity import Value
 
 PACKAGE = __name__.rpartition(".")[0]
+OFFERED = "ankle_actuator_driver.links"
+"""Group of entry points by which another package offers a line."""
 _NO_LINKS = ("rig_link", "protocol")
 DEVICE_PORT = 20480
 """UDP port of the rig; the emulator takes its fault switches at the next one."""
@@ -109,10 +113,15 @@ class RigLink(ABC):
 
 
 def link_names() -> tuple[str, ...]:
-    """The lines that there are: modules of this folder."""
+    """The lines that there are: modules of this folder, and what installed packages offer."""
     package = importlib.import_module(PACKAGE)
-    found = (module.name for module in pkgutil.iter_modules(package.__path__))
-    return tuple(sorted(name for name in found if name not in _NO_LINKS))
+    found = {module.name for module in pkgutil.iter_modules(package.__path__)}
+    return tuple(sorted(found.difference(_NO_LINKS) | _offered().keys()))
+
+
+def _offered() -> dict[str, EntryPoint]:
+    """Lines of other packages by name."""
+    return {entry.name: entry for entry in entry_points(group=OFFERED)}
 
 
 def open_link(name: str, values: Mapping[str, Value], clocks: Clocks) -> RigLink:
@@ -138,5 +147,7 @@ def open_link(name: str, values: Mapping[str, Value], clocks: Clocks) -> RigLink
         raise ValueError(
             f"parameter 'link' = '{name}' is refused; allowed: {', '.join(link_names())}"
         )
-    link: RigLink = importlib.import_module(f"{PACKAGE}.{name}").Link(values, clocks)
+    offered = _offered().get(name)
+    kind = offered.load() if offered else importlib.import_module(f"{PACKAGE}.{name}").Link
+    link: RigLink = kind(values, clocks)
     return link

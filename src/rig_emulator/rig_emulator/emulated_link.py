@@ -1,6 +1,6 @@
-"""The emulated rig inside the driver's process: no network, no second process.
+"""The driver's line to an emulated rig inside its own process: no network, no second process.
 
-Needs the package `rig_emulator`, which a rig's computer does not.
+The driver finds it as `link:=emulated` wherever this package is installed.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from ankle_actuator_driver.link.protocol.packet_link import PacketLink
 from ankle_actuator_driver.link.protocol.transport import Datagram, Transport
 from ankle_actuator_driver.link.rig_link import Clocks
 from ankle_interfaces.quantity import Value
+from rig_emulator.emulated_rig import EmulatedRig
+from rig_emulator.settings import Settings
 
 
 class QueueEnd:
@@ -54,9 +56,6 @@ class Link(PacketLink):
 
     def open_line(self, values: Mapping[str, Value]) -> Transport:
         """Start the rig."""
-        from rig_emulator.emulated_rig import EmulatedRig
-        from rig_emulator.settings import Settings
-
         down: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         up: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         rig = EmulatedRig(Settings.defaults(key=self.key), QueueEnd(up, down))
