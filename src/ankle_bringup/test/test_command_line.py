@@ -222,3 +222,12 @@ def test_import_without_columns_proposes_the_line_and_yes_follows_it(tmp_path):
     assert done.exit_code == 0, done.output
     assert "units and sign fit: inertia 0.0137" in done.output
     assert "next: ankle estimate" in done.output
+
+
+def test_estimate_without_a_valid_estimate_fails_and_says_why(table, tmp_path):
+    ankle("import", table, "--out", tmp_path / "bag", *COLUMNS, "--torque-sign", "rig")
+    result = ankle("estimate", tmp_path / "bag", "--out", tmp_path / "e", "--algorithm", "CE")
+    assert result.exit_code != 0
+    assert "none of" in str(result.exception)
+    assert "lasts 4.0 s" in str(result.exception)
+    assert (tmp_path / "e" / "report.html").exists()

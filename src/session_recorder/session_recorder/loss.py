@@ -44,6 +44,13 @@ MIN_MIXED_STEPS = 10
 SETTLING_TIME = 2.0
 """[s] How long a jump in the message numbers waits for a verdict. A second publisher is known to
 the graph within a second; the messages of both look like loss until then."""
+WHOLE_TOLERANCE = 0.2
+"""Part of an interval by which a step may differ from a whole number of intervals."""
+MAX_IRREGULAR_SHARE = 0.01
+"""Share of steps that are no whole number of intervals, above which the sampling is irregular: a
+short pause is then its nature and no loss."""
+MIN_IRREGULAR_GAP = 4
+"""Intervals that must be missing at once in irregular sampling before they count as loss."""
 LOST_MESSAGES_KEY = "lost_messages "
 """Start of the keys in a bag's custom data that state lost messages, followed by the topic."""
 
@@ -83,6 +90,8 @@ class SampleAccount:
         Samples that came after later ones and fill a gap.
     repeated
         Samples whose time is there already.
+    uneven
+        Steps that are no whole number of intervals.
     clock_steps
         (time before [s], how far time was set back [s]) of each step back by more than
         `MAX_LATENESS`.
@@ -101,6 +110,7 @@ class SampleAccount:
     gaps: list[Gap] = field(default_factory=list)
     late: int = 0
     repeated: int = 0
+    uneven: int = 0
     clock_steps: list[tuple[float, float]] = field(default_factory=list)
     undated: int = 0
     not_finite: dict[str, int] = field(default_factory=dict)
@@ -110,9 +120,20 @@ class SampleAccount:
     _steps_back: int = 0
 
     @property
+    def irregular(self) -> bool:
+        """Whether the sampling is irregular, so that single missing samples cannot be told."""
+        return self.uneven > MAX_IRREGULAR_SHARE * self.samples
+
+    @property
+    def lasting_gaps(self) -> list[Gap]:
+        """The gaps that count as loss."""
+        least = MIN_IRREGULAR_GAP if self.irregular else 1
+        return [gap for gap in self.gaps if gap.missing >= least]
+
+    @property
     def missing(self) -> int:
         """Samples that are missing in all gaps."""
-        return sum(gap.missing for gap in self.gaps)
+        return sum(gap.missing for gap in self.lasting_gaps)
 
     @property
     def missing_time(self) -> float:
@@ -186,6 +207,8 @@ class SampleAccount:
         assert self.rate is not None
         assert self.last is not None
         step = (time[0] - self.last) * self.rate
+        if step > 0.0 and abs(step - max(1.0, round(step))) > WHOLE_TOLERANCE:
+            self.uneven += 1
         if step > 1.0 + STEP_TOLERANCE:
             gap = Gap(self.last, float(time[0]), round(step) - 1)
             self.gaps.append(gap)
@@ -194,7 +217,7 @@ class SampleAccount:
                 f"{gap.missing} samples ({gap.missing / self.rate:.3f} s) missing before t = "
                 f"{time[0]:.6f} s"
             ]
-        if step > STEP_TOLERANCE:
+        if step > 0.0:
             self._continue(time)
             return []
         self._steps_back += 1
@@ -210,12 +233,16 @@ class SampleAccount:
         assert self.last is not None
         half = STEP_TOLERANCE / self.rate
         late = 0
+        # Gaps are in the order of time: those before the first sample stay as they are.
+        first = len(self.gaps)
+        while first and self.gaps[first - 1].end > time[0]:
+            first -= 1
         gaps: list[Gap] = []
-        for gap in self.gaps:
+        for gap in self.gaps[first:]:
             inside = time[(time > gap.start + half) & (time < gap.end - half)]
             late += len(inside)
             gaps += self._left_of(gap, inside) if len(inside) else [gap]
-        self.gaps = gaps
+        self.gaps[first:] = gaps
         new = time[time > self.last + half]
         repeated = len(time) - late - len(new)
         self.late += late
@@ -248,7 +275,7 @@ class SampleAccount:
             Time [s] from which places are counted.
         """
         told = []
-        gaps = sorted(self.gaps, key=lambda gap: -gap.missing)
+        gaps = sorted(self.lasting_gaps, key=lambda gap: -gap.missing)
         if gaps:
             places = "; ".join(
                 f"{gap.missing} at {gap.start - origin:.3f} s" for gap in gaps[:SHOWN_GAPS]
@@ -257,6 +284,11 @@ class SampleAccount:
             told.append(
                 f"{topic}: {self.missing} samples ({self.missing_time:.3f} s) are missing in "
                 f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}: {places}{more}"
+            )
+        if self.irregular:
+            told.append(
+                f"{topic}: the sampling is irregular: {self.uneven} steps are no whole number of "
+                "intervals, so single missing samples cannot be told"
             )
         if self.late:
             told.append(f"{topic}: {self.late} samples came late and are in their place")
@@ -441,7 +473,7 @@ class LossAccount:
             topic: {
                 "samples": account.samples,
                 "missing": account.missing,
-                "gaps": len(account.gaps),
+                "gaps": len(account.lasting_gaps),
                 "late": account.late,
                 "repeated": account.repeated,
                 "rate[Hz]": account.rate or float("nan"),

@@ -192,3 +192,15 @@ def test_two_publishers_of_a_signal_are_named(tmp_path, block):
 
 def test_an_empty_account_says_nothing():
     assert LossAccount().sentences() == []
+
+
+def test_irregular_sampling_is_named_and_no_loss():
+    time = 1000 + np.cumsum(np.random.default_rng(1).uniform(0.3e-3, 1.7e-3, 200_000))
+    time[100_000:] += 1.0
+    held = SampleAccount()
+    for first in range(0, len(time), 32):
+        held.add(Block(("t[s]",), time[first : first + 32, None]))
+    assert held.irregular
+    assert held.repeated == 0
+    assert held.missing == pytest.approx(1000, rel=0.25)
+    assert "the sampling is irregular" in " ".join(held.sentences(TOPIC, 1000.0))

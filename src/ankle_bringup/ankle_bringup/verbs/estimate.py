@@ -8,7 +8,15 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from ankle_bringup.terminal import Algorithm, Out, Overwrite, console, progress
+from ankle_bringup.terminal import (
+    Algorithm,
+    Out,
+    Overwrite,
+    clear_folder,
+    console,
+    progress,
+    steps,
+)
 
 
 def verb(
@@ -19,30 +27,47 @@ def verb(
 ) -> dict[str, Any]:
     """Estimate K, B, I and G from a bag, with the numbers that the node gives.
 
-    Writes a bag with /impedance/estimate and /impedance/reflex_irf.
+    Writes a bag with /impedance/estimate and /impedance/reflex_irf, and into its folder
+    report.html, estimates.csv and estimates.png. Without one valid estimate it says why, and fails.
 
     Example: ankle estimate session --out session_estimates
     """
     from impedance_estimator.algorithms import DEFAULT
     from impedance_estimator.offline.recorded_estimates import estimate_bag
+    from session_analysis.estimate_answer import answer, require_valid
+    from session_analysis.estimate_report import value_rows, write_estimates
+    from session_recorder.bag_reader import BagReader
 
+    chosen = algorithm or DEFAULT
+    clear_folder(out, overwrite, "metadata.yaml")
     with progress(f"estimating {bag}") as share:
-        result = estimate_bag(bag, out, algorithm or DEFAULT, overwrite=overwrite, progress=share)
+        result = estimate_bag(bag, out, chosen, progress=share)
+    with steps() as step:
+        settings = BagReader(out).custom_data.get("settings", "")
+        found = answer(bag, result, chosen, settings, step)
+        report = write_estimates(found, out)
+    losses = found.losses.sentences()
+    for sentence in losses:
+        console.print(f"loss: {sentence}")
     for note in result.notes:
         console.print(f"note: {note}")
-    median = result.median()
-    table = Table("", "median", "unit")
-    for name, value in median.items():
-        quantity, unit = name.rstrip("]").split("[")
-        table.add_row(quantity, f"{value:.4g}", unit)
+    head, *rows = value_rows(found)
+    table = Table(*head)
+    for row in rows:
+        table.add_row(*row)
     console.print(table)
-    console.print(
-        f"{len(result.valid)} of {len(result.rows)} estimates are valid; written to {out.resolve()}"
-    )
+    console.print(f"{found.valid.sum()} of {len(found.rows)} estimates are valid", end="")
+    console.print(f", {found.doubtful.sum()} doubtful" if found.doubtful.any() else "")
+    console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
+    require_valid(found)
     return {
         "out": out.resolve(),
-        "estimates": len(result.rows),
-        "valid": len(result.valid),
-        "median": median,
+        "report": report.resolve(),
+        "estimates": len(found.rows),
+        "valid": int(found.valid.sum()),
+        "doubtful": int(found.doubtful.sum()),
+        "median": result.median(),
+        "held_out_vaf[%]": found.opinion.held_out_vaf if found.opinion else None,
+        "losses": losses,
         "notes": result.notes,
     }

@@ -1,0 +1,244 @@
+"""What a recording's estimates say: values with errors, how much of it is valid, what is in doubt,
+and why nothing is valid where nothing is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.offline.recorded_estimates import OfflineResult
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.recording.recording import Recording
+from session_analysis.errors import AnalysisError
+from session_analysis.second_opinion import SecondOpinion, second_opinion
+from session_recorder.bag_reader import BagReader
+from session_recorder.importing.sampling import judge_times
+from session_recorder.loss import LossAccount, account_of_bag
+
+QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
+DOUBTFUL = 0.5
+"""From this doubt on an estimate is called doubtful: the model behind it is more likely wrong than
+right."""
+MIN_RECORDING = 10.0
+"""[s] The estimators' memories hold about 15 s; the first valid estimate comes after 5 to 10 s."""
+MIN_MOVEMENT = 1e-3
+"""[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
+below 1e-4, perturbations are above 5e-3."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The result of estimating one recording.
+
+    Attributes
+    ----------
+    bag
+        The recording.
+    algorithm
+        Of the estimates.
+    settings
+        Of the estimator, as text.
+    rows
+        Estimates, shape (n, m), columns `ESTIMATE_COLUMNS`.
+    torques
+        Shape (j, 4), columns `TORQUE_COLUMNS`.
+    losses
+        What the recording lacks.
+    notes
+        What happened on the way, one sentence each.
+    opinion
+        Offline second opinion; None where it is impossible, `no_opinion` then says why.
+    no_opinion
+        Why there is no second opinion; empty where there is one.
+    """
+
+    bag: Path
+    algorithm: str
+    settings: str
+    rows: np.ndarray
+    torques: np.ndarray
+    losses: LossAccount
+    notes: list[str]
+    opinion: SecondOpinion | None
+    no_opinion: str
+
+    def column(self, name: str) -> np.ndarray:
+        """One column of the estimates, shape (n,)."""
+        return self.rows[:, ESTIMATE_COLUMNS.index(name)]
+
+    @property
+    def valid(self) -> np.ndarray:
+        """Which estimates are valid, shape (n,)."""
+        return self.column("valid[1]") > 0
+
+    @property
+    def doubtful(self) -> np.ndarray:
+        """Which valid estimates are doubtful, shape (n,); none where the estimator states no
+        doubt.
+        """
+        if "doubt[1]" not in ESTIMATE_COLUMNS:
+            return np.zeros(len(self.rows), dtype=bool)
+        return self.valid & (self.column("doubt[1]") >= DOUBTFUL)
+
+    def median(self, quantity: str, half: int | None = None) -> tuple[float, float]:
+        """Median over the valid estimates, and the median of their standard errors.
+
+        Parameters
+        ----------
+        quantity
+            As ``K[N.m/rad]``.
+        half
+            0 or 1 for a half of the recording, None for all of it.
+
+        Returns
+        -------
+        tuple[float, float]
+            NaN where no estimate is valid.
+        """
+        good = self.valid
+        if half is not None and len(good):
+            time = self.column("t[s]")
+            good = good & ((time >= np.median(time)) == bool(half))
+        if not good.any():
+            return float("nan"), float("nan")
+        error = self.column(f"se_{quantity}")[good]
+        known = error[np.isfinite(error)]
+        return (
+            float(np.median(self.column(quantity)[good])),
+            float(np.median(known)) if len(known) else float("nan"),
+        )
+
+
+def answer(
+    bag: Path,
+    result: OfflineResult,
+    algorithm: str,
+    settings: str,
+    progress: Callable[[str, float], None] | None = None,
+) -> Answer:
+    """Gather everything that a report of a recording's estimates says.
+
+    Parameters
+    ----------
+    bag
+        The recording.
+    result
+        Its estimates.
+    algorithm, settings
+        Of the estimates.
+    progress
+        Called with what is done and the fraction.
+
+    Raises
+    ------
+    BagError
+        The bag cannot be read.
+    """
+    if progress:
+        progress("counting losses", 0.0)
+    losses = account_of_bag(BagReader(bag))
+    if progress:
+        progress("second opinion", 0.5)
+    opinion, reason = None, ""
+    try:
+        recording = Recording.from_bag(bag)
+        if recording.faults:
+            reason = "; ".join(recording.faults)
+        else:
+            opinion = second_opinion(recording)
+    except (DiagnosisError, ValueError) as error:
+        reason = str(error)
+    if progress:
+        progress("second opinion", 1.0)
+    return Answer(
+        bag,
+        algorithm,
+        settings,
+        result.rows,
+        result.torques,
+        losses,
+        list(result.notes),
+        opinion,
+        reason,
+    )
+
+
+def why_nothing_is_valid(bag: Path) -> str:
+    """Reasons why a recording gives no valid estimate, and what to do, in one sentence each.
+
+    Parameters
+    ----------
+    bag
+        With ``/ankle/samples``.
+
+    Raises
+    ------
+    BagError
+        The bag cannot be read, or has no such samples.
+    """
+    columns, data = BagReader(bag).signal("/ankle/samples")
+    time = data[:, 0][np.isfinite(data[:, 0])]
+    if len(time) < 2:
+        return f"the recording holds {len(time)} sample(s); record at least {MIN_RECORDING:g} s"
+    reasons = []
+    duration = float(time[-1] - time[0])
+    if duration < MIN_RECORDING:
+        reasons.append(
+            f"the recording lasts {duration:.1f} s; the estimators need {MIN_RECORDING:g} s and "
+            "more: record longer"
+        )
+    try:
+        sampling = judge_times(time)
+    except ValueError as error:
+        return f"{error}; import the recording again with --rate"
+    if sampling.kind == "irregular":
+        reasons.append(
+            f"{sampling.sentence}; import the recording again with --resample {sampling.rate:.6g}"
+        )
+    for quantity in ("position", "torque"):
+        values = [data[:, k] for k, name in enumerate(columns) if name.startswith(f"{quantity}[")]
+        if not values:
+            continue
+        share = float(np.mean(~np.isfinite(values[0])))
+        if share > 0.1:
+            reasons.append(f"{100 * share:.0f} % of the samples of {quantity} are NaN or infinite")
+        elif quantity == "position" and _movement(values[0], sampling.rate) < MIN_MOVEMENT:
+            reasons.append(
+                f"the position moves by {_movement(values[0], sampling.rate):.2g} rad (standard "
+                "deviation within a second): no perturbation to learn from. Record while the "
+                "perturbation runs"
+            )
+        elif np.nanstd(values[0]) == 0:
+            reasons.append(f"the {quantity} does not change: is its sensor connected?")
+    return "; ".join(reasons) or (
+        "position and torque do not go together as an ankle's do; check columns, units and sign, "
+        "or see 'ankle diagnose'"
+    )
+
+
+def _movement(position: np.ndarray, rate: float) -> float:
+    """Standard deviation of position [rad] about its mean of each second, as a median."""
+    length = max(2, min(round(rate), len(position)))
+    pieces = position[: len(position) // length * length].reshape(-1, length)
+    finite = np.isfinite(pieces).all(axis=1)
+    return float(np.median(pieces[finite].std(axis=1))) if finite.any() else 0.0
+
+
+def require_valid(found: Answer) -> None:
+    """Refuse a recording without a valid estimate.
+
+    Raises
+    ------
+    AnalysisError
+        None is valid; the message says why and what to do.
+    """
+    if not found.valid.any():
+        raise AnalysisError(
+            f"{found.bag}: none of {len(found.rows)} estimates is valid: "
+            f"{why_nothing_is_valid(found.bag)}"
+        )

@@ -1,0 +1,71 @@
+"""One HTML file that needs no network: headings, tables, interactive figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;
+color:#222}h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
+table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;
+text-align:left}.loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}"""
+# Okabe & Ito: told apart by colour-blind readers.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+
+
+def page(title: str, parts: Sequence[str], interactive: bool = True) -> str:
+    """A whole document.
+
+    Parameters
+    ----------
+    title
+        Of the window and the first heading.
+    parts
+        Pieces of HTML in their order.
+    interactive
+        Whether a part comes from `figure`; the script that draws is then part of the document.
+    """
+    script = ""
+    if interactive:
+        from plotly.offline import get_plotlyjs
+
+        script = f"<script>{get_plotlyjs()}</script>"
+    return (
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
+        f"<style>{STYLE}</style>{script}</head><body><h1>{escape(title)}</h1>{''.join(parts)}"
+        "</body></html>"
+    )
+
+
+def figure(drawn: Any) -> str:
+    """A Plotly figure as a piece of `page`."""
+    drawn.update_layout(template="plotly_white", margin={"l": 70, "r": 20, "t": 40, "b": 50})
+    return str(drawn.to_html(full_html=False, include_plotlyjs=False))
+
+
+def heading(text: str) -> str:
+    """A heading."""
+    return f"<h2>{escape(text)}</h2>"
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """A paragraph; `kind` is a class of `STYLE`."""
+    return f"<p class='{kind}'>{escape(text)}</p>" if kind else f"<p>{escape(text)}</p>"
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """A table; the first row names the columns."""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:]
+    )
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def bullets(sentences: Sequence[str], kind: str = "", nothing: str = "Nothing.") -> str:
+    """A list of sentences, or `nothing` where there are none."""
+    if not sentences:
+        return paragraph(nothing)
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f"<ul class='{kind}'>{items}</ul>"
