@@ -14,6 +14,7 @@ The node advances by samples, never by timers. Parameters: `emg_driver.settings`
 
 from __future__ import annotations
 
+import math
 import sys
 
 from ankle_interfaces.block import Block
@@ -99,6 +100,10 @@ class EmgProcessorNode(AnkleNode):
             if self._published % ENSEMBLE_EVERY == 0:
                 self._ensemble(self._processor.ensemble())
         self.count("onsets", self._published)
+        if not math.isnan(self._processor.lag):
+            self.count(
+                "lag of the plate behind its command [ms]", f"{1e3 * self._processor.lag:.1f}"
+            )
 
 
 def main() -> None:

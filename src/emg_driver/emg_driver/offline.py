@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,12 +47,16 @@ class OfflineResponses:
     ensemble
         Shape (L, 5), columns `muscles.ENSEMBLE_COLUMNS`, of the last onsets.
     notes
-        Bad electrodes and missing samples, one sentence each with how often it was said.
+        Bad electrodes and missing samples, one sentence each with how often it was said, and the
+        lag of the plate behind its command.
+    lag
+        Median time from a command to the plate's movement [s]; NaN where it was not measured.
     """
 
     rows: np.ndarray
     ensemble: np.ndarray
     notes: list[str]
+    lag: float = math.nan
 
 
 def feed(processor: EmgProcessor, topic: str, block: Block) -> Responses:
@@ -124,14 +129,25 @@ def respond_bag(
         for note in due.notes:
             notes[note] = notes.get(note, 0) + 1
     rows.append(processor.finish().rows)
+    told = [f"{n} x {note}" if n > 1 else note for note, n in notes.items()]
     result = OfflineResponses(
-        np.concatenate(rows),
-        processor.ensemble(),
-        [f"{n} x {note}" if n > 1 else note for note, n in notes.items()],
+        np.concatenate(rows), processor.ensemble(), [*_lag_notes(processor), *told], processor.lag
     )
     if out is not None:
         _write(result, bag, out, overwrite)
     return result
+
+
+def _lag_notes(processor: EmgProcessor) -> list[str]:
+    if math.isnan(processor.lag):
+        return []
+    sentence = f"the plate moves {1e3 * processor.lag:.1f} ms after its command; windows start then"
+    if processor.unconfirmed:
+        sentence += (
+            f"; of {processor.onsets} onsets {processor.unconfirmed} have no measured movement and "
+            "that lag"
+        )
+    return [sentence]
 
 
 def summary(found: OfflineResponses) -> list[list[str]]:

@@ -28,7 +28,15 @@ one second, out of step.
 """
 LOWEST_RATE = 1000.0
 """[Hz] Below, half the sampling rate cuts into the band of EMG (up to 450 Hz)."""
-MEMORY = WINDOW + LATEST + 1.0
+MAX_LAG = 0.05
+"""[s] Longest time from a command to the plate's movement. Servos lag by 4 to 10 ms; the paper's
+pulses turn round after 40 ms and more, in the other direction."""
+MAX_LEAD = 0.002
+"""[s] How much earlier than its command a movement may seem to begin: noise of the measured
+velocity crosses the limit of rest a few samples before."""
+SHOWN_LAGS = 200
+"""Onsets whose median lag is reported; the last minute or two."""
+MEMORY = WINDOW + 2.0 * LATEST + 1.0
 """[s] EMG that is kept."""
 RATE_SAMPLES = 256
 """Samples whose median interval tells the sampling rate."""
@@ -72,12 +80,17 @@ class EmgProcessor:
         Of the EMG [Hz]; None before 256 samples.
     onsets
         Onsets used so far.
+    unconfirmed
+        Commanded onsets without a measured movement; their windows start at the command, plus the
+        median lag of the others.
     """
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.settings = settings or Settings()
         self.rate: float | None = None
         self.onsets = 0
+        self.unconfirmed = 0
+        self._lags: deque[float] = deque(maxlen=SHOWN_LAGS)
         least = self.settings.onset_velocity
         self._reference = OnsetDetector(REFERENCE_REST, least)
         self._motion = OnsetDetector(self.settings.rest_velocity, least)
@@ -91,6 +104,13 @@ class EmgProcessor:
             for direction in set(STRETCHED_BY.values())
         }
         self._to_average: deque[tuple[float, int, np.ndarray]] = deque()
+
+    @property
+    def lag(self) -> float:
+        """Median time from a command to the plate's movement [s], of the last `SHOWN_LAGS` onsets;
+        NaN before any was measured.
+        """
+        return float(np.median(self._lags)) if self._lags else math.nan
 
     def feed_reference(self, time: np.ndarray, position: np.ndarray) -> Responses:
         """Take in the commanded reference: time [s] and position [rad], each of shape (n,)."""
@@ -149,7 +169,7 @@ class EmgProcessor:
         """
         if self.rate is None:
             return np.empty((0, 1 + len(MUSCLES)))
-        lags = self._lags()
+        lags = self._ensemble_lags()
         out = np.column_stack([lags, np.full((len(lags), len(MUSCLES)), np.nan)])
         for index, muscle in enumerate(MUSCLES):
             waves = [
@@ -227,12 +247,20 @@ class EmgProcessor:
         return out
 
     def _next_onset(self, known: float) -> tuple[float, float] | None:
-        """The next onset whose windows end before `known`, the reference's before those of the
-        measured velocity.
+        """The next onset whose windows end before `known`, commanded ones before those that only
+        the measured velocity shows.
         """
         end = self.settings.reflex_end + 1.0 / (self.rate or LOWEST_RATE)
-        if self._from_reference and self._from_reference[0][0] + end <= known:
-            return self._from_reference.popleft()
+        onset = self._commanded_onset(known)
+        if onset is not None:
+            if onset[0] + end > known:
+                return None
+            commanded, direction = self._from_reference.popleft()
+            if (onset[0], direction) in self._from_motion:
+                self._lags.append(onset[0] - commanded)
+            else:
+                self.unconfirmed += 1
+            return onset
         # Without a reference for that time after `LATEST` there will be none.
         wait = end if self.settings.onset_source == "velocity" else LATEST
         while self._from_motion and self._from_motion[0][0] + wait <= known:
@@ -240,6 +268,31 @@ class EmgProcessor:
             if not self._reference.first <= onset[0] <= self._reference.last:
                 return onset
         return None
+
+    def _commanded_onset(self, known: float) -> tuple[float, float] | None:
+        """The first commanded onset, at the time when the plate moved; None while that is not
+        known.
+        """
+        if not self._from_reference:
+            return None
+        commanded, direction = self._from_reference[0]
+        if self.settings.onset_source == "reference":
+            return commanded, direction
+        moved = next(
+            (
+                time
+                for time, way in self._from_motion
+                if way == direction and -MAX_LEAD <= time - commanded <= MAX_LAG
+            ),
+            None,
+        )
+        if moved is not None:
+            return moved, direction
+        measured_past = self._motion.last >= commanded + MAX_LAG
+        if not measured_past and commanded + LATEST > known:
+            return None
+        lag = self.lag
+        return commanded + (0.0 if math.isnan(lag) else lag), direction
 
     def _respond(self, onset: float, direction: float, notes: list[str]) -> np.ndarray:
         assert self.rate is not None
@@ -274,7 +327,7 @@ class EmgProcessor:
         ]
         return np.array([defect is not None for defect in found])
 
-    def _lags(self) -> np.ndarray:
+    def _ensemble_lags(self) -> np.ndarray:
         assert self.rate is not None
         s = self.settings
         return (
@@ -290,6 +343,6 @@ class EmgProcessor:
         ):
             onset, direction, bad = self._to_average.popleft()
             first = int(np.searchsorted(self._memory.time, onset - self.settings.ensemble_before))
-            wave = self._memory.rectified[first : first + len(self._lags())]
-            if len(wave) == len(self._lags()):
+            wave = self._memory.rectified[first : first + len(self._ensemble_lags())]
+            if len(wave) == len(self._ensemble_lags()):
                 self._averages[direction].append(np.where(bad, np.nan, wave))

@@ -56,7 +56,8 @@ PROCESSING = (
         "onset_source",
         default="auto",
         description=(
-            "Where onsets come from; auto: the reference, and velocity while there is none."
+            "Where onsets come from; auto: commanded ones at the time when the plate moved, and "
+            "measured velocity alone while there is no command."
         ),
         choices=ONSET_SOURCES,
     ),

@@ -107,7 +107,9 @@ def test_measured_velocity_takes_over_where_there_is_no_reference(recording):
     from_reference, _, _ = process(time, position, emg)
     alone, _, _ = process(time, None, emg, velocity=velocity)
     both, _, _ = process(time, position, emg, velocity=velocity)
-    np.testing.assert_array_equal(both, from_reference)
+    # The plate follows at once here, so both see the same onsets.
+    assert len(both) == len(from_reference)
+    assert np.abs(both[:, 0] - from_reference[:, 0]).max() < 0.002
     count = min(len(alone), len(from_reference) - 1)
     assert abs(len(alone) - len(from_reference)) <= 1
     # The very first movement begins with the recording; measured velocity has seen no rest before
@@ -119,6 +121,30 @@ def test_measured_velocity_takes_over_where_there_is_no_reference(recording):
     )
     assert count > 30
     assert offset is None or np.abs(offset).max() < 0.005
+
+
+def test_windows_start_when_the_plate_moves_and_the_lag_is_reported(recording):
+    time, position, emg, _ = recording
+    lag = 0.007
+    delayed = np.interp(time - lag, time, position)
+    velocity = np.gradient(delayed, 1 / RATE)
+    velocity += 0.006 * np.random.default_rng(2).standard_normal(len(time))
+    commanded, _, _ = process(time, position, emg)
+    moved, _, processor = process(time, position, emg, velocity=velocity)
+    assert processor.lag == pytest.approx(lag, abs=0.001)
+    assert processor.unconfirmed <= 1
+    later = moved[moved[:, 0] > START + 1.0]
+    at_command = commanded[commanded[:, 0] > START + 1.0]
+    assert np.median(later[:, 0] - at_command[: len(later), 0]) == pytest.approx(lag, abs=0.001)
+    # The burst is tied to the command in this recording: the later window misses a part of it.
+    assert np.nanmean(later[later[:, 1] > 0, 6]) < np.nanmean(at_command[at_command[:, 1] > 0, 6])
+    for size in (32, 77):
+        split, _, _ = process(time, position, emg, velocity=velocity, size=size)
+        np.testing.assert_array_equal(split, moved)
+    fixed, _, _ = process(
+        time, position, emg, velocity=velocity, settings=Settings(onset_source="reference")
+    )
+    np.testing.assert_array_equal(fixed, commanded)
 
 
 def test_a_servo_that_overshoots_makes_no_onset():

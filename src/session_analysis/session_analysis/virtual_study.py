@@ -222,6 +222,8 @@ class _Recorder:
             self._write(
                 SAMPLES_TOPIC, SAMPLE_COLUMNS, np.column_stack([piece.stretch.time, piece.emg])
             )
+            velocity = motion[:, MOTION_COLUMNS.index("velocity[rad/s]")]
+            self._respond(self._responses.feed_motion(motion[:, 0], velocity).rows)
             self._respond(self._responses.feed_emg(piece.stretch.time, piece.emg).rows)
             rows = self._estimates.feed_samples(motion, measured_velocity=True).rows
             for row in rows:
