@@ -145,6 +145,8 @@ class Term(ABC):
     searched
         False where no recording tells the term from the base model, or no movement causes its
         torque: a diagnosis does not look for it.
+    follows_torque
+        Whether it follows the slow torque of the recording, and so the very noise that it explains.
     companions
         Terms that come with this one and can be told from the base model only beside it.
     """
@@ -160,6 +162,7 @@ class Term(ABC):
     separated_by: ClassVar[str] = ""
     searched: ClassVar[bool] = True
     companions: ClassVar[tuple[str, ...]] = ()
+    follows_torque: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Set the owner of a term by its place where the class does not state it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,11 @@ from model_discrepancy.search.term_search import (
     search,
 )
 from model_discrepancy.tools.resimulation import AUGMENTED_FILE, BASE_FILE
+
+LOOP_SENTENCE = (
+    "no command was recorded and the servo gives way under load: what generic regressors predict "
+    "of the rest may be torque that moved the plate, and is no sign of missing physics"
+)
 
 
 @dataclass
@@ -122,11 +127,29 @@ def diagnose(
             fitted_model(
                 diagnosis.found.base, f"{recording.name}: base model, fitted by diagnosis"
             ).save(folder / BASE_FILE)
-            fitted_model(diagnosis.found.final, f"{recording.name}: fitted by diagnosis").save(
-                folder / AUGMENTED_FILE
-            )
+            augmented_model(diagnosis).save(folder / AUGMENTED_FILE)
         write_report(diagnosis, folder / "report.html")
     return diagnosis
+
+
+def augmented_model(diagnosis: Diagnosis) -> Model:
+    """The fitted model, with the missing block as a term where the recording is unexplained.
+
+    Parameters
+    ----------
+    diagnosis
+        Of a usable recording.
+    """
+    assert diagnosis.found is not None
+    assert diagnosis.fitter is not None
+    final = diagnosis.found.final
+    if diagnosis.block is not None:
+        # What the block and the other terms share is divided anew.
+        fitter = diagnosis.fitter
+        block = diagnosis.block.term_values(fitter.columns.mean_angle)
+        values = {**final.values, "missing_block": block}
+        final = fitter.with_errors(fitter.fit(list(values), values, evaluations=10))
+    return fitted_model(final, f"{diagnosis.recording.name}: fitted by diagnosis")
 
 
 def _diagnose(
@@ -147,11 +170,13 @@ def _diagnose(
     found = search(fitter, base, null, library, progress)
     progress("scoring on unseen data")
     after = bank.remainder(fitter, found.final.residual, found.final.plain, parts, null.noise)
+    if problem.in_a_loop:
+        after = replace(after, by_chance=1.0)
     final_map = residual_map(fitter.columns, found.final)
     base_scored = held_out(fitter, found.base)
     final_scored = held_out(fitter, found.final) if found.effects else base_scored
     ceiling = ceiling_vaf(fitter.columns, found.final, final_scored.vaf, after)
-    varies = variability(fitter, found.final, base_map.onsets)
+    varies = variability(fitter, found.final)
     verdict = _conclude(
         fitter,
         found,
@@ -166,6 +191,8 @@ def _diagnose(
     )
     verdict.variability = varies.content()
     verdict.rig = _rig(problem)
+    if problem.in_a_loop:
+        verdict.reasons.append(LOOP_SENTENCE)
     verdict.recording = _conditions(recording, fitter, found.final)
     block = None
     if verdict.verdict == "unexplained":

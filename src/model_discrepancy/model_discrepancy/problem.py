@@ -65,6 +65,13 @@ class Problem:
     parts: tuple[np.ndarray, np.ndarray]
     noise: np.ndarray
 
+    @property
+    def in_a_loop(self) -> bool:
+        """Whether the movement may hold torque that no movement causes: the servo gives way, and no
+        command was recorded that would tell.
+        """
+        return self.servo is None and self.compliance is not None and self.compliance.significant
+
 
 def prepare(
     recording: Recording, terms: Sequence[str] = PAPER_TERMS, progress: Progress = lambda _: None

@@ -8,6 +8,7 @@ import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.tools.resimulation import resimulate
 from simulation_study.planted_trials import simulate_trial
 
 
@@ -20,7 +21,7 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
     assert low <= high <= 100.0
     assert abs(content["fit"]["baseline_vaf_holdout"] - high) < 1.0
     assert "no structure is left" in (tmp_path / "report.html").read_text()
-    assert diagnosis.before.share < 0.03
+    assert not diagnosis.before.significant
 
 
 @pytest.mark.parametrize(
@@ -66,6 +67,11 @@ def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(tmp_p
     block = json.loads((tmp_path / "verdict.json").read_text())["localisation"]["missing_block"]
     assert block["share_predicted"] > 0.3
     assert len(block["dynamics"]["lag[s]"]) == len(block["dynamics"]["low[N.m/s]"])
+    again = resimulate(
+        recording, Model.load(tmp_path / "base.yaml"), Model.load(tmp_path / "model.yaml")
+    )
+    assert Model.load(tmp_path / "model.yaml").has("missing_block")
+    assert again.vaf["augmented"] > again.vaf["base"] + 0.2
     report = (tmp_path / "report.html").read_text()
     assert "The missing block" in report
     assert "What to measure next" in report

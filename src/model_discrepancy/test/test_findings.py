@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ankle_physics.memory_elements import Play
-from model_discrepancy.criticism.locate import find_onsets, residual_map
+from model_discrepancy.criticism.locate import find_onsets
 from model_discrepancy.criticism.variability import LEAST_VARIATION, variability
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
@@ -30,7 +30,7 @@ def found_in(recording):
     motion = motion_of(recording)
     fitter = Fitter.of(motion)
     base = fit_base(fitter)
-    return variability(fitter, base, residual_map(fitter.columns, base).onsets)
+    return variability(fitter, base)
 
 
 def servo_of(recording):

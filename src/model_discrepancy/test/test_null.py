@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model_discrepancy.criticism.locate import residual_map
 from model_discrepancy.criticism.variability import variability
 from model_discrepancy.problem import prepare
 from model_discrepancy.search.null import FALSE_ALARM, Null, exceeded_by_chance
@@ -56,10 +55,9 @@ def test_a_reflex_that_varies_is_measured_and_is_usual(steady):
     step = round(steady.rate / rate)
     added = np.repeat(torque * (scale - 1.0), step)[: len(steady.torque)]
     varied = prepare(replace(steady, torque=steady.torque + added))
-    onsets = residual_map(varied.fitter.columns, varied.base).onsets
-    found = variability(varied.fitter, varied.base, onsets)
+    found = variability(varied.fitter, varied.base)
     assert found.reflex is not None
     assert 0.12 < found.reflex[0] < 0.4
     assert found.unusual == []
-    still = variability(fitter, base, onsets)
+    still = variability(fitter, base)
     assert still.reflex is None or still.reflex[0] < 0.1

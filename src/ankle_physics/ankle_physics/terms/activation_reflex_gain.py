@@ -22,6 +22,7 @@ class ActivationReflexGain(Term):
     name = "activation_reflex_gain"
     place = Place.REFLEX_DYNAMICS
     family = "reflex follows activation or time"
+    follows_torque = True
     separated_by = "holding at several torque levels"
     sentence = "The reflex changes with the torque that the muscle holds."
     turn = Turn(

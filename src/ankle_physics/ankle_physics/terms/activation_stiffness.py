@@ -21,6 +21,7 @@ class ActivationStiffness(Term):
     name = "activation_stiffness"
     place = Place.INTRINSIC
     family = "joint follows activation or time"
+    follows_torque = True
     separated_by = "holding at several torque levels"
     sentence = "Stiffness changes with the torque that the muscles hold."
     turn = Turn(

@@ -18,6 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from ankle_physics.terms.missing_block import INPUTS as TERM_INPUTS
+from ankle_physics.terms.missing_block import LAGS_S as TERM_LAGS_S
+from ankle_physics.terms.missing_block import LEVELS as TERM_LEVELS
 from model_discrepancy.criticism.generic_bank import LAGS_S, lag_windows
 from model_discrepancy.criticism.locate import Onsets
 from model_discrepancy.fit.fitter import Fit, Fitter, orthonormal
@@ -170,6 +173,35 @@ class MissingBlock:
             else "in proportion"
         )
         return f"it is {side}{growth} to it"
+
+    def term_values(self, mean_angle: float) -> dict[str, float]:
+        """The block as values of the term ``missing_block``, so that a model file holds it.
+
+        What the lag window before the movement holds goes to the movement's beginning: a
+        simulation cannot answer a movement to come.
+
+        Parameters
+        ----------
+        mean_angle
+            Of the recording [rad].
+        """
+        values = {
+            "size": 1.0,
+            "input": float(TERM_INPUTS.index(self.input)),
+            "xc": mean_angle,
+        }
+        levels = list(self.levels)
+        curve = list(self.curve[1])
+        while len(levels) < TERM_LEVELS:
+            # The curve stays at its end beyond its last level.
+            levels.append(levels[-1] + abs(levels[-1]) + 1.0)
+            curve.append(curve[-1])
+        for k, (level, output) in enumerate(zip(levels, curve, strict=True), start=1):
+            values |= {f"u{k}": float(level), f"f{k}": float(output)}
+        heights = np.interp(TERM_LAGS_S, self.lags, self.response[1])
+        for k, height in enumerate(heights, start=1):
+            values[f"h{k}"] = float(height)
+        return values
 
     def content(self) -> dict[str, Any]:
         """Plain data for ``verdict.json``."""

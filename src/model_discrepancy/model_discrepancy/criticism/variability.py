@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from scipy.signal import welch
 
-from model_discrepancy.criticism.locate import Onsets
 from model_discrepancy.fit.fitter import Fit, Fitter
 
 # Physiological tremor of the ankle: 6 to 12 Hz (Lakie, Vernooij, Osborne & Reynolds 2012, J.
@@ -28,7 +27,7 @@ LEAST_PEAK = 4.0
 SEGMENT_S = 2.0
 # Width of a tremor's peak, and of the surroundings that it is compared with.
 _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
-# After a movement: intrinsic torque, short-latency reflex, its tail. Then the joint is at rest
+# After the plate's last movement: intrinsic torque, short-latency reflex, its tail. Then the joint is at rest
 # again.
 WINDOWS_S = ((0.0, 0.04), (0.04, 0.12), (0.12, 0.25))
 REST_S = 0.3
@@ -36,8 +35,10 @@ REST_S = 0.3
 # the channels are aligned, up to 1.9 where torque is so clean (37 dB) that the noise of position
 # shows.
 LEAST_VARIATION = 2.2
-# Rows at rest that give the ratio to 10 %.
+# Rows at rest that give the ratio to 10 %. Where rest is rarer than this, responses overlap and
+# cannot be compared one by one.
 _LEAST_ROWS = 200
+_LEAST_REST_SHARE = 0.15
 
 
 # Stretch reflexes at rest vary by 10 to 40 % from one stretch to the next, habituation included
@@ -119,18 +120,16 @@ class Variability:
         return found
 
 
-def variability(fitter: Fitter, fit: Fit, onsets: Onsets) -> Variability:
+def variability(fitter: Fitter, fit: Fit) -> Variability:
     """Look for it in the residual of this fit."""
     tremor, line = _peaks(fitter, fit)
-    reflex, left = _reflex_variation(fitter, fit, onsets)
-    variation, window = _variation(fitter, left, onsets)
+    reflex, left = _reflex_variation(fitter, fit)
+    variation, window = _variation(fitter, left)
     slow = fitter.rows.slow(fit.left, _SLOW_HZ)
     return Variability(tremor, reflex, float(np.std(slow)), line, variation, window)
 
 
-def _reflex_variation(
-    fitter: Fitter, fit: Fit, onsets: Onsets
-) -> tuple[tuple[float, float] | None, np.ndarray]:
+def _reflex_variation(fitter: Fitter, fit: Fit) -> tuple[tuple[float, float] | None, np.ndarray]:
     """Relative spread of the reflex with its standard error, and the whitened residual without what
     each stretch's own size makes of it.
     """
@@ -157,7 +156,7 @@ def _reflex_variation(
             residual[first:last] = left - sizes[-1] * own
     if len(sizes) < _FEWEST_STRETCHES:
         return None, fit.residual
-    noise = _level_at_rest(fitter, fit.residual, onsets)
+    noise = _level_at_rest(fitter, fit.residual)
     size, weight = np.array(sizes), np.array(powers)
     # A stretch with a small response says little about its size and much about the noise.
     total = float(weight.sum())
@@ -177,20 +176,19 @@ def _stretch_times(fitter: Fitter) -> np.ndarray:
     return np.flatnonzero(np.diff(fast.astype(int)) == 1) / motion.rate
 
 
-def _since_movement(fitter: Fitter, onsets: Onsets) -> np.ndarray:
-    """Time of each row since the last movement began [s]; infinite before the first."""
-    rows = fitter.rows
-    since = np.full(rows.count, np.inf)
-    for time in onsets.time:
-        first = int(np.ceil(time * rows.rate))
-        since[first:] = (np.arange(first, rows.count)) / rows.rate - time
-    return since
+def _since_movement(fitter: Fitter) -> np.ndarray:
+    """Time of each row since the plate moved last [s]; infinite before the first movement."""
+    motion, rows = fitter.motion, fitter.rows
+    speed = np.abs(motion.velocity)
+    moving = np.flatnonzero(speed > _STRETCH_SHARE * np.percentile(speed, 99.5))
+    last = np.searchsorted(moving / motion.rate, rows.time, side="right") - 1
+    return np.where(last >= 0, rows.time - moving[np.maximum(last, 0)] / motion.rate, np.inf)
 
 
-def _level_at_rest(fitter: Fitter, residual: np.ndarray, onsets: Onsets) -> float:
+def _level_at_rest(fitter: Fitter, residual: np.ndarray) -> float:
     """Power of the whitened residual at rest, or everywhere where the joint is never at rest."""
     used = fitter.rows.used
-    rest = used & (_since_movement(fitter, onsets) > REST_S)
+    rest = used & (_since_movement(fitter) > REST_S)
     return float(np.mean(residual[rest if rest.sum() >= _LEAST_ROWS else used] ** 2))
 
 
@@ -221,14 +219,12 @@ def _highest(ratio: np.ndarray, frequency: np.ndarray, band: tuple[float, float]
     return int(np.argmax(np.where((frequency >= band[0]) & (frequency <= band[1]), ratio, 0.0)))
 
 
-def _variation(
-    fitter: Fitter, residual: np.ndarray, onsets: Onsets
-) -> tuple[float, tuple[float, float]]:
+def _variation(fitter: Fitter, residual: np.ndarray) -> tuple[float, tuple[float, float]]:
     rows = fitter.rows
-    since = _since_movement(fitter, onsets)
+    since = _since_movement(fitter)
     squared = residual**2
     rest = rows.used & (since > REST_S)
-    if rest.sum() < _LEAST_ROWS:
+    if rest.sum() < max(_LEAST_ROWS, _LEAST_REST_SHARE * rows.used.sum()):
         return float("nan"), WINDOWS_S[0]
     level = float(np.mean(squared[rest]))
     ratios = [

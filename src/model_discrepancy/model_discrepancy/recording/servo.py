@@ -38,11 +38,10 @@ _TORQUE_HZ = 60.0
 # The plate counts as held below this share of its highest speed, after the servo has settled, and
 # where that lasts long enough for torque to change.
 _STILL_SHARE = 0.1
-_SETTLED_S = 0.12
+_SETTLED_S = 0.1
 _HELD_S = 0.08
+_MARGIN_S = 0.03
 _FEWEST_HOLDS = 24
-# Torque during a hold is slow; what is faster is the sensors' noise.
-_HELD_HZ = 15.0
 # Stretches that the standard errors are taken from.
 _STRETCHES = 8
 
@@ -251,22 +250,16 @@ def held_compliance(
     moving = np.abs(velocity) > _STILL_SHARE * np.percentile(np.abs(velocity), 99.0)
     settling = np.convolve(moving, np.ones(int(_SETTLED_S * rate)))[: len(moving)] > 0.5
     edges = np.flatnonzero(np.diff(np.concatenate([[1], settling.astype(int), [1]])))
+    # The zero-phase filters of the movement reach back from the next edge.
+    margin = int(_MARGIN_S * rate)
     runs = [
-        (begin, end)
+        (begin, end - margin)
         for begin, end in zip(edges[::2], edges[1::2], strict=True)
-        if end - begin > _HELD_S * rate
+        if end - margin - begin > _HELD_S * rate
     ]
     if len(runs) < _FEWEST_HOLDS:
         return None
-    slow = [Spectrum(signal - signal.mean(), rate, 1) for signal in (position, torque)]
-    x, t = (s.read(low_pass(s.frequency, _HELD_HZ, 8)) for s in slow)
-    products = np.array(
-        [
-            (np.sum(own * (x[b:e] - x[b:e].mean())), np.sum(own**2))
-            for b, e in runs
-            for own in (t[b:e] - t[b:e].mean(),)
-        ]
-    )
+    products = np.array([_held_products(position[b:e], torque[b:e]) for b, e in runs])
     groups = np.array([g.sum(axis=0) for g in np.array_split(products, _STRETCHES)])
     rest = groups.sum(axis=0) - groups
     drawn = -rest[:, 0] / rest[:, 1]
@@ -275,3 +268,13 @@ def held_compliance(
     weights = np.zeros(1 + len(COMPLIANCE_POLES_S))
     weights[0] = value
     return Compliance(rate, weights, (value, error))
+
+
+def _held_products(position: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
+    """Torque times position and torque squared during one hold, without level and slope: a servo
+    settles slowly.
+    """
+    time = np.linspace(-1.0, 1.0, len(position))
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(len(time)), time]))
+    moved, load = (signal - basis @ (basis.T @ signal) for signal in (position, torque))
+    return float(moved @ load), float(load @ load)

@@ -31,6 +31,10 @@ from model_discrepancy.search.screening import (
 
 # An alignment of less than half a sample is worth its parameter when BIC falls by this much.
 ALIGNMENT_BIC = 50.0
+# Slow torque holds a part of every variation of the responses, so that a term that follows it gains
+# by them in every recording: up to 2.4 times the threshold of the others in nulls whose reflex
+# varies.
+FOLLOWING_MARGIN = 4.0
 # A rival is excluded when it leaves this much more whitened error than the best one.
 RIVAL_EXCESS = 0.03
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
@@ -100,8 +104,9 @@ class Trial:
     @property
     def accepted(self) -> bool:
         """Whether it is no work of chance, holds on unseen rows, and matters."""
+        margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
         return (
-            self.gain > self.by_chance
+            self.gain > margin * self.by_chance
             and min(self.held_out) > 0.0
             and self.torque_share > MATERIAL_SHARE
         )
