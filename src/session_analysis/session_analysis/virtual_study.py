@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ankle_interfaces.block import Block
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_physics.actuator import Servo
 from ankle_physics.scenario import Scenario
@@ -51,8 +52,8 @@ EPOCH = 1.7e9
 """[s] Time of the first sample: any; a bag's times count from 1970."""
 TAIL = 2.0
 """[s] Perturbation after the last hold, so that its last responses are complete."""
-REFERENCE_COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
-MOTION_COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
+REFERENCE_COLUMNS = PERTURBATION_REFERENCE.columns
+MOTION_COLUMNS = ANKLE_SAMPLES.columns
 DESCRIPTION_KEY = "virtual_session"
 """Key in the bag's custom data under which it says how it was made."""
 
