@@ -10,6 +10,12 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", ["launch/laboratory.launch.py"]),
+        (f"share/{package_name}/params", ["params/laboratory.yaml"]),
+        (f"share/{package_name}/description", ["description/ankle.urdf"]),
+        (
+            f"share/{package_name}/layouts",
+            ["layouts/session_foxglove.json", "layouts/session_plotjuggler.xml"],
+        ),
     ],
     package_data={package_name: ["config/*.yaml", "scenarios/*.yaml"]},
     install_requires=["setuptools"],

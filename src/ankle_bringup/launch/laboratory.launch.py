@@ -2,6 +2,13 @@
 too.
 """
 
+from pathlib import Path
+
+from ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_package_share_directory,
+)
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
@@ -26,16 +33,40 @@ def nodes_of(context):
         graph = graph.with_parameter_file(params_file)
     graph = graph.with_settings(settings)
     return [
+        *state_publisher(graph.namespace),
+        *(process(node) for node in graph.nodes),
+    ]
+
+
+def process(node):
+    """One node of the graph as a process."""
+    return Node(
+        package=node.package,
+        executable=node.executable,
+        name=node.name,
+        namespace=node.namespace,
+        parameters=[node.parameters] if node.parameters else [],
+        remappings=list(node.remappings.items()),
+        output="screen",
+    )
+
+
+def state_publisher(namespace):
+    """robot_state_publisher with the ankle's description, where it is installed."""
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        return []
+    path = Path(get_package_share_directory("ankle_bringup")) / "description" / "ankle.urdf"
+    prefix = f"{namespace.strip('/')}/" if namespace.strip("/") else ""
+    return [
         Node(
-            package=node.package,
-            executable=node.executable,
-            name=node.name,
-            namespace=node.namespace,
-            parameters=[node.parameters] if node.parameters else [],
-            remappings=list(node.remappings.items()),
+            package="robot_state_publisher",
+            executable="robot_state_publisher",
+            namespace=namespace,
+            parameters=[{"robot_description": path.read_text(), "frame_prefix": prefix}],
             output="screen",
         )
-        for node in graph.nodes
     ]
 
 

@@ -73,11 +73,14 @@ DIAGNOSTICS_KEPT = 50  # every node reports once a second, and at once what is w
 STOP_PATIENCE = 1.0  # s; for the rig to confirm the stop of a node that ends
 
 
+PARAMETERS = declared.PARAMETERS
+
+
 class BiofeedbackNode(AnkleNode):
     """Wires topics to signals, and the session to rig and pages."""
 
     def __init__(self) -> None:
-        super().__init__("biofeedback", declared.PARAMETERS)
+        super().__init__("biofeedback", PARAMETERS)
         host = self.text("host")
         self._access = Access(host, self.text("token"))
         self._tls = tls_context(self.text("certificate"), self.text("key"))

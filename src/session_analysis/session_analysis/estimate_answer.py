@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.topics import ANKLE_SAMPLES
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.offline.recorded_estimates import OfflineResult
 from model_discrepancy.errors import DiagnosisError
@@ -181,7 +182,7 @@ def why_nothing_is_valid(bag: Path) -> str:
     BagError
         The bag cannot be read, or has no such samples.
     """
-    columns, data = BagReader(bag).signal("/ankle/samples")
+    columns, data = BagReader(bag).signal(ANKLE_SAMPLES.absolute)
     time = data[:, 0][np.isfinite(data[:, 0])]
     if len(time) < 2:
         return f"the recording holds {len(time)} sample(s); record at least {MIN_RECORDING:g} s"

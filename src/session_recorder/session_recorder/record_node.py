@@ -45,11 +45,14 @@ SETTLED_LOOKS = 3  # looks at the graph without a new topic before the recorder 
 NAMED_TOPIC_PATIENCE = 5.0  # s before a named topic without publisher is reported
 
 
+PARAMETERS = RECORDER
+
+
 class RecordNode(AnkleNode):
     """Raw subscriptions into a `Recording`."""
 
     def __init__(self) -> None:
-        super().__init__("recorder", RECORDER)
+        super().__init__("recorder", PARAMETERS)
         self._named = [
             self.resolve_topic_name(name.strip())
             for name in self.text("topics").split(",")

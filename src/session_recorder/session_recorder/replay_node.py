@@ -50,11 +50,14 @@ POLL = 0.05  # s
 LATE = 0.5  # s behind the asked rate before it is reported
 
 
+PARAMETERS = REPLAYER
+
+
 class ReplayNode(AnkleNode):
     """Sends a bag from a thread of its own, while the executor hears how far the readers are."""
 
     def __init__(self) -> None:
-        super().__init__("replayer", REPLAYER)
+        super().__init__("replayer", PARAMETERS)
         if not self.text("bag"):
             raise BagError("parameter 'bag' is missing: the bag to replay")
         self._reader = BagReader(self.text("bag"))
