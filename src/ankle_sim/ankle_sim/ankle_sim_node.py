@@ -8,6 +8,8 @@
 | ankle/truth | out | Float64MultiArray | each block, one row | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
 | emg/samples | out, with a subject | Float64MultiArray | as the reference | t[s],SOL[V],TA[V],GL[V],GM[V] |
 | session/event | out, with holds | String | | hold started, hold ended |
+| rig/state | out, latched | String | each change | running, armed or ready, as a rig's driver says |
+| ~/arm, start, stop, reset_fault | service | Trigger | | as a rig's driver; it runs from the beginning |
 | /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
 
 A term that the model lacks is NaN in ankle/truth. The node advances by the samples of the
@@ -22,10 +24,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
@@ -36,6 +40,7 @@ from ankle_interfaces.topics import (
     ANKLE_TRUTH,
     EMG_SAMPLES,
     PERTURBATION_REFERENCE,
+    RIG_STATE,
     SESSION_EVENT,
 )
 from ankle_node.derived_topics import joint_states
@@ -59,6 +64,7 @@ from ankle_sim.parameters import (
     with_voluntary_torque,
 )
 from ankle_sim.procedure import some_holds
+from ankle_sim.rest import Rest
 from ankle_sim.start_values import start_value
 from ankle_sim.virtual_subject import State, draw_subject
 
@@ -166,12 +172,31 @@ class AnkleSimNode(AnkleNode):
         self._rig.noisy = bool(values.get("noise", self._rig.noisy))
 
     def _begin(self) -> None:
+        self._offer_services()
         self._continuity = self.block_subscription(PERTURBATION_REFERENCE, self._take)
+
+    def _offer_services(self) -> None:
+        """Offer what a rig's driver offers, so that a stop on a page stops the perturbation."""
+        self._rest = Rest()
+        self._rig_state = self.create_publisher(String, RIG_STATE.name, publisher_qos(RIG_STATE))
+        for action in ("arm", "start", "stop", "reset_fault"):
+            self.create_service(Trigger, f"~/{action}", partial(self._answer, action))
+        self._rig_state.publish(String(data=self._rest.state))
+
+    def _answer(
+        self, action: str, request: Trigger.Request, answer: Trigger.Response
+    ) -> Trigger.Response:
+        found = getattr(self._rest, action)() if action != "reset_fault" else "there is no fault"
+        answer.success = found is not None
+        answer.message = found if found is not None else f"{self._rest.state}: arm first"
+        self._rig_state.publish(String(data=self._rest.state))
+        return answer
 
     def _take(self, block: Block, findings: list[Finding]) -> None:
         started = time.process_time()
         try:
-            stretches = self._simulate(*self._motion(block))
+            stamps, reference = self._motion(block)
+            stretches = self._simulate(stamps, self._rest.motion(stamps, reference))
         except (BlockError, ModelError) as error:
             self._refuse(str(error))
             return
