@@ -25,7 +25,9 @@ from pathlib import Path
 
 import aiohttp
 import numpy as np
+import rclpy
 from playwright.sync_api import sync_playwright
+from rclpy.executors import SingleThreadedExecutor
 from rig import AFTERWARDS, STILL, Operator, line
 
 from ankle_bringup.browser_pages import free_port, wait_until_served
@@ -47,13 +49,27 @@ while True:
 PATIENCE = 60.0
 
 
+class Listener(Operator):
+    """Hears the rig in a thread of its own: every message, however many there are."""
+
+    def __init__(self, node: rclpy.node.Node) -> None:
+        super().__init__(node)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        threading.Thread(target=executor.spin, daemon=True).start()
+
+    def spin(self, seconds: float) -> None:
+        """Wait."""
+        time.sleep(seconds)
+
+
 class Commander:
     """An operator's page without a browser, that takes command, arms and starts."""
 
     def __init__(self, url: str) -> None:
         self._loop = asyncio.new_event_loop()
         self._wanted: asyncio.Queue[str] = asyncio.Queue()
-        self.state = ""
+        self.state = self.refusal = ""
         threading.Thread(target=self._run, args=(url,), daemon=True).start()
 
     def _run(self, url: str) -> None:
@@ -72,7 +88,10 @@ class Commander:
                     await page.send_str(SEEN)
                 if content["type"] == "state":
                     self.state = content["session"]["state"]
+                if content["type"] == "answer" and not content["ok"]:
+                    self.refusal = content["error"]
             sending.cancel()
+            self.state, self.refusal = "", f"the node closed the page ({page.close_code})"
 
     async def _send(self, page: aiohttp.ClientWebSocketResponse) -> None:
         number = 0
@@ -91,7 +110,10 @@ def run_again(rig: Operator, commander: Commander) -> None:
     asked = 0.0
     while not (rig.states and rig.states[-1][0] == "running" and commander.state == "running"):
         if time.monotonic() > deadline:
-            raise SystemExit(f"rig {rig.states[-1:]}, session {commander.state}: it does not run")
+            raise SystemExit(
+                f"rig {rig.states[-1:]}, session {commander.state}: it does not run; last refusal: "
+                f"{commander.refusal}"
+            )
         if time.monotonic() - asked > 0.5:
             asked = time.monotonic()
             fault = rig.states and rig.states[-1][0] == "fault"
@@ -151,7 +173,7 @@ def main() -> int:
             pages = [browser.new_page() for _ in range(2)]
             for page, where in zip(pages, ("/operator", "/"), strict=True):
                 page.goto(url + where)
-            rig, commander = Operator(node), Commander(url)
+            rig, commander = Listener(node), Commander(url)
             try:
                 if given.load:
                     work = [[sys.executable, "-c", BUSY]] * 2

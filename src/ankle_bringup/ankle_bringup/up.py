@@ -111,6 +111,7 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
             with contextlib.suppress(OSError):  # the terminal may be gone
                 console.print("stopping ...")
         finally:
+            ignore_ending_signals()
             stop_rig(node, drivers)
 
 
@@ -122,8 +123,7 @@ def ending_by_signal() -> Iterator[None]:
     """
 
     def end(number: int, frame: FrameType | None) -> None:
-        for one in ENDING_SIGNALS:
-            signal.signal(one, signal.SIG_IGN)
+        ignore_ending_signals()
         raise KeyboardInterrupt
 
     before = {number: signal.signal(number, end) for number in ENDING_SIGNALS}
@@ -132,6 +132,12 @@ def ending_by_signal() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def ignore_ending_signals() -> None:
+    """From here on, bring everything to its end whoever else asks for it."""
+    for one in ENDING_SIGNALS:
+        signal.signal(one, signal.SIG_IGN)
 
 
 def stop_rig(node: Node, drivers: Sequence[Client]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 from ankle_bringup.live_graph import observer
-from ankle_bringup.up import ENDING_SIGNALS, ending_by_signal, stop_rig
+from ankle_bringup.up import ENDING_SIGNALS, ending_by_signal, ignore_ending_signals, stop_rig
 
 
 @pytest.mark.parametrize("number", ENDING_SIGNALS)
@@ -26,6 +26,15 @@ def test_each_ending_signal_ends_once_and_does_not_disturb_the_ending(number):
                 os.kill(os.getpid(), again)
             ended = True
     assert ended
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize("number", ENDING_SIGNALS)
+def test_an_end_that_has_begun_by_itself_is_not_disturbed(number):
+    before = signal.getsignal(number)
+    with ending_by_signal():
+        ignore_ending_signals()
+        os.kill(os.getpid(), number)
     assert signal.getsignal(number) is before
 
 

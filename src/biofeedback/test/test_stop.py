@@ -369,6 +369,20 @@ def test_a_session_that_was_armed_without_a_rig_does_not_go_on_with_one(virtual)
     assert virtual.rig.requests == ["stop"]
 
 
+def test_a_start_that_is_refused_again_and_again_does_not_keep_a_session_armed(virtual):
+    virtual.command("arm")
+    virtual.pass_time(0.5)
+    virtual.rig.refuses, virtual.rig.state = "the line is lost", "disabled: the line is lost"
+    for _ in range(6):
+        if virtual.session.state == IDLE:
+            break
+        with pytest.raises(CommandError, match="the line is lost"):
+            asyncio.run(virtual.runner.carry_out(Command(1, "start", {})))
+        virtual.pass_time(0.5)
+    assert virtual.session.state == IDLE
+    assert virtual.rig.requests[-1] == "stop"
+
+
 def test_a_session_whose_tick_fails_stops_the_rig(tmp_path):
     made = VirtualSession(tmp_path)
     made.session.tick = None  # any failure

@@ -435,11 +435,14 @@ class SessionRunner:
         stops = self._stops
         if self._rig.present:
             # From the request on: an armed session waits here for its start.
+            before = self._rig_agreed_at, self._rig_patience
             self._rig_agreed_at, self._rig_patience = self._monotonic, math.inf
             try:
                 await self._rig_answer(name)
-            finally:
-                self._rig_agreed_at, self._rig_patience = self._monotonic, RIG_PATIENCE
+            except BaseException:
+                self._rig_agreed_at, self._rig_patience = before
+                raise
+            self._rig_agreed_at, self._rig_patience = self._monotonic, RIG_PATIENCE
         else:
             self._rig_agreed_at = None
         if stops != self._stops:
