@@ -1,0 +1,135 @@
+"""A study as BIDS: motion (position, velocity, torque, command) and EMG of every recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import edfio
+import numpy as np
+
+from ankle_interfaces.continuity import sampling_rate
+from session_analysis.errors import AnalysisError
+from session_analysis.study.layout import Entry, Study, software_version
+from session_recorder.bag_reader import BagReader
+
+BIDS_VERSION = "1.10.0"
+TASK = "anklePerturbation"
+TRACKING = "rig"
+_KINDS = {"position": "ORNT", "velocity": "ANGVEL", "torque": "MISC"}
+
+
+def export_bids(
+    study: Study, out: Path, progress: Callable[[str, float], None] | None = None
+) -> list[Path]:
+    """Write every recorded bag of a study as BIDS.
+
+    Parameters
+    ----------
+    out
+        A new or empty folder.
+    progress
+        Called with the recording and the fraction done.
+
+    Returns
+    -------
+    list[Path]
+        The data files.
+
+    Raises
+    ------
+    AnalysisError
+        `out` holds something, or the study has no bag.
+    BagError
+        A bag cannot be read.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise AnalysisError(f"{out} is not an empty folder; nothing is overwritten")
+    entries = [entry for entry in study.entries() if entry.source.is_dir()]
+    if not entries:
+        raise AnalysisError(f"{study.folder} has no recorded bag")
+    out.mkdir(parents=True, exist_ok=True)
+    about = {
+        "Name": study.name,
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "raw",
+        "GeneratedBy": [{"Name": "ankle", "Version": software_version()}],
+    }
+    _json(out / "dataset_description.json", about)
+    subjects = sorted({entry.subject for entry in entries})
+    lines = ["participant_id", *(f"sub-{subject}" for subject in subjects)]
+    (out / "participants.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    written = []
+    for done, entry in enumerate(entries, 1):
+        written += _export(entry, out / f"sub-{entry.subject}" / f"ses-{entry.visit:02d}")
+        if progress:
+            progress(entry.name, done / len(entries))
+    return written
+
+
+def _json(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def _export(entry: Entry, folder: Path) -> list[Path]:
+    bag = BagReader(entry.source)
+    stem = f"sub-{entry.subject}_ses-{entry.visit:02d}_task-{TASK}"
+    written = []
+    if "/ankle/samples" in bag.topics:
+        written.append(_motion(bag, entry, folder / "motion", stem))
+    if "/emg/samples" in bag.topics:
+        written.append(_emg(bag, entry, folder / "emg", stem))
+    return written
+
+
+def _motion(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
+    columns, data = bag.signal("/ankle/samples")
+    rate = sampling_rate(data[:, 0])
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{stem}_tracksys-{TRACKING}_run-{entry.run:02d}"
+    path = folder / f"{name}_motion.tsv"
+    np.savetxt(path, data, delimiter="\t", fmt="%.9g")
+    lines = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency"]
+    for column in columns:
+        quantity, _, unit = column.rstrip("]").partition("[")
+        kind = "LATENCY" if quantity == "t" else _KINDS.get(quantity, "MISC")
+        units = unit.replace("N.m", "N m")
+        lines.append(f"{quantity}\tn/a\t{kind}\tankle\t{units}\t{rate:g}")
+    (folder / f"{name}_channels.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    about = {
+        "TaskName": TASK,
+        "SamplingFrequency": rate,
+        "TrackingSystemName": TRACKING,
+        "MotionChannelCount": len(columns),
+        "RotationRule": "positive in dorsiflexion",
+        **entry.stated(),
+    }
+    _json(folder / f"{name}_motion.json", about)
+    return path
+
+
+def _emg(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
+    columns, data = bag.signal("/emg/samples")
+    rate = sampling_rate(data[:, 0])
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{stem}_run-{entry.run:02d}"
+    path = folder / f"{name}_emg.bdf"
+    signals = []
+    for column, values in zip(columns[1:], data[:, 1:].T, strict=True):
+        microvolts = 1e6 * np.nan_to_num(values)
+        most = max(1.0, float(np.max(np.abs(microvolts))))
+        label = column.partition("[")[0]
+        signals.append(
+            edfio.BdfSignal(
+                microvolts, rate, label=label, physical_dimension="uV", physical_range=(-most, most)
+            )
+        )
+    edfio.Bdf(signals).write(path)
+    lines = ["name\ttype\tunits", *(f"{c.partition('[')[0]}\tEMG\tuV" for c in columns[1:])]
+    (folder / f"{name}_channels.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    about = {"TaskName": TASK, "SamplingFrequency": rate, "EMGReference": "bipolar"}
+    placement = entry.stated().get("electrode_placement")
+    _json(folder / f"{name}_emg.json", {**about, "EMGPlacementScheme": placement or "n/a"})
+    return path

@@ -1,0 +1,195 @@
+"""Import, estimate and diagnose one recording of a study, once; results as rows of the table."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impedance_estimator.algorithms import DEFAULT
+from impedance_estimator.offline.recorded_estimates import estimate_bag
+from session_analysis.estimate_answer import (
+    QUANTITIES,
+    Answer,
+    answer,
+    require_valid,
+)
+from session_analysis.estimate_report import write_estimates
+from session_analysis.study.layout import Entry, Study, software_version
+from session_recorder.bag_reader import BagReader
+from session_recorder.importing import import_recording, propose, read_table
+
+RESULTS_FILE = "results.json"
+PERCENT = 100.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of the table of results.
+
+    Attributes
+    ----------
+    subject, visit, run
+        Whose, when.
+    quantity
+        With its unit, as ``K[N.m/rad]``.
+    value, error
+        The number and its standard error; NaN where there is none.
+    doubt
+        Share of the estimates behind it that are doubtful, 0 to 1; NaN where that has no meaning.
+    """
+
+    subject: str
+    visit: int
+    run: int
+    quantity: str
+    value: float
+    error: float
+    doubt: float
+
+
+def process(folder: Path, entry: Entry, diagnosed: bool) -> list[Row]:
+    """Rows of one recording: those of an earlier run where nothing has changed since.
+
+    Parameters
+    ----------
+    folder
+        The study's.
+    diagnosed
+        Whether the recording is diagnosed as well; takes a minute or more.
+
+    Raises
+    ------
+    BagError, ImportRefused, AnalysisError, ValueError
+        The recording cannot be read or imported, or nothing in it is valid.
+    """
+    study = Study(folder)
+    derived = study.derived(entry)
+    key = _fingerprint(entry, diagnosed)
+    file = derived / RESULTS_FILE
+    if file.exists():
+        try:
+            held = json.loads(file.read_text(encoding="utf-8"))
+            if held["key"] == key:
+                return [Row(**_numbers(row)) for row in held["rows"]]
+        except (ValueError, KeyError, TypeError):
+            pass  # a file that was cut off is made again
+    derived.mkdir(parents=True, exist_ok=True)
+    rows = _compute(entry, derived, diagnosed)
+    part = file.with_suffix(".part")
+    part.write_text(json.dumps({"key": key, "rows": [_plain(asdict(row)) for row in rows]}))
+    part.replace(file)
+    return rows
+
+
+def _fingerprint(entry: Entry, diagnosed: bool) -> str:
+    """What results depend on: the recording's files, what is stated, the software."""
+    digest = hashlib.sha256(f"{software_version()} {DEFAULT} {diagnosed}".encode())
+    files = [entry.source] if entry.source.is_file() else sorted(entry.source.iterdir())
+    for path in [*files, entry.sidecar]:
+        if path.is_file():
+            about = path.stat()
+            digest.update(f"{path.name} {about.st_size} {about.st_mtime_ns}".encode())
+    return digest.hexdigest()
+
+
+def _plain(row: dict[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+
+
+def _numbers(row: dict[str, Any]) -> dict[str, Any]:
+    return {k: math.nan if v is None else v for k, v in row.items()}
+
+
+def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
+    stated = entry.stated()
+    bag = entry.source if entry.source.is_dir() else _import(entry, derived, stated)
+    result = estimate_bag(bag, derived / "estimates", overwrite=True)
+    settings = BagReader(derived / "estimates").custom_data.get("settings", "")
+    found = answer(bag, result, DEFAULT, settings)
+    write_estimates(found, derived)
+    require_valid(found)
+    rows = _estimate_rows(entry, found) + _relative_rows(entry, found, stated, bag)
+    if diagnosed:
+        rows += _diagnosis_rows(entry, bag, derived / "diagnosis")
+    return rows
+
+
+def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
+    """The bag of a file of another system, by what is stated or else by what is likely."""
+    table = read_table(entry.source)
+    table.rate = stated.get("rate[Hz]") or table.rate
+    columns, sign = stated.get("columns"), stated.get("torque_sign")
+    resample = stated.get("resample[Hz]")
+    if columns is None:
+        proposal = propose(table)
+        columns, sign = proposal.columns, sign or proposal.torque_sign
+        resample = resample or proposal.resample
+    report = import_recording(
+        table,
+        derived / "imported",
+        columns,
+        torque_sign=sign,
+        rate=None if any(name.startswith("t[") for name in columns) else table.rate,
+        resample=resample,
+        overwrite=True,
+    )
+    return report.bag
+
+
+def _estimate_rows(entry: Entry, found: Answer) -> list[Row]:
+    valid = max(1, int(found.valid.sum()))
+    doubt = float(found.doubtful.sum()) / valid
+    who = (entry.subject, entry.visit, entry.run)
+    rows = [Row(*who, quantity, *found.median(quantity), doubt) for quantity in QUANTITIES]
+    nan = math.nan
+    rows.append(Row(*who, "valid[%]", PERCENT * float(found.valid.mean()), nan, nan))
+    rows.append(Row(*who, "missing_samples[1]", float(found.losses.missing), nan, nan))
+    if found.opinion is not None:
+        vaf = float(np.mean(found.opinion.held_out_vaf))
+        rows.append(Row(*who, "held_out_vaf[%]", vaf, nan, nan))
+    return rows
+
+
+def _relative_rows(entry: Entry, found: Answer, stated: dict[str, Any], bag: Path) -> list[Row]:
+    """K and G in per cent of the largest voluntary torque and by body mass, and the mean torque
+    that they were measured at.
+    """
+    who = (entry.subject, entry.visit, entry.run)
+    columns, data = BagReader(bag).signal("/ankle/samples")
+    torque = data[:, columns.index("torque[N.m]")]
+    rows = [Row(*who, "mean_torque[N.m]", float(np.nanmean(torque)), math.nan, math.nan)]
+    doubt = float(found.doubtful.sum()) / max(1, int(found.valid.sum()))
+    for name, per in (("K", "1/rad"), ("G", "s/rad")):
+        quantity = f"{name}[N.m/rad]" if name == "K" else f"{name}[N.m.s/rad]"
+        value, error = found.median(quantity)
+        strongest = stated.get("mvc_plantarflexion[N.m]")
+        mass = stated.get("body_mass[kg]")
+        if strongest:
+            scale = PERCENT / float(strongest)
+            label = f"{name}_of_mvc[%{'/rad' if per == '1/rad' else '.s/rad'}]"
+            rows.append(Row(*who, label, scale * value, scale * error, doubt))
+        if mass:
+            label = f"{name}_by_mass[{quantity.split('[')[1][:-1]}/kg]"
+            rows.append(Row(*who, label, value / float(mass), error / float(mass), doubt))
+    return rows
+
+
+def _diagnosis_rows(entry: Entry, bag: Path, out: Path) -> list[Row]:
+    from model_discrepancy.diagnose import diagnose
+
+    verdict = json.loads(json.dumps(diagnose(bag, out).verdict, default=vars))
+    who = (entry.subject, entry.visit, entry.run)
+    rows = []
+    for effect in verdict.get("effects", []):
+        probability = float(effect.get("probability", math.nan))
+        rows.append(Row(*who, f"effect:{effect['name']}[1]", probability, math.nan, math.nan))
+    for name, value in (verdict.get("fit") or {}).items():
+        if isinstance(value, (int, float)):
+            rows.append(Row(*who, f"diagnosis_{name}[%]", float(value), math.nan, math.nan))
+    return rows

@@ -1,0 +1,215 @@
+"""The report of a study: each subject against their own earlier visits, and how well measures
+repeat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from session_analysis.html_page import (
+    COLOURS,
+    bullets,
+    figure,
+    heading,
+    page,
+    paragraph,
+    table,
+)
+from session_analysis.study.recording_results import Row
+from session_analysis.study.reliability import Reliability, reliability
+
+SHOWN = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
+QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")
+MIN_PAIRS = 4
+"""Recordings from which a relation with the mean torque is drawn; fewer lie on a line by
+themselves."""
+
+
+def visit_table(rows: Sequence[Row], quantity: str) -> tuple[list[str], list[int], np.ndarray]:
+    """Means over the runs of each visit.
+
+    Returns
+    -------
+    tuple[list[str], list[int], np.ndarray]
+        Subjects, visits, and values of shape (subjects, visits), NaN where there is none.
+    """
+    chosen = [row for row in rows if row.quantity == quantity and np.isfinite(row.value)]
+    subjects = sorted({row.subject for row in chosen})
+    visits = sorted({row.visit for row in chosen})
+    values = np.full((len(subjects), len(visits)), np.nan)
+    for i, subject in enumerate(subjects):
+        for k, visit in enumerate(visits):
+            own = [row.value for row in chosen if (row.subject, row.visit) == (subject, visit)]
+            if own:
+                values[i, k] = float(np.mean(own))
+    return subjects, visits, values
+
+
+def write_study_report(
+    rows: Sequence[Row], failures: dict[str, str], path: Path, title: str, subject: str = ""
+) -> Path:
+    """Write the report as one HTML file.
+
+    Parameters
+    ----------
+    rows
+        Of the table of results.
+    failures
+        Why a recording gave no result, by its name.
+    path
+        The file to write.
+    subject
+        Only this subject's part; the reliability is that of the whole study.
+    """
+    subjects = [subject] if subject else sorted({row.subject for row in rows})
+    repeat = {quantity: reliability(visit_table(rows, quantity)[2]) for quantity in SHOWN}
+    parts = [paragraph(_overview(rows, subjects), "answer"), *_reliability_parts(repeat)]
+    for one in subjects:
+        parts += _subject_parts([row for row in rows if row.subject == one], one, repeat)
+    parts += [
+        heading("Recordings without a result"),
+        bullets([f"{name}: {why}" for name, why in failures.items()], "loss", "None."),
+    ]
+    path.write_text(page(title, parts), encoding="utf-8")
+    return path
+
+
+def _overview(rows: Sequence[Row], subjects: Sequence[str]) -> str:
+    own = [row for row in rows if row.subject in subjects]
+    runs = {(row.subject, row.visit, row.run) for row in own}
+    visits = {(row.subject, row.visit) for row in own}
+    return f"{len(subjects)} subject(s), {len(visits)} visit(s), {len(runs)} recording(s)."
+
+
+def _reliability_parts(repeat: dict[str, Reliability | None]) -> list[str]:
+    head = ["", "ICC(2,1)", "standard error of measurement", "minimal detectable change", "from"]
+    body = [
+        [
+            quantity,
+            f"{found.icc:.2f}" if np.isfinite(found.icc) else "needs two subjects",
+            f"{found.sem:.3g}",
+            f"{found.mdc:.3g}",
+            f"{found.subjects} subject(s), {found.visits} visits",
+        ]
+        for quantity, found in repeat.items()
+        if found is not None
+    ]
+    if not body:
+        return [paragraph("Fewer than two visits: nothing is known of how well measures repeat.")]
+    return [
+        heading("How well measures repeat"),
+        table([head, *body]),
+        paragraph(
+            "Between two visits of an unchanged ankle 19 of 20 differences are below the minimal "
+            "detectable change. Only subjects with every visit count."
+        ),
+    ]
+
+
+def _subject_parts(
+    rows: Sequence[Row], subject: str, repeat: dict[str, Reliability | None]
+) -> list[str]:
+    parts = [heading(f"Subject {subject}"), table(_visit_rows(rows))]
+    parts += [bullets(_changes(rows, repeat), nothing="One visit: no change to state.")]
+    if len({row.visit for row in rows}) > 1:
+        parts.append(figure(_trend(rows, repeat)))
+    by_torque = _torque_figure(rows)
+    if by_torque is not None:
+        parts += [paragraph("K and G against the mean torque of each recording:")]
+        parts.append(figure(by_torque))
+    return parts
+
+
+def _visit_rows(rows: Sequence[Row]) -> list[list[str]]:
+    quantities = [q for q in (*SHOWN, *QUALITY) if any(row.quantity == q for row in rows)]
+    quantities += sorted({row.quantity for row in rows if "_of_mvc" in row.quantity})
+    quantities += sorted({row.quantity for row in rows if "_by_mass" in row.quantity})
+    out = [["visit, run", *quantities, "doubtful"]]
+    for visit, run in sorted({(row.visit, row.run) for row in rows}):
+        own = {row.quantity: row for row in rows if (row.visit, row.run) == (visit, run)}
+        doubt = own["K[N.m/rad]"].doubt if "K[N.m/rad]" in own else float("nan")
+        out.append(
+            [
+                f"{visit}, {run}",
+                *(_text(own.get(quantity)) for quantity in quantities),
+                f"{100 * doubt:.0f} %" if np.isfinite(doubt) else "",
+            ]
+        )
+    return out
+
+
+def _text(row: Row | None) -> str:
+    if row is None or not np.isfinite(row.value):
+        return "-"
+    return f"{row.value:.4g} ± {row.error:.2g}" if np.isfinite(row.error) else f"{row.value:.4g}"
+
+
+def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list[str]:
+    """Each visit against the first one, with the minimal detectable change beside it."""
+    told = []
+    for quantity in SHOWN[:2]:
+        _, visits, values = visit_table(rows, quantity)
+        found = repeat[quantity]
+        if len(visits) < 2 or found is None:
+            continue
+        name, unit = quantity.rstrip("]").split("[")
+        change = float(values[0, -1] - values[0, 0])
+        beyond = "more" if abs(change) > found.mdc else "not more"
+        told.append(
+            f"{name} changed by {change:+.3g} {unit} from visit {visits[0]} to visit {visits[-1]}, "
+            f"{beyond} than the minimal detectable change of {found.mdc:.3g} {unit}"
+        )
+    return told
+
+
+def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
+    from plotly.graph_objects import Scatter
+    from plotly.subplots import make_subplots
+
+    drawn = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.05)
+    for line, quantity in enumerate(SHOWN[:2], 1):
+        _, visits, values = visit_table(rows, quantity)
+        if not visits:
+            continue
+        found = repeat[quantity]
+        if found is not None:
+            first = float(values[0, 0])
+            drawn.add_hrect(
+                first - found.mdc, first + found.mdc, row=line, col=1,
+                fillcolor="#888888", opacity=0.2, line_width=0,
+            )  # fmt: skip
+        trace = Scatter(x=visits, y=values[0], mode="lines+markers", showlegend=False)
+        trace.line = {"color": COLOURS[line - 1]}
+        drawn.add_trace(trace, line, 1)
+        drawn.update_yaxes(title_text=quantity.replace(".", "·"), row=line, col=1)
+    drawn.update_xaxes(title_text="visit; grey: within the detectable change", row=2, col=1)
+    drawn.update_layout(height=480)
+    return drawn
+
+
+def _torque_figure(rows: Sequence[Row]) -> Any:
+    """K and G over the mean torque; None with too few recordings or without a range of torque."""
+    from plotly.graph_objects import Scatter
+    from plotly.subplots import make_subplots
+
+    at = {(row.visit, row.run): row.value for row in rows if row.quantity == "mean_torque[N.m]"}
+    if len(at) < MIN_PAIRS or np.ptp(list(at.values())) == 0:
+        return None
+    drawn = make_subplots(cols=2)
+    for column, quantity in enumerate(SHOWN[:2], 1):
+        own = [row for row in rows if row.quantity == quantity and (row.visit, row.run) in at]
+        trace = Scatter(
+            x=[at[row.visit, row.run] for row in own],
+            y=[row.value for row in own],
+            mode="markers",
+            showlegend=False,
+        )
+        trace.marker = {"color": COLOURS[column - 1]}
+        drawn.add_trace(trace, 1, column)
+        drawn.update_yaxes(title_text=quantity.replace(".", "·"), row=1, col=column)
+        drawn.update_xaxes(title_text="mean torque [N·m]", row=1, col=column)
+    return drawn

@@ -1,0 +1,219 @@
+"""A study: layout and pseudonyms, processing once, reliability, report, export."""
+
+import json
+
+import edfio
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from ankle_interfaces.block import Block
+from session_analysis.errors import AnalysisError
+from session_analysis.study.bids_export import export_bids
+from session_analysis.study.layout import Study, check_pseudonym, check_stated, init_study
+from session_analysis.study.recording_results import Row, process
+from session_analysis.study.reliability import reliability
+from session_analysis.study.running import read_results, run_study, write_results
+from session_analysis.study.study_report import visit_table, write_study_report
+from session_recorder.bag_writer import BagWriter
+
+RATE = 1000
+SHROUT_FLEISS = np.array(
+    [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], float
+)
+
+
+def ankle(seconds=30.0):
+    """Time, angle [rad] and torque [N.m] of an ankle of 90 N.m/rad under random steps."""
+    n = int(seconds * RATE)
+    steps = np.repeat(np.random.default_rng(1).uniform(-0.03, 0.03, n // 200), 200)
+    position = np.convolve(steps, np.hanning(20) / np.hanning(20).sum(), "same")
+    velocity = np.gradient(position, 1 / RATE)
+    torque = 0.0137 * np.gradient(velocity, 1 / RATE) + 0.6 * velocity + 90 * position
+    return np.arange(n) / RATE, position, torque + 0.05 * np.random.default_rng(2).normal(size=n)
+
+
+def write_bag(path, emg=False):
+    time, position, torque = ankle()
+    with BagWriter(path) as writer:
+        writer.add_topic("/ankle/samples")
+        names = ("t[s]", "position[rad]", "torque[N.m]")
+        for first in range(0, len(time), 32):
+            piece = slice(first, first + 32)
+            data = np.column_stack([time[piece], position[piece], torque[piece]])
+            writer.write_block("/ankle/samples", Block(names, data))
+        if emg:
+            writer.add_topic("/emg/samples")
+            data = np.column_stack([time, 2e-5 * np.sin(100 * time)])
+            writer.write_block("/emg/samples", Block(("t[s]", "SOL[V]"), data))
+
+
+@pytest.fixture
+def study(tmp_path):
+    return init_study(tmp_path / "study", "Training")
+
+
+def test_a_recording_gets_the_next_run_of_its_visit(study):
+    first = study.next_entry("S07", 3)
+    assert first.source.relative_to(study.folder).as_posix() == (
+        "sub-S07/ses-03/sub-S07_ses-03_run-01_bag"
+    )
+    study.add(first, {"side": "left", "body_mass[kg]": 71.0})
+    write_bag(first.source)
+    second = study.next_entry("S07", 3)
+    assert second.name == "sub-S07_ses-03_run-02"
+    assert [entry.name for entry in study.entries()] == [first.name]
+    assert study.entries()[0].stated()["body_mass[kg]"] == 71.0
+    assert "software_version" in study.entries()[0].stated()
+    assert (study.folder / "participants.tsv").read_text().splitlines() == [
+        "participant_id",
+        "sub-S07",
+    ]
+    with pytest.raises(AnalysisError, match="nothing is overwritten"):
+        study.add(first, {})
+    with pytest.raises(AnalysisError, match="not an empty folder"):
+        init_study(study.folder)
+    with pytest.raises(AnalysisError, match="ankle study init"):
+        Study(study.folder / "nowhere")
+
+
+@pytest.mark.parametrize("subject", ["anna", "van der Berg", "", "S/07", "S07-secret", "../S07"])
+def test_names_of_persons_are_refused(subject):
+    with pytest.raises(AnalysisError, match="pseudonym"):
+        check_pseudonym(subject)
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"body_mass[kg]": 7000}, "body_mass"),
+        ({"body_mass": 70}, r"unknown key 'body_mass'; known: .*body_mass\[kg\]"),
+        ({"side": "both"}, "allowed: left, right"),
+        ({"name": "Anna"}, "unknown key 'name'"),
+        ({"posture": 3}, "allowed: a text"),
+        (["left"], "expected keys and values"),
+    ],
+)
+def test_sidecar_files_are_checked(stated, words):
+    with pytest.raises(AnalysisError, match=words):
+        check_stated(stated, "x.json")
+
+
+def test_reliability_is_that_of_shrout_and_fleiss():
+    found = reliability(SHROUT_FLEISS)
+    assert found.icc == pytest.approx(0.29, abs=0.005)
+    assert (found.subjects, found.visits) == (6, 4)
+    assert found.mdc == pytest.approx(1.96 * np.sqrt(2) * found.sem)
+
+
+def test_reliability_of_a_known_scatter_and_of_one_subject():
+    random = np.random.default_rng(1)
+    values = random.normal(100, 20, (400, 1)) + random.normal(0, 5, (400, 3))
+    found = reliability(values)
+    assert found.sem == pytest.approx(5.0, rel=0.1)
+    assert found.icc == pytest.approx(400 / 425, abs=0.02)
+    alone = reliability(np.array([[10.0, 12.0, 14.0]]))
+    assert np.isnan(alone.icc)
+    assert alone.sem == pytest.approx(2.0)
+    assert reliability(np.array([[1.0]])) is None
+    assert reliability(np.full((3, 2), np.nan)) is None
+
+
+def rows_of(subject, visit, K, run=1, torque=-3.0):
+    values = {"K[N.m/rad]": K, "G[N.m.s/rad]": 8.0, "mean_torque[N.m]": torque}
+    return [Row(subject, visit, run, name, value, 1.0, 0.1) for name, value in values.items()]
+
+
+def test_the_report_states_changes_against_the_detectable_one(tmp_path):
+    rows = [row for s, K in (("S1", (100.0, 140.0)), ("S2", (80.0, 81.0)), ("S3", (60.0, 61.0)))
+            for visit, value in enumerate(K, 1) for row in rows_of(s, visit, value)]  # fmt: skip
+    assert visit_table(rows, "K[N.m/rad]")[2].tolist() == [[100, 140], [80, 81], [60, 61]]
+    path = tmp_path / "r.html"
+    text = write_study_report(rows, {"sub-S9_ses-01_run-01": "no samples"}, path, "T").read_text()
+    assert "K changed by +40 N.m/rad from visit 1 to visit 2" in text
+    assert "sub-S9_ses-01_run-01: no samples" in text
+    assert "ICC(2,1)" in text
+    # Two recordings of a subject tell no relation with the torque; none is drawn.
+    assert "against the mean torque" not in text
+    one = write_study_report(rows, {}, path, "T", "S2").read_text()
+    assert "Subject S2" in one
+    assert "Subject S1" not in one
+
+
+def test_results_come_back_from_the_table(study):
+    rows = rows_of("S1", 1, 100.0)
+    write_results(rows, study.results)
+    assert read_results(study.results) == rows
+    assert pq.read_table(study.results).column_names == [
+        *("subject", "visit", "run", "quantity", "value", "error", "doubt"),
+    ]
+    with pytest.raises(AnalysisError, match="ankle study run"):
+        read_results(study.folder / "nothing.parquet")
+
+
+def test_a_recording_is_processed_once_and_again_when_it_changed(study):
+    entry = study.next_entry("S07", 1)
+    study.add(entry, {"body_mass[kg]": 70.0, "mvc_plantarflexion[N.m]": 100.0})
+    time, position, torque = ankle()
+    source = entry.source.with_name(f"{entry.name}.csv")
+    header = "Time (s),Ankle Angle (deg),Torque (Nm)"
+    table = np.column_stack([time, np.degrees(position), -torque])
+    np.savetxt(source, table, delimiter=",", header=header, comments="")
+    (entry,) = study.entries()
+    rows = {row.quantity: row for row in process(study.folder, entry, False)}
+    assert rows["K[N.m/rad]"].value == pytest.approx(90.0, rel=0.05)
+    assert rows["K_of_mvc[%/rad]"].value == pytest.approx(rows["K[N.m/rad]"].value)
+    assert rows["K_by_mass[N.m/rad/kg]"].value == pytest.approx(rows["K[N.m/rad]"].value / 70)
+    assert rows["missing_samples[1]"].value == 0
+    results = study.derived(entry) / "results.json"
+    before = results.stat().st_mtime_ns
+    again = {row.quantity: row for row in process(study.folder, entry, False)}
+    assert again["K[N.m/rad]"] == rows["K[N.m/rad]"]
+    assert results.stat().st_mtime_ns == before
+    entry.sidecar.write_text(json.dumps({"body_mass[kg]": 140.0}))
+    changed = {row.quantity: row for row in process(study.folder, entry, False)}
+    assert changed["K_by_mass[N.m/rad/kg]"].value == pytest.approx(
+        rows["K_by_mass[N.m/rad/kg]"].value / 2
+    )
+
+
+@pytest.mark.live
+def test_a_study_is_run_and_a_bad_recording_does_not_end_it(study):
+    for visit in (1, 2):
+        entry = study.next_entry("S07", visit)
+        study.add(entry, {})
+        if visit == 1:
+            write_bag(entry.source)
+        else:
+            entry.source.with_name(f"{entry.name}.csv").write_text("nothing\n")
+    rows, failures = run_study(study, 1, diagnosed=False)
+    assert {row.visit for row in rows} == {1}
+    assert "holds no rows of numbers" in failures["sub-S07_ses-02_run-01"]
+    assert len(read_results(study.results)) == len(rows)
+    with pytest.raises(AnalysisError, match="no recording"):
+        run_study(init_study(study.folder.parent / "empty"), 1)
+
+
+def test_bids_has_motion_and_emg_with_their_descriptions(study, tmp_path):
+    entry = study.next_entry("S07", 1)
+    study.add(entry, {"side": "left", "electrode_placement": "SENIAM"})
+    write_bag(entry.source, emg=True)
+    written = export_bids(study, tmp_path / "bids")
+    motion, emg = written
+    assert motion.name == "sub-S07_ses-01_task-anklePerturbation_tracksys-rig_run-01_motion.tsv"
+    np.testing.assert_allclose(np.loadtxt(motion)[:, 1], ankle()[1], atol=1e-8)
+    about = json.loads(motion.with_suffix(".json").read_text())
+    assert about["SamplingFrequency"] == RATE
+    assert about["side"] == "left"
+    assert (
+        len(
+            motion.with_name(motion.name.replace("_motion.tsv", "_channels.tsv"))
+            .read_text()
+            .splitlines()
+        )
+        == 4
+    )
+    signal = edfio.read_bdf(emg).signals[0]
+    assert signal.label == "SOL"
+    np.testing.assert_allclose(signal.data[:1000], 20 * np.sin(100 * ankle()[0][:1000]), atol=1e-4)
+    assert json.loads((tmp_path / "bids" / "dataset_description.json").read_text())["BIDSVersion"]
