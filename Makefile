@@ -9,6 +9,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/set-up
 REQUIREMENTS := $(wildcard requirements/*.txt)
 LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
+# make COLCON_PACKAGES="ankle_physics ankle_sim" test-colcon takes some packages only
+COLCON_PACKAGES ?=
 # Where the operating system keeps Chromium; the tests of the pages need one.
 CHROMIUM := $(shell command -v chromium chromium-browser google-chrome 2> /dev/null | head -n 1)
 
@@ -57,7 +59,7 @@ test-slow: setup
 	@$(BIN)/python -m pytest -q -m slow
 
 test-colcon: setup
-	@$(BIN)/colcon --log-base build/log test --base-paths src --build-base $(BUILD) --install-base $(INSTALL) --merge-install --pytest-args -m "not slow and not live" --quiet > build.log 2>&1 || { cat build.log; exit 1; }
+	@$(BIN)/colcon --log-base build/log test --base-paths src --build-base $(BUILD) --install-base $(INSTALL) --merge-install $(if $(COLCON_PACKAGES),--packages-select $(COLCON_PACKAGES)) --pytest-args -m "not slow and not live" --quiet > build.log 2>&1 || { cat build.log; exit 1; }
 	@$(BIN)/colcon test-result --test-result-base $(BUILD) --all
 
 test-pythons:

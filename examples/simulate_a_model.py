@@ -1,0 +1,54 @@
+"""Simulate a joint on the paper's rig and keep the recording as a bag.
+
+    python examples/simulate_a_model.py my_bag --stiffness 80 --reflex-gain 12
+
+Any program of ROS opens the bag; `ankle estimate my_bag` estimates K and G from it.
+"""
+
+import argparse
+
+import numpy as np
+
+from ankle_interfaces.block import Block
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
+from ankle_physics.model import Model
+from ankle_physics.virtual_rig import simulate
+from perturbation_generator.parameters import PARAMETERS
+from perturbation_generator.signals import signal_from
+from session_recorder.bag_writer import BagWriter
+
+BLOCK = 32  # samples of a message, as on a rig
+
+
+def main() -> None:
+    """Read the command line, simulate, write the bag."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bag")
+    parser.add_argument("--stiffness", type=float, default=80.0, help="K [N.m/rad]")
+    parser.add_argument("--reflex-gain", type=float, default=12.0, help="G [N.m.s/rad]")
+    parser.add_argument("--seconds", type=float, default=30.0)
+    asked = parser.parse_args()
+
+    terms = {
+        "inertia": {},
+        "viscosity": {},
+        "stiffness": {"K": asked.stiffness},
+        "reflex": {"G": asked.reflex_gain},
+    }
+    perturbation = signal_from({p.name: p.default for p in PARAMETERS})
+    rate = perturbation.settings.rate
+    reference = perturbation.next(round(asked.seconds * rate))
+    recording = simulate(reference, rate, Model.of(terms), seed=1)
+
+    streams = ((PERTURBATION_REFERENCE, reference), (ANKLE_SAMPLES, recording.measured))
+    with BagWriter(asked.bag) as bag:
+        for topic, values in streams:
+            bag.add_topic(topic.absolute, topic.message)
+            rows = np.column_stack([recording.time, values])
+            for start in range(0, len(rows), BLOCK):
+                bag.write_block(topic.absolute, Block(topic.columns, rows[start : start + BLOCK]))
+    print(f"{asked.seconds:g} s in {asked.bag}")
+
+
+if __name__ == "__main__":
+    main()
