@@ -6,6 +6,9 @@ from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.executables import node_command
 from ankle_bringup.graph import Graph, NodeDescription, known_graphs, load_graph
 from ankle_bringup.processes import Processes
+from ankle_bringup.recording_place import in_study, with_free_place
+from session_analysis.errors import AnalysisError
+from session_analysis.study.layout import init_study
 
 pytestmark = pytest.mark.live
 
@@ -35,6 +38,7 @@ def test_an_option_adds_its_nodes_and_a_graph_without_it_says_so():
         "impedance_estimator",
         "ankle_actuator_driver",
         "perturbation_generator",
+        "record",
     }
     assert {node.name for node in rig.with_options(["emulator"]).nodes} - names == {"rig_emulator"}
     with pytest.raises(GraphError, match="no option 'emulator'"):
@@ -122,3 +126,37 @@ def test_bad_parameter_files_are_named(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(GraphError, match=words):
         load_graph("simulated").with_parameter_file(path)
+
+
+def test_whoever_may_be_in_the_rig_is_recorded():
+    for name in ("rig", "simulated_session"):
+        graph = load_graph(name)
+        assert any(node.package == "session_recorder" for node in graph.nodes)
+
+
+def test_a_second_session_makes_a_second_recording(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    graph = load_graph("simulated_session")
+    assert with_free_place(graph, []) == (graph, "")
+    (tmp_path / "session").mkdir()
+    second, sentence = with_free_place(graph, [])
+    assert "recording into session_2" in sentence
+    assert second.nodes[0].parameters["out"] == "session_2"
+    (tmp_path / "session_2").mkdir()
+    assert "session_3" in with_free_place(graph, [])[1]
+    assert with_free_place(graph, ["record.out=session"]) == (graph, "")
+
+
+def test_a_visit_of_a_study_names_and_places_its_recording(tmp_path):
+    study = init_study(tmp_path / "study")
+    graph, place = in_study(load_graph("rig"), study.folder, "S07", 3, {"side": "left"})
+    assert place.name == "sub-S07_ses-03_run-01_bag"
+    (recorder,) = (node for node in graph.nodes if node.package == "session_recorder")
+    assert recorder.parameters["out"] == str(place)
+    assert '"side": "left"' in place.with_name("sub-S07_ses-03_run-01.json").read_text()
+    _, second = in_study(load_graph("rig"), study.folder, "S07", 3)
+    assert second.name == "sub-S07_ses-03_run-02_bag"
+    with pytest.raises(AnalysisError, match="pseudonym"):
+        in_study(load_graph("rig"), study.folder, "anna", 1)
+    with pytest.raises(GraphError, match="no recorder"):
+        in_study(load_graph("simulated"), study.folder, "S07", 1)

@@ -39,16 +39,39 @@ def verb(
         bool,
         typer.Option("--emulator", help="With a rig: start the rig emulator as the other end."),
     ] = False,
+    study: Annotated[
+        Path | None, typer.Option(help="Record into this study; see 'ankle study init'.")
+    ] = None,
+    subject: Annotated[str, typer.Option(help="Pseudonym in the study, as S07.")] = "",
+    visit: Annotated[int, typer.Option(help="Visit in the study, from 1.")] = 0,
 ) -> None:
     """Start a graph of nodes and show what it says, until Ctrl-C.
 
-    Example: ankle up simulated --set ankle_sim.subject=2 --seconds 30, or: ankle up rig --emulator
+    A recording that is there is never overwritten: a second session makes a second recording.
+
+    Example: ankle up simulated --set ankle_sim.subject=2 --seconds 30, or: ankle up rig --emulator,
+    or: ankle up rig --study my_study --subject S07 --visit 3
     """
+    from ankle_bringup.errors import GraphError
     from ankle_bringup.graph import load_graph
+    from ankle_bringup.recording_place import in_study, with_free_place
     from ankle_bringup.up import run_graph
+
+    if subject and study is None:
+        study = Path()
+    if study is not None and not (subject and visit):
+        raise GraphError("a recording of a study needs --subject and --visit")
 
     chosen = load_graph(graph).with_options(["emulator"] if emulator else [])
     chosen = chosen.in_namespace(namespace)
     if params_file is not None:
         chosen = chosen.with_parameter_file(params_file)
-    run_graph(chosen.with_settings(settings), logs, seconds, console)
+    chosen = chosen.with_settings(settings)
+    if study is not None:
+        chosen, place = in_study(chosen, study, subject, visit)
+        console.print(f"recording into {place}", soft_wrap=True)
+    else:
+        chosen, sentence = with_free_place(chosen, settings)
+        if sentence:
+            console.print(sentence, soft_wrap=True)
+    run_graph(chosen, logs, seconds, console)

@@ -1,0 +1,89 @@
+"""Where the recorder of a graph writes: a place in a study, or a name that is still free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from ankle_bringup.errors import GraphError
+from ankle_bringup.graph import Graph, NodeDescription
+
+RECORDER = ("session_recorder", "record")
+
+
+def _recorders(graph: Graph) -> list[NodeDescription]:
+    return [node for node in graph.nodes if (node.package, node.executable) == RECORDER]
+
+
+def _recording_to(graph: Graph, out: Path) -> Graph:
+    nodes = tuple(
+        replace(node, parameters={**node.parameters, "out": str(out)})
+        if (node.package, node.executable) == RECORDER
+        else node
+        for node in graph.nodes
+    )
+    return replace(graph, nodes=nodes)
+
+
+def in_study(
+    graph: Graph, study: Path, subject: str, visit: int, stated: dict[str, Any] | None = None
+) -> tuple[Graph, Path]:
+    """The graph with its recorder writing to the next run of a visit.
+
+    Parameters
+    ----------
+    study
+        Made by ``ankle study init``.
+    subject
+        Pseudonym.
+    visit
+        Counted from 1.
+    stated
+        Content of the recording's sidecar file.
+
+    Returns
+    -------
+    tuple[Graph, Path]
+        The graph, and where the bag will be. The sidecar file is written at once.
+
+    Raises
+    ------
+    AnalysisError
+        No study, a subject that may be a name, or a statement that is refused.
+    GraphError
+        The graph has no recorder.
+    """
+    from session_analysis.study.layout import Study
+
+    if not _recorders(graph):
+        raise GraphError("the graph has no recorder: a visit of a study must be recorded")
+    opened = Study(study)
+    entry = opened.next_entry(subject, visit)
+    opened.add(entry, stated or {})
+    return _recording_to(graph, entry.source), entry.source
+
+
+def with_free_place(graph: Graph, settings: Iterable[str]) -> tuple[Graph, str]:
+    """The graph with a recorder whose place is free: a second session makes a second recording.
+
+    Parameters
+    ----------
+    settings
+        What the user set; a place that was set is left as it is.
+
+    Returns
+    -------
+    tuple[Graph, str]
+        The graph, and a sentence where the name was changed, else an empty text.
+    """
+    for node in _recorders(graph):
+        out = str(node.parameters.get("out", ""))
+        chosen = any(setting.startswith(f"{node.name}.out=") for setting in settings)
+        if not out or chosen or not Path(out).exists():
+            continue
+        free = next(place for number in count(2) if not (place := Path(f"{out}_{number}")).exists())
+        return _recording_to(graph, free), f"{out} is there already; recording into {free}"
+    return graph, ""
