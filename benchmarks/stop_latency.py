@@ -21,6 +21,8 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import aiohttp
@@ -126,12 +128,12 @@ def run_again(rig: Operator, commander: Commander) -> None:
     rig.spin(1.5)  # beyond the soft start
 
 
-def press_and_measure(rig: Operator, page) -> float | None:
+def press_and_measure(rig: Operator, press: Callable[[], None]) -> float | None:
     """Seconds from the key to the plate's last motion; None where the rig had stopped by itself."""
     if rig.states[-1][0] != "running":
         return None
     pressed = time.time()
-    page.keyboard.press(" ")
+    press()
     rig.spin(AFTERWARDS)
     data = np.concatenate(rig.blocks[-200:])
     moving = data[(np.abs(data[:, 2]) > STILL) & (data[:, 0] > pressed), 0]
@@ -144,6 +146,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--stops", type=int, default=50)
+    options.add_argument(
+        "--without-browser", action="store_true", help="from the message of a page without Chromium"
+    )
     options.add_argument("--load", action="store_true", help="keep disk and processor busy")
     given = options.parse_args()
     path = find_browser()
@@ -169,9 +174,11 @@ def main() -> int:
         ):
             wait_until_served(port, processes)
             url = f"http://127.0.0.1:{port}"
-            browser = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
-            pages = [browser.new_page() for _ in range(2)]
-            for page, where in zip(pages, ("/operator", "/"), strict=True):
+            pages = []
+            if not given.without_browser:
+                browser = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
+                pages = [browser.new_page() for _ in range(2)]
+            for page, where in zip(pages, ("/operator", "/"), strict=False):
                 page.goto(url + where)
             rig, commander = Listener(node), Commander(url)
             try:
@@ -181,10 +188,14 @@ def main() -> int:
                     burden = [subprocess.Popen(one) for one in work]
                 while len(found) < given.stops:
                     run_again(rig, commander)
-                    page = pages[len(found) % 2]
-                    page.bring_to_front()
-                    rig.spin(0.3)
-                    seconds = press_and_measure(rig, page)
+                    if pages:
+                        page = pages[len(found) % 2]
+                        page.bring_to_front()
+                        rig.spin(0.3)
+                        press = partial(page.keyboard.press, " ")
+                    else:
+                        press = partial(commander.command, "stop")
+                    seconds = press_and_measure(rig, press)
                     if seconds is not None:
                         found.append(seconds)
                         print(
@@ -195,10 +206,12 @@ def main() -> int:
                 for process in burden:
                     process.kill()
                     process.wait()
-                browser.close()
+                for page in pages:
+                    page.close()
     load = os.getloadavg()[0]
     print(f"load average at the end: {load:.1f}; {len(found)} stops")
-    print(line(f"key on a page to plate below {STILL:g} rad/s", np.array(found)))
+    begin = "stop of a page" if given.without_browser else "key on a page"
+    print(line(f"{begin} to plate below {STILL:g} rad/s", np.array(found)))
     return 0
 
 

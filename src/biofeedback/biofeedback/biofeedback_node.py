@@ -182,7 +182,9 @@ class BiofeedbackNode(AnkleNode):
         try:
             found = saved_session.load(path, time.time(), self.number("resume_within"))
             if found is not None and (
-                found.get("state") not in ("idle", "finished") or found.get("index")
+                found.get("state") not in ("idle", "finished")
+                or found.get("index")
+                or found.get("checks")
             ):
                 self._runner.resume(found)
                 self.get_logger().info(

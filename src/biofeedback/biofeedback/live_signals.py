@@ -40,6 +40,10 @@ class Snapshot:
         Of the estimates: `WAITING`, `INVALID`, `STALE` or `GOOD`.
     torque_quality
         Of the torque: `WAITING`, `STALE` or `GOOD`.
+    angle
+        Of the plate, newest sample [rad]; NaN before the first.
+    emg
+        Rectified EMG of the newest block by channel [V]; empty before the first.
     """
 
     K: float
@@ -49,6 +53,8 @@ class Snapshot:
     age: float
     quality: str
     torque_quality: str
+    angle: float
+    emg: Mapping[str, float]
 
 
 class _Arrival:
@@ -83,7 +89,8 @@ class LiveSignals:
     def __init__(self, torque_cutoff: float = CUTOFF, emg_names: Sequence[str] = ()) -> None:
         self._lock = threading.Lock()
         self._torque = VoluntaryTorque(torque_cutoff)
-        self._K = self._G = math.nan
+        self._K = self._G = self._angle = math.nan
+        self._emg_names, self._emg = tuple(emg_names), dict[str, float]()
         self._valid = False
         self._estimates, self._samples = _Arrival(), _Arrival()
         self.health = GraphHealth()
@@ -120,6 +127,7 @@ class LiveSignals:
             return
         with self._lock:
             self._samples.note(float(samples[-1, 0]), heard)
+            self._angle = float(samples[-1, 1])
             self._torque.feed(samples[:, 1:], rate, self._K, self._G)
             self.traces["ankle"].feed(
                 samples[:, 0], np.column_stack([samples[:, 3], np.degrees(samples[:, 1])])
@@ -128,6 +136,9 @@ class LiveSignals:
     def feed_emg(self, samples: np.ndarray) -> None:
         """EMG, shape (n, 1 + channels): t [s], then [V]; shown in microvolts."""
         with self._lock:
+            if len(samples):
+                rectified = np.abs(samples[:, 1:]).mean(axis=0).tolist()
+                self._emg = dict(zip(self._emg_names, rectified, strict=False))
             self.traces["emg"].feed(samples[:, 0], 1e6 * samples[:, 1:])
 
     def feed_status(
@@ -159,6 +170,8 @@ class LiveSignals:
                 age,
                 quality,
                 torque_quality,
+                self._angle,
+                self._emg,
             )
 
     def new_faults(self) -> list[tuple[str, str]]:

@@ -5,12 +5,13 @@ With ``ANKLE_SCREENSHOTS=FOLDER`` the pictures are kept there.
 
 import json
 import os
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 import pytest
-from laboratory import until
-from test_pages import PATIENCE, run_to
+from laboratory import Laboratory, short_protocol, until
+from test_pages import PATIENCE, hold_keys, run_to
 
 pytestmark = pytest.mark.live
 
@@ -110,6 +111,43 @@ def test_the_operators_page(open_sized, laboratory):
             assert stop["y"] + stop["height"] < height
         page.locator("#simple").click()
     assert wrong == {}
+
+
+def test_the_operator_is_led_through_the_check_list(browser, tmp_path):
+    names = ("rig_calibration", "zero", "mvc_plantarflexion", "warm_up")
+    protocol = replace(short_protocol(tmp_path), check_list=names)
+    laboratory = Laboratory(protocol)
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.set_default_timeout(PATIENCE)
+    try:
+        page.goto(laboratory.url("/operator"))
+        page.locator("#claim").click()
+        first = page.locator("#checks li", has_text="Rig calibration in date")
+        first.locator("button", has_text="Confirm").click()
+        first.locator("b", has_text="✓").wait_for()
+        hold_keys(page, "Enter", "a")
+        page.locator("#alarm", has_text="check list is not complete: Zero").wait_for()
+        zero = page.locator("#checks li", has_text="Zero")
+        zero.locator("button", has_text="Measure").click()
+        wrong = {}
+        for width, height in OPERATOR_SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(200)
+            if found := page.evaluate(CHECK):
+                wrong[width] = found
+        assert wrong == {}
+        zero.locator("b", has_text="✓").wait_for()
+        for title in ("Maximal push", "Warm-up"):
+            entry = page.locator("#checks li", has_text=title)
+            entry.locator("button", has_text="Skip").click()
+        page.locator("#check-list").wait_for(state="hidden")
+        hold_keys(page, "Enter", "a")
+        page.locator("#state", has_text="armed").wait_for()
+    finally:
+        page.close()
+        laboratory.close()
+    written = [event.event for event in laboratory.events if event.event.startswith("check")]
+    assert written == ["check done", "check done", "check skipped", "check skipped"]
 
 
 def test_stop_stays_in_sight_when_the_page_is_scrolled(open_sized):

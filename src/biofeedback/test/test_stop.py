@@ -4,6 +4,7 @@ import asyncio
 import json
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 from laboratory import FakeRig, FakeSubject, short_protocol, until
@@ -29,9 +30,10 @@ PERIOD = 1 / 30
 class VirtualSession:
     """A runner without its thread, in virtual time, with an operator's page that can close."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, check_list=()):
         self.rig, self.events = FakeRig(), []
-        self.session = Session(short_protocol(folder, baseline=60))
+        protocol = replace(short_protocol(folder, baseline=60), check_list=check_list)
+        self.session = Session(protocol)
         self.now = 1000.0
         self.runner = SessionRunner(
             self.session,

@@ -43,7 +43,10 @@ const connection = new Connection("operator", {
   },
   command(message) {
     inCommand = message.yours;
-    if (last) showButtons(last);
+    if (last) {
+      showButtons(last);
+      showChecks(last.checks);
+    }
   },
   // A page that was in command takes it again after a lost connection, unless another one has it now.
   opened: () => wantsCommand && !last?.pages.in_command && connection.command("claim"),
@@ -128,6 +131,7 @@ function showState(state) {
   showUnconfirmed(state.rig);
   showForms(state, target);
   showSubject(state.subject);
+  showChecks(state.checks);
   showNodes(state);
   showLog(state.log);
 }
@@ -192,6 +196,37 @@ function replaceList(list, items) {
     const name = document.createElement("b");
     name.textContent = head;
     item.append(name, ` ${text}`);
+    return item;
+  }));
+}
+
+const CHECK_SIGNS = { open: "○", running: "…", done: "✓", failed: "✕", skipped: "–" };
+
+// The visit's check list, hidden once it is complete: each entry with what to do, its result, and its two buttons.
+function showChecks(checks) {
+  const missing = checks.filter(({ state }) => state !== "done" && state !== "skipped");
+  by("check-list").hidden = !missing.length;
+  const shown = JSON.stringify([checks, inCommand]);
+  if (by("checks").dataset.shown === shown) return;
+  by("checks").dataset.shown = shown;
+  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, state, result }) => {
+    const item = document.createElement("li"), text = document.createElement("p");
+    item.className = { done: "ok", skipped: "ok", failed: "error", running: "warning" }[state] ?? "";
+    const head = document.createElement("b");
+    head.textContent = `${CHECK_SIGNS[state]} ${title}`;
+    const figures = Object.entries(result).map(([key, value]) => (key === "problem" ? value : `${key} ${value}`)).join(", ");
+    text.append(head, ` ${figures || (state === "open" || state === "running" ? instruction : state)}`);
+    item.append(text);
+    if (state !== "done" && state !== "skipped") {
+      for (const [act, word] of [["begin", measured ? (state === "failed" ? "Again" : "Measure") : "Confirm"], ["skip", "Skip"]]) {
+        const button = document.createElement("button");
+        button.className = "slim";
+        button.textContent = word;
+        button.disabled = !inCommand || state === "running";
+        button.addEventListener("click", () => connection.command("check", { check: name, act }));
+        item.append(button);
+      }
+    }
     return item;
   }));
 }

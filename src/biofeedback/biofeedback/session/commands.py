@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from biofeedback.errors import CommandError, MalformedMessageError
+from biofeedback.session.check_list import CHECKS
 
 LONGEST_MESSAGE = 4096
 """[bytes] The longest of ours, a note, has 300."""
@@ -62,6 +63,7 @@ COMMANDS: dict[str, dict[str, Field]] = {
     "start_hold": {},
     "end_hold": {},
     "restart": {},
+    "check": {"check": Choice(tuple(CHECKS)), "act": Choice(("begin", "skip"))},
     "note": {"text": Text(LONGEST_NOTE)},
     "set_target": {
         "feedback": Choice(("K", "G")),
@@ -87,7 +89,7 @@ K in N.m/rad, G in N.m.s/rad.
 """
 FREE_COMMANDS = ("stop", "note", "subject")
 """Commands of any operator's page, also of one that is not in command."""
-_ALL_NEEDED = ("note",)
+_ALL_NEEDED = ("note", "check")
 
 
 @dataclass(frozen=True)

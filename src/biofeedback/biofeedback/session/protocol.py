@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from biofeedback.errors import ProtocolError
+from biofeedback.session.check_list import CHECKS
 
 BASELINE, REACH, HOLD, BREAK = "baseline", "reach", "hold", "break"
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
@@ -81,6 +82,8 @@ class Protocol:
         Of the feedback's region, in baselines.
     digest
         Tells one protocol from another.
+    check_list
+        Names of the checks before the first block, see `check_list`.
     """
 
     title: str
@@ -88,6 +91,7 @@ class Protocol:
     torque_half_width: float
     level_half_width: float
     digest: str
+    check_list: tuple[str, ...] = ()
 
     @property
     def targets(self) -> list[float]:
@@ -150,7 +154,8 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         "torque_half_width[N.m]",
         "level_half_width[1]",
     )
-    _check_keys(content, {"title", "blocks", *top}, {"title"}, name)
+    optional = {"title", "check_list"}
+    _check_keys(content, {"blocks", *top, *optional}, optional, name)
     durations = {key: _number(content, key, name) for key in top}
     if not isinstance(content["blocks"], list) or not content["blocks"]:
         raise ProtocolError(f"{name}: 'blocks' is a list of at least one block")
@@ -191,7 +196,19 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         durations["torque_half_width[N.m]"],
         durations["level_half_width[1]"],
         digest,
+        _check_list(content.get("check_list", []), name),
     )
+
+
+def _check_list(content: Any, name: str) -> tuple[str, ...]:
+    if not isinstance(content, list):
+        raise ProtocolError(f"{name}: 'check_list' is a list of checks")
+    for entry in content:
+        if entry not in CHECKS:
+            raise ProtocolError(f"{name}: check '{entry}' is unknown; allowed: {', '.join(CHECKS)}")
+    if len(set(content)) < len(content):
+        raise ProtocolError(f"{name}: 'check_list' names a check twice")
+    return tuple(content)
 
 
 def _check_keys(content: Any, allowed: set[str], optional: set[str], where: str) -> None:

@@ -27,6 +27,7 @@ from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import GOOD, LiveSignals, Snapshot
 from biofeedback.session.axis_calibration import Baseline
+from biofeedback.session.check_list import CHECKS, FAILED, BodyReading, CheckList
 from biofeedback.session.commands import Command
 from biofeedback.session.guidance import Guidance, direction, instruction
 from biofeedback.session.protocol import Step
@@ -143,6 +144,8 @@ class SessionView:
         As the rig and the simulated subject describe themselves.
     log
         Last session events, the oldest first.
+    checks
+        The visit's check list, by the fields of `messages.CheckState`.
     """
 
     state: str
@@ -167,6 +170,7 @@ class SessionView:
     rig: dict[str, Any]
     subject: dict[str, float] | None
     log: list[SessionEvent]
+    checks: list[dict[str, Any]]
 
 
 class SessionRunner:
@@ -200,6 +204,7 @@ class SessionRunner:
     ) -> None:
         self.session = session
         self.axes = ScreenAxes(session)
+        self.checks = CheckList(session.protocol.check_list)
         self._signals = signals
         self._rig = rig
         self._subject = subject
@@ -309,6 +314,7 @@ class SessionRunner:
         self._follow_lost_start()
         found = self._signals.snapshot(now, monotonic)
         self._reading = self._read(found)
+        self._follow_checks(now, found)
         before = session.state
         self.record(session.tick(now, self._reading))
         if before == RUNNING and session.state != RUNNING:
@@ -319,6 +325,23 @@ class SessionRunner:
         rest = self.session.baseline.torque if self.session.baseline is not None else 0.0
         valid = found.quality == GOOD and found.torque_quality == GOOD
         return Reading(found.K, found.G, found.torque - rest, valid)
+
+    def _follow_checks(self, now: float, found: Snapshot) -> None:
+        name = self.checks.tick(now, BodyReading(found.torque, found.angle, found.emg))
+        if name is not None:
+            word = "failed" if self.checks.states[name] == FAILED else "done"
+            details = {"check": name, **self.checks.results[name]}
+            self.record([SessionEvent(f"check {word}", now, details)])
+
+    def _check(self, name: str, act: str, now: float) -> None:
+        """Begin, confirm or skip an entry of the check list."""
+        if act == "skip":
+            self.checks.skip(name)
+            self.record([SessionEvent("check skipped", now, {"check": name})])
+            return
+        self.checks.begin(name, now)
+        if CHECKS[name].duration == 0.0:
+            self.record([SessionEvent("check done", now, {"check": name})])
 
     def _announce_operator(self) -> None:
         alive = self._monotonic - self._operator_heard <= OPERATOR_HEARTBEAT_AGE
@@ -403,6 +426,8 @@ class SessionRunner:
         elif name == "set_target":
             changes = {_TARGET_FIELDS[key]: value for key, value in values.items()}
             self.record(session.set_target(now, changes))
+        elif name == "check":
+            self._check(values["check"], values["act"], now)
         elif name == "set_axis":
             self.axes.set(values)
         elif name == "subject":
@@ -417,6 +442,8 @@ class SessionRunner:
                 "restart": session.restart,
             }
             self.record(steps[name](now))
+            if name == "restart":
+                self.checks = CheckList(session.protocol.check_list)
             if session.state in (PAUSED, FINISHED):
                 self._rig.stop()
         self._publish_view()
@@ -432,6 +459,8 @@ class SessionRunner:
             raise CommandError("no operator's page answers; arm and start need one that is open")
         if self._rig.several:
             raise CommandError(self._rig.problem)
+        if name == "arm" and self.checks.missing:
+            raise CommandError(f"the check list is not complete: {', '.join(self.checks.missing)}")
         stops = self._stops
         if self._rig.present:
             # From the request on: an armed session waits here for its start.
@@ -485,6 +514,7 @@ class SessionRunner:
             As `Session.resume`.
         """
         self.record(self.session.resume(saved, self._clock()))
+        self.checks.resume(saved.get("checks") or {})
         if self.session.state == RUNNING:
             self._rig_agreed_at, self._rig_patience = time.monotonic(), RESUME_PATIENCE
         self._publish_view()
@@ -499,7 +529,7 @@ class SessionRunner:
 
     def _publish_view(self) -> None:
         self.view = self._picture()
-        self._on_progress(self.session.saved())
+        self._on_progress({**self.session.saved(), "checks": self.checks.saved()})
 
     def _picture(self) -> SessionView:
         session, reading = self.session, self._reading
@@ -529,4 +559,15 @@ class SessionRunner:
             rig=self._rig.describe(),
             subject=self._subject.describe(),
             log=list(self._log),
+            checks=[
+                {
+                    "name": name,
+                    "title": CHECKS[name].title,
+                    "instruction": CHECKS[name].instruction,
+                    "measured": CHECKS[name].duration > 0.0,
+                    "state": state,
+                    "result": self.checks.results[name],
+                }
+                for name, state in self.checks.states.items()
+            ],
         )

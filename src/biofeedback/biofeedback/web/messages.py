@@ -166,6 +166,18 @@ class LogEntry:
 
 
 @dataclasses.dataclass(frozen=True)
+class CheckState:
+    """An entry of the check list: its words, whether it is measured, and what came of it."""
+
+    name: str
+    title: str
+    instruction: str
+    measured: bool
+    state: str
+    result: dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
 class Pages:
     """Open pages by role, and whether one of them is in command."""
 
@@ -191,6 +203,7 @@ class State:
     reason: str
     pages: Pages
     language: str
+    checks: list[CheckState]
     type: str = "state"
 
 

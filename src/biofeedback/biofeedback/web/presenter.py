@@ -128,6 +128,7 @@ class Presenter:
             reason=described["reason"],
             pages=pages,
             language=self._language,
+            checks=[messages.CheckState(**check) for check in view.checks],
         )
 
     def traces(self, seen: dict[str, int]) -> messages.TracesMessage | None:

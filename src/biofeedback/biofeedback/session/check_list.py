@@ -1,0 +1,256 @@
+"""The visit's check list: what is done with rig and subject before the first block.
+
+A protocol names its checks (`check_list`); the operator's page leads through them, and the session
+cannot be armed before each one is done or, with a word in the recording, skipped. The results are
+written into the recording: they are what K and G are referred to later.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from biofeedback.errors import CommandError
+
+OPEN, RUNNING, DONE, FAILED, SKIPPED = "open", "running", "done", "failed", "skipped"
+RELAXED_SPREAD = 0.5
+"""[N.m] Standard deviation of the torque of a subject who is relaxed: half the narrowest band that
+the protocols ask subjects to hold.
+"""
+LEAST_RANGE = 0.1
+"""[rad] Range of motion that a session needs: the paper's perturbation of 0.04 rad to both sides,
+and room for the servo's overshoot.
+"""
+LEAST_CONTRACTION = 2.0
+"""[N.m] Below, a maximal voluntary contraction was none: the protocols ask for 5."""
+PLATEAU = 15
+"""Readings, 0.5 s at 30 in a second: a maximum is what is held for so long, not a peak."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One entry.
+
+    Attributes
+    ----------
+    title
+        For the operator.
+    instruction
+        What operator and subject do.
+    duration
+        [s] for which signals are gathered; 0: the operator confirms.
+    """
+
+    title: str
+    instruction: str
+    duration: float = 0.0
+
+
+CHECKS = {
+    "rig_calibration": Check(
+        "Rig calibration in date", "Confirm that the rig's calibration file is in date."
+    ),
+    "zero": Check("Zero", "Foot on the plate, relaxed; nobody touches the rig.", 5.0),
+    "range_of_motion": Check(
+        "Range of motion",
+        "Move the plate by hand, slowly, to both ends that are comfortable.",
+        20.0,
+    ),
+    "mvc_plantarflexion": Check(
+        "Maximal push, toes down", "Push down as hard as possible for three seconds.", 6.0
+    ),
+    "mvc_dorsiflexion": Check(
+        "Maximal lift, toes up", "Lift up as hard as possible for three seconds.", 6.0
+    ),
+    "warm_up": Check("Warm-up", "Push and lift gently, five times each; then confirm."),
+    "session_calibration": Check(
+        "Session calibration", "Run 'ankle calibrate session' on a first recording; then confirm."
+    ),
+}
+
+
+@dataclass(frozen=True)
+class BodyReading:
+    """What a check sees at a moment.
+
+    Attributes
+    ----------
+    torque
+        The subject's [N.m], plantarflexion negative.
+    angle
+        Of the plate [rad].
+    emg
+        Rectified and smoothed, by muscle [V].
+    """
+
+    torque: float
+    angle: float
+    emg: Mapping[str, float] = field(default_factory=dict)
+
+
+class CheckList:
+    """Follows one visit.
+
+    Parameters
+    ----------
+    names
+        Keys of `CHECKS`, in order.
+
+    Attributes
+    ----------
+    states
+        `OPEN`, `RUNNING`, `DONE`, `FAILED` or `SKIPPED`, by name.
+    results
+        Figures with their units, or what is wrong, by name.
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.states = dict.fromkeys(names, OPEN)
+        self.results: dict[str, dict[str, Any]] = {name: {} for name in names}
+        self._running: str | None = None
+        self._began = math.nan
+        self._readings: list[BodyReading] = []
+
+    @property
+    def missing(self) -> list[str]:
+        """Titles of the checks that are neither done nor skipped."""
+        return [
+            CHECKS[name].title
+            for name, state in self.states.items()
+            if state not in (DONE, SKIPPED)
+        ]
+
+    def begin(self, name: str, now: float) -> None:
+        """Gather signals for a check, from `now` [s] on, or confirm one that needs none.
+
+        Raises
+        ------
+        CommandError
+            It is not of this visit, or another one is being measured.
+        """
+        self._require(name)
+        if self._running is not None:
+            raise CommandError(f"'{CHECKS[self._running].title}' is being measured")
+        if CHECKS[name].duration == 0.0:
+            self.states[name] = DONE
+            return
+        self.states[name], self._running = RUNNING, name
+        self._began, self._readings = now, []
+
+    def skip(self, name: str) -> None:
+        """Leave a check out.
+
+        Raises
+        ------
+        CommandError
+            It is not of this visit.
+        """
+        self._require(name)
+        if self._running == name:
+            self._running = None
+        self.states[name] = SKIPPED
+
+    def _require(self, name: str) -> None:
+        if name not in self.states:
+            raise CommandError(
+                f"'{name}' is not in this protocol's check list "
+                f"({', '.join(self.names) or 'empty'})"
+            )
+
+    def remaining(self, now: float) -> float:
+        """Time that the present measurement still takes [s]; 0 where there is none."""
+        if self._running is None:
+            return 0.0
+        return max(CHECKS[self._running].duration - (now - self._began), 0.0)
+
+    def tick(self, now: float, reading: BodyReading) -> str | None:
+        """Take in a reading; gives the name of a check that has just ended.
+
+        Parameters
+        ----------
+        now
+            ROS time [s].
+        reading
+            Of this moment; one that is not finite is left out.
+        """
+        if self._running is None:
+            return None
+        if math.isfinite(reading.torque) and math.isfinite(reading.angle):
+            self._readings.append(reading)
+        if self.remaining(now) > 0.0:
+            return None
+        name, self._running = self._running, None
+        problem, figures = _evaluate(name, self._readings)
+        self.states[name] = FAILED if problem else DONE
+        self.results[name] = {"problem": problem} if problem else figures
+        return name
+
+    def saved(self) -> dict[str, Any]:
+        """Give what a restarted node needs, ready for JSON."""
+        return {
+            name: {"state": state, "result": self.results[name]}
+            for name, state in self.states.items()
+            if state in (DONE, SKIPPED)
+        }
+
+    def resume(self, saved: Mapping[str, Any]) -> None:
+        """Take what `saved` gave; checks of another protocol are left out."""
+        for name, entry in saved.items():
+            if name in self.states and entry.get("state") in (DONE, SKIPPED):
+                self.states[name] = entry["state"]
+                self.results[name] = dict(entry.get("result", {}))
+
+
+def _evaluate(name: str, readings: list[BodyReading]) -> tuple[str, dict[str, float]]:
+    """Give what is wrong with a measurement, empty where nothing is, and its figures."""
+    if len(readings) < PLATEAU:
+        return "no signals came", {}
+    torque = np.array([reading.torque for reading in readings])
+    angle = np.array([reading.angle for reading in readings])
+    if name == "zero":
+        spread = float(torque.std())
+        if spread > RELAXED_SPREAD:
+            return (
+                f"the torque moved by {spread:.2g} N.m; a relaxed subject stays within "
+                f"{RELAXED_SPREAD:g} N.m",
+                {},
+            )
+        return "", _rounded({"torque[N.m]": torque.mean(), "angle[rad]": angle.mean()})
+    if name == "range_of_motion":
+        low, high = float(angle.min()), float(angle.max())
+        if high - low < LEAST_RANGE:
+            return (
+                f"the plate was moved by {high - low:.3f} rad; a session needs {LEAST_RANGE:g} rad",
+                {},
+            )
+        return "", _rounded({"lower[rad]": low, "upper[rad]": high})
+    return _contraction(-1.0 if name == "mvc_plantarflexion" else 1.0, torque, readings)
+
+
+def _contraction(
+    sign: float, torque: np.ndarray, readings: list[BodyReading]
+) -> tuple[str, dict[str, float]]:
+    held = np.ones(PLATEAU) / PLATEAU
+    largest = float((np.convolve(sign * torque, held, "valid")).max())
+    if largest < LEAST_CONTRACTION:
+        return (
+            f"the largest torque held in this direction was {largest:.2g} N.m; a maximal "
+            f"contraction has at least {LEAST_CONTRACTION:g} N.m",
+            {},
+        )
+    emg = {
+        f"{muscle}[V]": float(
+            np.convolve([reading.emg[muscle] for reading in readings], held, "valid").max()
+        )
+        for muscle in (readings[0].emg if all(reading.emg for reading in readings) else {})
+    }
+    return "", _rounded({"torque[N.m]": sign * largest, **emg})
+
+
+def _rounded(figures: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(f"{value:.4g}") for name, value in figures.items()}

@@ -1,0 +1,116 @@
+"""The visit's check list: what is measured, what is refused; nothing is armed before it."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from biofeedback.errors import CommandError, ProtocolError
+from biofeedback.session.check_list import CHECKS, DONE, FAILED, BodyReading, CheckList
+from biofeedback.session.commands import Command
+from biofeedback.session.protocol import load_protocol
+
+PERIOD = 1 / 30
+
+
+def measure(checks, name, torque, angle=lambda t: 0.0, emg=None):
+    """Run a check with signals as functions of time."""
+    checks.begin(name, 0.0)
+    for k in range(1, round(CHECKS[name].duration / PERIOD) + 2):
+        t = k * PERIOD
+        ended = checks.tick(t, BodyReading(torque(t), angle(t), emg(t) if emg else {}))
+        if ended:
+            return checks.states[name], checks.results[name]
+    raise AssertionError("it did not end")
+
+
+def test_zero_is_that_of_a_relaxed_subject():
+    checks = CheckList(("zero",))
+    state, result = measure(checks, "zero", lambda t: 3.0 * np.sin(4 * t))
+    assert state == FAILED
+    assert "a relaxed subject stays within 0.5 N.m" in result["problem"]
+    state, result = measure(checks, "zero", lambda t: -0.31, lambda t: 0.012)
+    assert state == DONE
+    assert result == {"torque[N.m]": -0.31, "angle[rad]": 0.012}
+
+
+@pytest.mark.parametrize(("name", "sign"), [("mvc_plantarflexion", -1), ("mvc_dorsiflexion", 1)])
+def test_a_maximal_contraction_is_what_is_held_not_a_peak(name, sign):
+    checks = CheckList((name,))
+
+    def torque(t):
+        return sign * (90.0 if 1.0 < t < 1.05 else 40.0 if 2.0 < t < 4.0 else 0.0)
+
+    def emg(t):
+        return {"SOL": 2e-4 if 2.0 < t < 4.0 else 1e-6, "TA": 1e-5}
+
+    state, result = measure(checks, name, torque, emg=emg)
+    assert state == DONE
+    assert result["torque[N.m]"] == pytest.approx(sign * 40.0, abs=6.0)
+    assert result["SOL[V]"] == pytest.approx(2e-4, rel=0.01)
+    # Pushing the other way is no contraction of this one.
+    state, result = measure(checks, name, lambda t: -sign * 40.0)
+    assert state == FAILED
+    assert "in this direction" in result["problem"]
+
+
+def test_a_range_of_motion_has_room_for_the_perturbation():
+    checks = CheckList(("range_of_motion",))
+    state, result = measure(checks, "range_of_motion", lambda t: 0.0, lambda t: 0.02 * np.sin(t))
+    assert state == FAILED
+    state, result = measure(checks, "range_of_motion", lambda t: 0.0, lambda t: 0.2 * np.sin(t))
+    assert result == {
+        "lower[rad]": pytest.approx(-0.2, abs=0.01),
+        "upper[rad]": pytest.approx(0.2, abs=0.01),
+    }
+
+
+def test_a_measurement_without_signals_fails():
+    checks = CheckList(("zero",))
+    state, result = measure(checks, "zero", lambda t: float("nan"))
+    assert (state, result["problem"]) == (FAILED, "no signals came")
+
+
+def test_what_was_done_is_known_after_a_restart():
+    checks = CheckList(("rig_calibration", "zero", "warm_up"))
+    checks.begin("rig_calibration", 0.0)
+    measure(checks, "zero", lambda t: 0.1)
+    again = CheckList(("rig_calibration", "zero", "warm_up"))
+    again.resume(checks.saved())
+    assert again.missing == ["Warm-up"]
+    assert again.results["zero"] == checks.results["zero"]
+
+
+def test_a_protocol_names_its_checks(tmp_path):
+    from laboratory import short_protocol
+
+    assert short_protocol(tmp_path).check_list == ()
+    path = tmp_path / "short.yaml"
+    text = path.read_text()
+    path.write_text(text + "check_list: [zero, warm_up]\n")
+    assert load_protocol(str(path)).check_list == ("zero", "warm_up")
+    path.write_text(text + "check_list: [zero, colour]\n")
+    with pytest.raises(ProtocolError, match="check 'colour' is unknown; allowed: rig_calibration"):
+        load_protocol(str(path))
+
+
+def test_nothing_is_armed_before_the_check_list_is_complete(tmp_path):
+    from test_stop import VirtualSession
+
+    virtual = VirtualSession(tmp_path, check_list=("rig_calibration", "warm_up"))
+    with pytest.raises(CommandError, match="Rig calibration in date, Warm-up"):
+        virtual.command("arm")
+    assert virtual.rig.requests == []
+
+    def check(name, act):
+        command = Command(1, "check", {"check": name, "act": act})
+        asyncio.run(virtual.runner.carry_out(command))
+
+    check("rig_calibration", "begin")
+    with pytest.raises(CommandError, match="Warm-up"):
+        virtual.command("arm")
+    check("warm_up", "skip")
+    virtual.command("arm")
+    assert virtual.rig.requests == ["arm"]
+    written = [(e.event, e.details["check"]) for e in virtual.events if "check" in e.details]
+    assert written == [("check done", "rig_calibration"), ("check skipped", "warm_up")]
