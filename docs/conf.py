@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
@@ -28,3 +29,19 @@ suppress_warnings = ["myst.xref_missing"]
 nitpicky = False
 
 write_reference(HERE / "reference")
+
+
+def _keep_plain_text(app: Any, what: str, name: str, obj: Any, options: Any, lines: list) -> None:
+    """Show the docstring of a module as it is written: its tables and equations are plain text.
+
+    In all other docstrings a vertical bar is an absolute value and no substitution.
+    """
+    if what == "module":
+        lines[:] = ["::", "", *(f"   {line}" for line in lines), ""]
+    else:
+        lines[:] = [line if "``" in line else line.replace("|", "\\|") for line in lines]
+
+
+def setup(app: Any) -> None:
+    """Called by Sphinx."""
+    app.connect("autodoc-process-docstring", _keep_plain_text, priority=1)

@@ -140,8 +140,8 @@ class SteadyCorrection:
 class DriftFilter:
     """Kalman filter for latency, shift and drift of a sender's clock from smallest delays.
 
-    State: latency L, shift x of the stamps against ROS time since the start, drift d with ``x' =
-        d``; measured: L + x.
+    The state is the latency L, the shift x of the stamps against ROS time since the start, and the
+    drift d with ``x' = d``. Measured is L + x.
     """
 
     def __init__(self) -> None:

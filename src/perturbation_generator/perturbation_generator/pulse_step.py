@@ -38,11 +38,10 @@ class PulseStep(StepSequence):
     The long part of each block is stretched by a uniform random time, so that the rhythm cannot be
     anticipated.
 
-    ``balanced``: each group of `GROUP` blocks holds as many pulses as steps on each side, in random
-        order, with the
-    same stretches for the pulses as for the steps. The mean position at 40 to 400 ms after a rise
-    is then exactly the mean position, and the correlation is zero in every run of whole groups, not
-    only on average.
+    With ``balanced`` each group of `GROUP` blocks holds as many pulses as steps on each side, in
+    random order, with the same stretches for the pulses as for the steps. The mean position at 40
+    to 400 ms after a rise is then exactly the mean position, and the correlation is zero in every
+    run of whole groups, not only on average.
 
     The property holds for velocity rectified in the direction that leaves rest: dorsiflexion
     velocity for ``dorsiflexing``, plantarflexion velocity for ``plantarflexing``; with ``both`` for

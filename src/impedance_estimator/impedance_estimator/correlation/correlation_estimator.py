@@ -43,11 +43,14 @@ class CorrelationEstimator(Estimator):
     """Intrinsic parameters and reflex response from running correlations (van 't Veld et al. 2018,
     section II).
 
-    Class attributes say what an algorithm is made of:
-        input_lowpass: whether all inputs pass the low-pass.
-        difference_order: of the backward differences, 1 or 4.
-        uses_measured_velocity: whether a velocity column is used; otherwise position is
-            differentiated.
+    Attributes
+    ----------
+    input_lowpass
+        Whether all inputs pass the low-pass.
+    difference_order
+        Order of the backward differences, 1 or 4.
+    uses_measured_velocity
+        Whether a velocity column is used; otherwise position is differentiated.
     """
 
     input_lowpass: ClassVar[bool]

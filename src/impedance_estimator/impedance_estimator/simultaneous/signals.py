@@ -55,8 +55,7 @@ def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
 
     Whether the ankle is stretched is read from the smoothed velocity, how fast from the measured
     one: rectified noise would add a tenth of its size at rest and nothing in motion, a smoothed
-        velocity would lose the area where a
-    pulse turns. Both bias G by half a per cent.
+    velocity would lose the area where a pulse turns. Both bias G by half a per cent.
     """
     n = p.kernels.shape[1] // 2
     smooth = (
