@@ -280,7 +280,7 @@ def _conclude(
             found.final,
             size_of(fitter, found.final, effect.trial.name, base_map.onsets),
             place == 0,
-            after.share,
+            word == "explained" and not after.significant,
         )
         for place, effect in enumerate(named)
     ]

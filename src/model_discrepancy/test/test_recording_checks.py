@@ -7,6 +7,7 @@ import pytest
 
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.recording_checks import faults
+from simulation_study.planted_trials import simulate_trial
 
 BREAKAGES = {
     "wrong sign": lambda r: replace(r, torque=-r.torque),
@@ -83,3 +84,18 @@ def test_wrong_velocity_gain_and_lag_are_findings(null_recording):
     )
     assert lag.name == "velocity_lag"
     assert lag.parameters["lag[s]"][0] == pytest.approx(0.004, abs=0.0005)
+
+
+def test_physics_that_rings_and_answers_late_is_no_clock_that_is_off():
+    recording = simulate_trial(
+        {
+            "fixation_compliance": {"k_s": 250.0, "b_s": 0.5},
+            "antagonist_reflex": {"Ga": 15.0},
+        },
+        seed=51,
+        duration=30.0,
+        protocol="equal",
+    )
+    assert faults(recording) == []
+    late = replace(recording, torque=np.roll(recording.torque, int(0.05 * recording.rate)))
+    assert faults(late)

@@ -39,12 +39,12 @@ def headline(diagnosis: Diagnosis) -> str:
     )
     if verdict.verdict == "no_mismatch":
         return f"The base model is enough: it explains {numbers}, and no structure is left."
-    names = ", ".join(e["name"].replace("_", " ") for e in verdict.effects)
+    names = ", ".join(_stated(e) for e in verdict.effects)
     if verdict.verdict == "unexplained":
         partly = f" {names} account for a part of it only." if names else ""
         return f"The base model explains {numbers}; what is missing is not in the library.{partly}"
     sure, tentative = (
-        ", ".join(e["name"].replace("_", " ") for e in verdict.effects if e["tentative"] == kind)
+        ", ".join(_stated(e) for e in verdict.effects if e["tentative"] == kind)
         for kind in (False, True)
     )
     named = " and, tentatively, ".join(part for part in (sure, tentative) if part)
@@ -52,6 +52,14 @@ def headline(diagnosis: Diagnosis) -> str:
         f"The base model leaves out {named}: it explains {numbers}, with them "
         f"{fit['augmented_vaf_holdout']:.1f} %."
     )
+
+
+def _stated(effect: dict[str, Any]) -> str:
+    """The name, or the family where its members could not be told apart, with its probability."""
+    by_name = effect["stated"] == effect["name"]
+    chance = effect["probability"] if by_name else effect["family_probability"]
+    word = effect["stated"].replace("_", " ")
+    return f"{word if by_name else 'a term of the family ' + word} ({100 * chance:.0f} %)"
 
 
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
@@ -160,6 +168,12 @@ def _sections(d: Diagnosis) -> list[str]:
         parts += ["<h2>What was left out</h2>", html_list([_effect_line(e) for e in effects])]
     marked = {e["location"] for e in effects} | ({d.block.place} if d.block is not None else set())
     parts += ["<h2>The signal path</h2>", image(path_diagram(marked)), _path_line(marked)]
+    if d.verdict.variability:
+        parts += [
+            "<h2>What every subject has</h2>",
+            "<p>Variability of the subject is measured and is no mismatch.</p>",
+            html_table(["", ""], _flat(d.verdict.variability)),
+        ]
     if d.block is not None:
         parts += [
             "<h2>The missing block</h2>",
@@ -204,6 +218,17 @@ def _sections(d: Diagnosis) -> list[str]:
     return parts
 
 
+def _flat(found: dict[str, dict[str, Any]]) -> list[list[str]]:
+    """Variability as rows of a table: what, and its numbers with standard errors."""
+    rows = []
+    for name, entry in found.items():
+        for key, value in entry.items():
+            numbers = value if isinstance(value, list) else [value]
+            text = " ± ".join(f"{number:.3g}" for number in numbers)
+            rows.append([f"{name.replace('_', ' ')}, {key}", text])
+    return rows
+
+
 def _path_line(marked: set[str]) -> str:
     return "" if marked else "<p>No block is marked: nothing was found missing.</p>"
 
@@ -217,7 +242,8 @@ def _effect_line(effect: dict[str, Any]) -> str:
     doubt = f" Not excluded: {', '.join(rivals)}." if rivals else ""
     mark = " (tentative)" if effect["tentative"] else ""
     return (
-        f"{effect['name'].replace('_', ' ')}{mark}, {effect['location']}: {effect['sentence']} "
+        f"{_stated(effect)}{mark}, {effect['location']}, a property of the {effect['belongs_to']}: "
+        f"{effect['name'].replace('_', ' ')}: {effect['sentence']} "
         f"{values}.{doubt}"
     )
 

@@ -24,14 +24,13 @@ GAP_CLOSED = 0.85
 MIN_GAP_SHARE = 0.1
 # The best names of a set; further ones stand among the alternatives.
 LARGEST_SET = 3
-# A model that leaves so much of the whitened residual predictable is not complete: a further name
-# beside the largest may only correct its shape, and is tentative.
-INCOMPLETE = 0.1
-# How often a name of its kind was right in a hundred concealed recordings
-# (docs/missing_physics.md): the first name and further ones, in a complete model and in an
-# incomplete one; and a tentative name at most.
-CERTAINTY = {(True, True): 0.95, (False, True): 0.9, (True, False): 0.7, (False, False): 0.3}
-TENTATIVE_CERTAINTY = 0.5
+# How sure a name is at most: the first one and further ones, in a model that leaves nothing
+# predictable, and in one that does, where a name may only correct the shape of what is missing. A
+# relative of a term that the library lacks looks like the term, so that no single recording makes a
+# name certain.
+CERTAINTY = {(True, True): 0.9, (False, True): 0.75, (True, False): 0.5, (False, False): 0.3}
+# From here on a name is stated; below, its family is, if that is sure enough.
+STATED = 0.7
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
 # it.
 _ODDS_SCALE = RIVAL_EXCESS / 3.0
@@ -123,7 +122,7 @@ def kind(
 
 
 def effect_entry(
-    effect: Effect, final: Fit, size: Size, first: bool, left: float
+    effect: Effect, final: Fit, size: Size, first: bool, complete: bool
 ) -> dict[str, Any]:
     """One effect of ``verdict.json``.
 
@@ -137,8 +136,8 @@ def effect_entry(
         How much torque it is.
     first
         Whether it is the largest.
-    left
-        Share of the whitened residual that generic regressors still predict.
+    complete
+        Whether the augmented model leaves nothing predictable.
     """
     name = effect.trial.name
     term = term_library()[name]
@@ -146,13 +145,20 @@ def effect_entry(
     odds = [1.0] + [
         float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / _ODDS_SCALE)) for t in rivals
     ]
-    complete = left < INCOMPLETE
-    tentative = not (first or complete)
-    certainty = min(CERTAINTY[first, complete], TENTATIVE_CERTAINTY if tentative else 1.0)
+    certainty = CERTAINTY[first, complete]
+    family = term.family or name
+    own = sum(
+        chance
+        for other, chance in zip((name, *(t.name for t in rivals)), odds, strict=True)
+        if (term_library()[other].family or other) == family
+    )
+    probability, of_family = certainty / sum(odds), certainty * own / sum(odds)
+    by_name = probability >= STATED or of_family < STATED
     errors = final.errors.get(name, {})
     return {
         "name": name,
-        "family": term.family or name,
+        "family": family,
+        "stated": name if by_name else family,
         "belongs_to": term.belongs_to.value,
         "location": term.place.value,
         "parameters": {
@@ -160,8 +166,9 @@ def effect_entry(
             for p in term.parameters
             if p.fitted
         },
-        "probability": round(certainty / sum(odds), 3),
-        "tentative": tentative,
+        "probability": round(probability, 3),
+        "family_probability": round(of_family, 3),
+        "tentative": not complete,
         "set": [name, *(t.name for t in rivals)],
         "gain_held_out": [round(g, 4) for g in effect.trial.held_out],
         "sentence": sentence_of(name, final.values[name], size),
@@ -172,11 +179,13 @@ def finding_entry(finding: Finding) -> dict[str, Any]:
     """What the signals themselves show, as an effect."""
     return {
         "name": finding.name,
+        "stated": finding.name,
         "family": "gain or lag of a channel" if finding.name != "backlash" else "backlash",
         "belongs_to": "rig",
         "location": finding.location,
         "parameters": {key: list(value) for key, value in finding.parameters.items()},
         "probability": 0.95,
+        "family_probability": 0.95,
         "tentative": False,
         "set": [finding.name, *finding.siblings],
         "sentence": finding.sentence,
