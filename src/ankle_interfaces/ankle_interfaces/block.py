@@ -35,7 +35,7 @@ class Block:
     Attributes
     ----------
     columns
-        M names with units, the first ``t[s]``.
+        The m names with units, the first one ``t[s]``.
     data
         Float64, shape (n, m), C-contiguous, in the units that the names say.
     """
@@ -56,7 +56,7 @@ class Block:
         return self.data[:, 0]
 
     def column(self, name: str) -> np.ndarray:
-        """One column by its full name, as ``torque[N.m]``, shape (n,).
+        """Return one column by its full name, as ``torque[N.m]``, shape (n,).
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Block:
             ) from None
 
     def has(self, name: str) -> bool:
-        """Whether a column of that full name exists."""
+        """Return whether a column of that full name exists."""
         return name in self.columns
 
     def in_si(self) -> tuple[Block, list[str]]:
@@ -213,7 +213,7 @@ def _head(columns: tuple[str, ...], n: int) -> bytes:
 
 
 def pack(block: Block) -> bytes:
-    """CDR bytes of the block's message (little endian)."""
+    """Return the CDR bytes of the block's message (little endian)."""
     return (
         _head(block.columns, block.data.shape[0])
         + np.ascontiguousarray(block.data, dtype="<f8").tobytes()
@@ -276,8 +276,9 @@ def _layout(head: bytes, total: int) -> tuple[tuple[str, ...], int, int]:
 
 
 def unpack(message: bytes | bytearray | memoryview) -> Block:
-    """The block in the CDR bytes of a Float64MultiArray. The data is a read-only view where
-    possible.
+    """Return the block in the CDR bytes of a Float64MultiArray.
+
+    The data is a read-only view of the bytes where that is possible.
 
     Raises
     ------

@@ -35,8 +35,17 @@ class Finding:
 
 
 def sampling_rate(time: np.ndarray) -> float:
-    """Sampling rate [Hz] of times [s] of shape (n,), n >= 2, by the median step; a whole number
-    where it is one within 1e-4.
+    """Return the sampling rate [Hz] of a signal by the median step between its times.
+
+    Parameters
+    ----------
+    time
+        Sample times [s], shape (n,) with n of at least 2.
+
+    Returns
+    -------
+    float
+        A whole number where the rate is one within 1e-4.
 
     Raises
     ------
@@ -58,7 +67,7 @@ def sampling_rate(time: np.ndarray) -> float:
 
 
 class Continuity:
-    """Follows one stream, block by block.
+    """Follows one stream of blocks and counts what is missing.
 
     Attributes
     ----------

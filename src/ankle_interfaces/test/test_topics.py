@@ -88,3 +88,14 @@ def test_a_new_column_reaches_who_wants_it_and_disturbs_nobody(with_current):
 def test_a_topic_is_found_in_any_namespace():
     held = ["/ankle/samples", "/left/ankle/samples", "/left/broken_ankle/samples", "/clock"]
     assert topics.ANKLE_SAMPLES.among(held) == tuple(held[:2])
+
+
+def test_the_documentation_has_every_topic_and_column():
+    page = SOURCES.parent / "docs" / "ros2.md"
+    if not page.exists():
+        pytest.skip("the documentation is not installed with the package")
+    rows = {row.split(" | ")[0]: row for row in page.read_text().splitlines()}
+    for topic in topics.TOPICS:
+        row = rows[f"| `{topic.name}`"]
+        assert topic.message.rpartition("/")[2] in row
+        assert ",".join(topic.columns) in row

@@ -22,7 +22,7 @@ are two names."""
 
 
 def declaration(quantity: Quantity) -> ParameterDescriptor:
-    """What rclpy is told at declaration.
+    """Return the descriptor with which a quantity is declared to rclpy.
 
     Neither range nor ``read_only`` are there: rclpy would check them before the quantity does, and
     answer without the unit, or refuse a value that is the present one. `describe` adds them.
@@ -37,7 +37,7 @@ def declaration(quantity: Quantity) -> ParameterDescriptor:
 
 
 def describe(descriptor: ParameterDescriptor, quantity: Quantity) -> ParameterDescriptor:
-    """What ``ros2 param describe`` shows: the declaration with its range and ``read_only``."""
+    """Return what ``ros2 param describe`` shows: the declaration with range and ``read_only``."""
     described = copy.deepcopy(descriptor)
     described.read_only = quantity.start_only
     if not math.isfinite(quantity.upper - quantity.lower):
@@ -54,7 +54,7 @@ def describe(descriptor: ParameterDescriptor, quantity: Quantity) -> ParameterDe
 
 
 def unknown(name: str, known: Collection[str]) -> str:
-    """The sentence about a parameter that a node does not have, with the name that may be meant."""
+    """Return the sentence about an unknown parameter, with the name that may be meant."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY)
     hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(known))}"
     return f"parameter '{name}' is unknown; {hint}"

@@ -23,7 +23,7 @@ Publish = Callable[[np.ndarray], None]
 
 
 def plots(node: Node, topic: Topic, columns: Sequence[str]) -> Publish:
-    """Publisher of a block topic's columns as ``std_msgs/Float64``, each on a topic of its own.
+    """Make a publisher of a block topic's columns as ``std_msgs/Float64``, one topic for each.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def plots(node: Node, topic: Topic, columns: Sequence[str]) -> Publish:
 
 
 def joint_states(node: Node) -> Publish:
-    """Publisher of the last row of each block of ``ankle/samples`` as ``sensor_msgs/JointState``.
+    """Make a publisher of the last row of each block of ``ankle/samples`` as a JointState.
 
     Returns
     -------

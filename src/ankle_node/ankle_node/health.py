@@ -53,8 +53,9 @@ class Health:
             self._figures[what] = str(value)
 
     def status(self, name: str, hardware_id: str) -> DiagnosticStatus:
-        """The message of this moment: the worst level, every sentence that is still shown, and all
-        figures.
+        """Return the present state as a message.
+
+        It has the worst level, every sentence that is still shown, and all figures.
 
         Parameters
         ----------

@@ -1,5 +1,4 @@
-"""A node with a managed life cycle: unconfigured, inactive, active, finalized, with the standard
-services of `lifecycle_msgs`.
+"""A node with the managed life cycle of ROS and the standard services of `lifecycle_msgs`.
 
 `ros2 lifecycle set NODE activate` and launch files drive it as any other managed node.
 """
@@ -15,9 +14,8 @@ from ankle_interfaces.quantity import Quantity
 from ankle_node.node import ERROR, AnkleNode
 
 FAILURES = (ValueError, OSError)
-"""What a transition may raise because of the node's surroundings: it fails, with the sentence in
-the log and the health.
-"""
+"""What a transition may raise because of the node's surroundings. The transition then fails, and
+the sentence is in the log and in the health."""
 
 
 class ManagedNode(LifecycleNodeMixin, AnkleNode):
@@ -48,7 +46,7 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
         """Give back what `configure` took; harmless where it took nothing."""
 
     def start(self) -> None:
-        """Configure and activate without being told to.
+        """Configure and activate without waiting for a request.
 
         Raises
         ------
@@ -60,27 +58,27 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
                 raise RuntimeError(f"{self.get_name()} could not start")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Standard transition."""
+        """Prepare the node; the standard transition to inactive."""
         return self._attempt(self.configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Standard transition."""
+        """Begin to work; the standard transition to active."""
         return self._attempt(self.activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Standard transition."""
+        """End the work; the standard transition to inactive."""
         return self._attempt(self.deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Standard transition."""
+        """Give everything back; the standard transition to unconfigured."""
         return self._attempt(self.release)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Standard transition, from any state."""
+        """End the work and give everything back; the standard transition from any state."""
         return self._attempt(self.deactivate, self.release)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Standard transition: back to unconfigured."""
+        """Return to unconfigured after an error; a standard transition."""
         return self._attempt(self.deactivate, self.release)
 
     def _attempt(self, *steps: Callable[[], None]) -> TransitionCallbackReturn:

@@ -30,7 +30,7 @@ class Sources:
         node.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def watch(self, topic: str) -> None:
-        """Look after a topic from now on, by its full name."""
+        """Begin to look after a topic, given by its full name."""
         if topic not in self._topics:
             self._topics.append(topic)
 
@@ -46,7 +46,7 @@ class Sources:
 
 
 def publishers(node: Node, topic: str) -> list[str]:
-    """Full names of the nodes that publish a topic, one entry for each publisher, sorted."""
+    """Return the full names of the nodes that publish a topic, one for each publisher, sorted."""
     return sorted(
         f"{info.node_namespace.rstrip('/')}/{info.node_name}"
         for info in node.get_publishers_info_by_topic(topic)

@@ -171,8 +171,8 @@ class Term(ABC):
             cls.belongs_to = Owner.RIG if cls.place in _RIG_PLACES else Owner.SUBJECT
 
     @classmethod
-    def told(cls, values: Values) -> str:
-        """The sentence for these values."""
+    def sentence_for(cls, values: Values) -> str:
+        """Return the sentence that fits these values."""
         if cls.turn is None:
             return cls.sentence
         return (

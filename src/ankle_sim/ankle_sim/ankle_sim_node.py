@@ -1,23 +1,23 @@
 """A virtual rig and subject behind the topics of the real one.
 
-| topic | direction | type | rate | columns |
-| --- | --- | --- | --- | --- |
-| perturbation/reference | in | Float64MultiArray | | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2]; position alone will do |
-| ankle/samples | out | Float64MultiArray | as the reference | t[s],position[rad],velocity[rad/s],torque[N.m] |
-| joint_states | out | JointState, name `ankle` | each block | last sample |
-| ankle/truth | out | Float64MultiArray | each block, one row | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
-| emg/samples | out, with a subject | Float64MultiArray | as the reference | t[s],SOL[V],TA[V],GL[V],GM[V] |
-| session/event | out, with holds | String | | hold started, hold ended |
-| rig/state | out, latched | String | each change | running, armed or ready, as a rig's driver says |
-| ~/arm, start, stop, reset_fault | service | Trigger | | as a rig's driver; it runs from the beginning |
-| /diagnostics | out | DiagnosticArray | 1 Hz | samples, held samples, load |
+| topic | direction | content |
+| --- | --- | --- |
+| perturbation/reference | in | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| ankle/samples | out, as the reference | t[s],position[rad],velocity[rad/s],torque[N.m] |
+| joint_states | out, each block | JointState, name `ankle`: the last sample |
+| ankle/truth | out, one row each block | t[s],K[N.m/rad],G[N.m.s/rad],voluntary_torque[N.m] |
+| emg/samples | out, with a subject | t[s],SOL[V],TA[V],GL[V],GM[V] |
+| session/event | out, with holds | String: hold started, hold ended |
+| rig/state | out, latched, each change | String: running, armed or ready, as a rig's driver |
+| ~/arm, ~/start, ~/stop, ~/reset_fault | service | Trigger, as a rig's driver |
+| /diagnostics | out, 1 Hz | samples, held samples, load |
 
-A term that the model lacks is NaN in ankle/truth. The node advances by the samples of the
-reference, never by timers: it is as fast as its input. A simulated subject (parameter `subject`)
-sets K, G and the voluntary torque by what its muscles do. A value that is set by hand then (``ros2
-param set /ankle_sim K 120.0``) is kept until the subject's state is set or its next hold begins.
-Parameters: `ankle_sim.parameters`.
-"""  # noqa: E501
+A reference may carry the position alone. A term that the model lacks is NaN in ankle/truth. The
+node advances by the samples of the reference, never by timers: it is as fast as its input. A
+simulated subject (parameter `subject`) sets K, G and the voluntary torque by what its muscles do. A
+value that is set by hand then (``ros2 param set /ankle_sim K 120.0``) is kept until the subject's
+state is set or its next hold begins. Parameters: `ankle_sim.parameters`.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ USUAL_RATE = 2048.0
 
 
 class AnkleSimNode(AnkleNode):
-    """Wires a `LiveRig` to its topics.
+    """Connects a `LiveRig` to its topics.
 
     Parameters
     ----------

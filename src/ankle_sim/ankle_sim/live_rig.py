@@ -76,7 +76,7 @@ class Stretch:
 
 
 class LiveRig:
-    """Takes reference blocks, gives samples.
+    """Turns reference blocks into samples.
 
     Parameters
     ----------

@@ -20,8 +20,14 @@ OF_SUBJECT = (("stiffness", "K"), ("reflex", "G"), (VOLUNTARY_TORQUE, "level"))
 
 
 def subject_model(subject: Subject, rms: float = 0.5) -> Model:
-    """The paper's model with the subject's I and B, and a voluntary torque that drifts by `rms`
-    [N.m].
+    """Return the paper's model with the subject's I and B, and a voluntary torque.
+
+    Parameters
+    ----------
+    subject
+        The simulated subject.
+    rms
+        Size of the slow drift of the voluntary torque [N.m].
     """
     return Model.of(
         {
@@ -52,7 +58,7 @@ class Piece:
 
 
 class LiveSubject:
-    """Takes reference blocks, gives samples, EMG and events.
+    """Turns reference blocks into samples, EMG and session events.
 
     Parameters
     ----------

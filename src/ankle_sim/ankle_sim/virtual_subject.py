@@ -62,7 +62,7 @@ REACHING_TIME = 2.0
 
 @dataclass(frozen=True)
 class Subject:
-    """A person's own numbers. Ranges: `draw_subject`.
+    """The numbers in which one simulated subject differs from another (`draw_subject`).
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ class Shape(ABC):
 
     @property
     def length(self) -> float:
-        """Time [s] after which the next edge may start at the earliest; 0 where edges may overlap."""  # noqa: E501
+        """Shortest time [s] from one edge to the next; 0 where edges may overlap."""
         return 0.0
 
     @property

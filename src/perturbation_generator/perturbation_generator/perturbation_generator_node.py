@@ -1,15 +1,15 @@
 """Publishes the perturbation that the actuator follows.
 
-| topic | direction | type | rate | columns |
-| --- | --- | --- | --- | --- |
-| perturbation/reference | out | Float64MultiArray | 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
-| /diagnostics | out | DiagnosticArray | 1 Hz | blocks sent, late blocks, worst lateness |
+| topic | direction | content |
+| --- | --- | --- |
+| perturbation/reference | out, 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| /diagnostics | out, 1 Hz | blocks sent, late blocks, worst lateness |
 
 Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A
 block leaves when the time of its last sample is reached, less the parameter ``lead``. A block that
 is late is sent all the same, with its own times.
 Parameters: `perturbation_generator.parameters`.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class PerturbationGeneratorNode(AnkleNode):
         self.when_read(PERTURBATION_REFERENCE, int(values[READERS.name]), self._thread.start)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """The amplitude, the only parameter that is not fixed, holds from the next movement on."""
+        """Apply a new amplitude, the only parameter that may change, from the next movement on."""
         if "amplitude" in values:
             amplitude = float(values["amplitude"])
             self._limits.check(self._signal, amplitude)
@@ -70,7 +70,7 @@ class PerturbationGeneratorNode(AnkleNode):
                 self._signal.set_amplitude(amplitude)
 
     def destroy_node(self) -> None:
-        """Stops the pacing first: no block leaves a node that is being taken down."""
+        """Stop the pacing first: no block leaves a node that is being taken down."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join(timeout=2 * LAST_BLOCKS_TIMEOUT)

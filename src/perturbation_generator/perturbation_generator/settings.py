@@ -1,6 +1,4 @@
-"""What every perturbation signal is told: rate, amplitude, direction, seed, length, and the shape
-of its edges.
-"""
+"""Settings of every perturbation signal: rate, amplitude, direction, seed, duration, edges."""
 
 from __future__ import annotations
 

@@ -85,12 +85,11 @@ class Signal(ABC):
 
     @property
     def time(self) -> float:
-        """Time [s] of the next sample since the start of the signal: samples given so far / rate."""  # noqa: E501
+        """Time [s] of the next sample since the start of the signal."""
         return self._given / self.settings.rate
 
     def next(self, n: int) -> np.ndarray:
-        """The next n samples: position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n,
-        3).
+        """Return the next n samples: position [rad], velocity [rad/s] and acceleration [rad/s^2].
 
         Behind the end of a signal with a duration the samples are at rest.
         """

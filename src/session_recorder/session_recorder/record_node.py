@@ -68,6 +68,8 @@ class RecordNode(AnkleNode):
         self.recording: Recording | None = Recording(
             self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
         )
+        if self.get_namespace() != "/":
+            self.recording.bag.custom_data["namespace"] = self.get_namespace()
         for topic in LABORATORY_TOPICS:
             name = self.resolve_topic_name(topic.name)
             if not self._named or name in self._named:
@@ -89,9 +91,10 @@ class RecordNode(AnkleNode):
             if topic not in self._connected:
                 self._quiet_looks = 0
                 self._connect(topic, types[0], to_record([offer.qos_profile for offer in offers]))
-            if self.recording is not None and topic in self.recording.bag.topics:
+            name = self._name_in_bag(topic)
+            if self.recording is not None and name in self.recording.bag.topics:
                 for offer in offers:
-                    self.recording.bag.add_qos(topic, from_ros(offer.qos_profile))
+                    self.recording.bag.add_qos(name, from_ros(offer.qos_profile))
         waiting = [name for name in self._named if name not in self._connected]
         if waiting and time.monotonic() - self._began > NAMED_TOPIC_PATIENCE:
             self.health("topics", WARN, f"no publisher yet of {', '.join(waiting)}")
@@ -116,6 +119,13 @@ class RecordNode(AnkleNode):
             f"{self.get_namespace().rstrip('/')}/"
         )
 
+    def _name_in_bag(self, topic: str) -> str:
+        """The name without this node's namespace: a bag holds one laboratory, and whoever reads it
+        finds ``/ankle/samples`` whatever the namespace was.
+        """
+        namespace = f"{self.get_namespace().rstrip('/')}/"
+        return f"/{topic.removeprefix(namespace)}" if topic.startswith(namespace) else topic
+
     def _connect(self, topic: str, message_type: str, qos: QoSProfile) -> None:
         package, _, name = message_type.split("/")
         try:
@@ -139,12 +149,13 @@ class RecordNode(AnkleNode):
     def _store(self, topic: str, message: bytes, info: MessageInfo) -> None:
         if self.recording is None:
             return
-        if topic not in self.recording.bag.topics:
+        name = self._name_in_bag(topic)
+        if name not in self.recording.bag.topics:
             offers = self.get_publishers_info_by_topic(topic)
             self._set_publishers(topic, offers)
             profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)
             self.recording.add_topic(
-                topic, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
+                name, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
             )
         received = (
             self.get_clock().now().nanoseconds
@@ -152,7 +163,7 @@ class RecordNode(AnkleNode):
             else info["received_timestamp"] or time.time_ns()
         )
         for sentence in self.recording.write(
-            topic,
+            name,
             received,
             message,
             info["source_timestamp"] or None,
@@ -167,7 +178,7 @@ class RecordNode(AnkleNode):
             str(offer.endpoint_gid): f"{offer.node_namespace.rstrip('/')}/{offer.node_name}"
             for offer in offers
         }
-        sentence = self.recording.set_publishers(topic, publishers)
+        sentence = self.recording.set_publishers(self._name_in_bag(topic), publishers)
         if sentence is not None:
             self._warn(topic, sentence)
 

@@ -39,7 +39,7 @@ from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.flow_control import Flow
 from session_recorder.parameters import REPLAYER
-from session_recorder.replaying import Replay, choose_topics
+from session_recorder.replaying import OWN_OF_ROS, Replay, choose_topics
 from session_recorder.ros_qos import to_replay
 
 PROGRESS_PERIOD = 2.0  # s
@@ -95,13 +95,17 @@ class ReplayNode(AnkleNode):
             raise BagError(
                 f"{name}: this installation cannot send '{package}/msg/{kind}': {error}"
             ) from None
-        return self.create_publisher(message_class, name, to_replay(self._reader.topics[name].qos))
+        # In a namespace the laboratory's topics are those of the namespace.
+        in_graph = name if name in OWN_OF_ROS else name.lstrip("/")
+        return self.create_publisher(
+            message_class, in_graph, to_replay(self._reader.topics[name].qos)
+        )
 
     def _acknowledged_topic(self, name: str) -> str:
         return str(self._senders[name].topic_name) + ACKNOWLEDGED
 
     def _listen(self, name: str) -> None:
-        def told(message: String) -> None:
+        def receive(message: String) -> None:
             reader, _, stamp = message.data.rpartition(" ")
             self._flows[name].acknowledged(reader, int(stamp))
 
@@ -110,7 +114,7 @@ class ReplayNode(AnkleNode):
             reliability=LATEST_QOS.reliability,
             durability=LATEST_QOS.durability,
         )
-        self.create_subscription(String, self._acknowledged_topic(name), told, qos)
+        self.create_subscription(String, self._acknowledged_topic(name), receive, qos)
 
     def send(self, topic: str, message: bytes) -> None:
         """Publish a recorded message."""

@@ -79,7 +79,7 @@ def sentence_of(name: str, values: Values, size: Size) -> str:
     """The term's sentence for these values, with its number."""
     word = "adds" if size.peak >= 0 else "takes away"
     return (
-        f"{term_library()[name].told(values)} In this recording it {word} up to "
+        f"{term_library()[name].sentence_for(values)} In this recording it {word} up to "
         f"{abs(size.peak):.2f} N.m, "
         f"{1000 * size.time:.0f} ms after a {size.direction} movement ({100 * size.share:.0f} % "
         "of the torque's variation)."

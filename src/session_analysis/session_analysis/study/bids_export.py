@@ -11,6 +11,7 @@ import edfio
 import numpy as np
 
 from ankle_interfaces.continuity import sampling_rate
+from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES
 from session_analysis.errors import AnalysisError
 from session_analysis.study.layout import Entry, Study, software_version
 from session_recorder.bag_reader import BagReader
@@ -77,15 +78,15 @@ def _export(entry: Entry, folder: Path) -> list[Path]:
     bag = BagReader(entry.source)
     stem = f"sub-{entry.subject}_ses-{entry.visit:02d}_task-{TASK}"
     written = []
-    if "/ankle/samples" in bag.topics:
+    if ANKLE_SAMPLES.absolute in bag.topics:
         written.append(_motion(bag, entry, folder / "motion", stem))
-    if "/emg/samples" in bag.topics:
+    if EMG_SAMPLES.absolute in bag.topics:
         written.append(_emg(bag, entry, folder / "emg", stem))
     return written
 
 
 def _motion(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
-    columns, data = bag.signal("/ankle/samples")
+    columns, data = bag.signal(ANKLE_SAMPLES.absolute)
     rate = sampling_rate(data[:, 0])
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{stem}_tracksys-{TRACKING}_run-{entry.run:02d}"
@@ -111,7 +112,7 @@ def _motion(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
 
 
 def _emg(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
-    columns, data = bag.signal("/emg/samples")
+    columns, data = bag.signal(EMG_SAMPLES.absolute)
     rate = sampling_rate(data[:, 0])
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{stem}_run-{entry.run:02d}"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ankle_interfaces.topics import ANKLE_SAMPLES
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.offline.recorded_estimates import estimate_bag
 from session_analysis.estimate_answer import (
@@ -161,7 +162,7 @@ def _relative_rows(entry: Entry, found: Answer, stated: dict[str, Any], bag: Pat
     that they were measured at.
     """
     who = (entry.subject, entry.visit, entry.run)
-    columns, data = BagReader(bag).signal("/ankle/samples")
+    columns, data = BagReader(bag).signal(ANKLE_SAMPLES.absolute)
     torque = data[:, columns.index("torque[N.m]")]
     rows = [Row(*who, "mean_torque[N.m]", float(np.nanmean(torque)), math.nan, math.nan)]
     doubt = float(found.doubtful.sum()) / max(1, int(found.valid.sum()))
