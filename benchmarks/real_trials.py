@@ -24,6 +24,7 @@ import numpy as np
 from scipy import signal
 
 from ankle_interfaces.continuity import sampling_rate
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.offline.parallel_cascade import parallel_cascade
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.offline.torque_prediction import Prediction, predict_torque
@@ -142,14 +143,45 @@ def halves(
     return found
 
 
+def print_shifted(files: list[Path]) -> None:
+    """K and G of every half with its torque a sample earlier, as recorded, and a sample later."""
+    print("| trial | half | torque shifted by [samples] | K | G | doubt |\n|" + " --- |" * 6)
+    for file in files:
+        data = np.load(file)
+        middle = len(data["time"]) // 2
+        for label, part in (("first", slice(0, middle)), ("second", slice(middle, None))):
+            for shift in (-1, 0, 1):
+                torque = np.roll(-data["torque"], shift)[part]
+                row = estimate_signal(
+                    data["time"][part], data["position"][part], None, torque, "simultaneous"
+                ).valid[-1]
+                named = dict(zip(ESTIMATE_COLUMNS, row, strict=True))
+                values = [
+                    f"{named[name]:.1f} ± {named[f'se_{name}']:.1f}"
+                    for name in ("K[N.m/rad]", "G[N.m.s/rad]")
+                ]
+                print(
+                    f"| {file.stem} | {label} | {shift:+d} | {' | '.join(values)} "
+                    f"| {named['doubt[1]']:.2f} |",
+                    flush=True,
+                )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", nargs="?", type=Path, default=RECORDINGS)
-    folder = parser.parse_args().folder
+    parser.add_argument(
+        "--shift", action="store_true", help="each half with its torque a sample earlier and later"
+    )
+    arguments = parser.parse_args()
+    folder = arguments.folder
     files = sorted(folder.glob("*.npz"))
     if not files:
         print(f"no NPZ files in {folder}", file=sys.stderr)
         return 1
+    if arguments.shift:
+        print_shifted(files)
+        return 0
     print("| " + " | ".join(HEADER) + " |")
     print("|" + " --- |" * len(HEADER))
     for file in files:

@@ -138,7 +138,8 @@ EMG_ENSEMBLE = _block(
 IMPEDANCE_ESTIMATE = _block(
     "impedance/estimate",
     "Joint impedance; where valid is 0 the row holds the last valid estimate, NaN before the "
-    "first one. The last four columns are standard errors.",
+    "first one. doubt is 0 to 1, NaN where the estimator does not judge itself. The last four "
+    "columns are standard errors.",
     (
         TIME_COLUMN,
         "K[N.m/rad]",
@@ -148,6 +149,7 @@ IMPEDANCE_ESTIMATE = _block(
         "vaf_intrinsic[%]",
         "vaf_total[%]",
         "valid[1]",
+        "doubt[1]",
         "se_K[N.m/rad]",
         "se_B[N.m.s/rad]",
         "se_I[kg.m^2]",
@@ -160,6 +162,12 @@ IMPEDANCE_REFLEX_IRF = _block(
     "Reflex impulse response: torque after a unit impulse of stretch velocity.",
     ("lag[s]", "h[N.m/rad]"),
     rate=2.0,
+)
+IMPEDANCE_PROVENANCE = Topic(
+    "impedance/provenance",
+    STRING,
+    Delivery.LATEST,
+    "One line of YAML: estimator, settings, model and rig that the estimates are made with.",
 )
 JOINT_STATES = Topic(
     "joint_states",
@@ -222,6 +230,7 @@ TOPICS = (
     EMG_ENSEMBLE,
     IMPEDANCE_ESTIMATE,
     IMPEDANCE_REFLEX_IRF,
+    IMPEDANCE_PROVENANCE,
     RIG_STATE,
     RIG_OPERATOR_ALIVE,
     SESSION_EVENT,

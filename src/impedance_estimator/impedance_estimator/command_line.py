@@ -14,6 +14,7 @@ from rich.table import Table
 
 from ankle_interfaces.quantity import quantities
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
+from impedance_estimator.known_physics import load_known_physics
 from impedance_estimator.offline.recorded_estimates import OfflineResult, estimate_bag
 from impedance_estimator.settings import HIGHPASS_CHOICES
 from impedance_estimator.stream import compile_estimator
@@ -33,6 +34,13 @@ def estimate(
     algorithm: Annotated[str, typer.Option(help=f"One of {', '.join(ALGORITHMS)}.")] = DEFAULT,
     highpass: Annotated[
         str | None, typer.Option(help=f"CE, C and O: one of {', '.join(HIGHPASS_CHOICES)}.")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="The subject's model (YAML), whose terms run beside the regression."),
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="The calibrated rig (rig.yaml) the bag was recorded on.")
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the bag at --out.")
@@ -59,6 +67,7 @@ def estimate(
             out,
             algorithm,
             settings,
+            known=load_known_physics(str(model or ""), str(rig or "")),
             overwrite=overwrite,
             progress=lambda share: bar.update(task, completed=share),
         )

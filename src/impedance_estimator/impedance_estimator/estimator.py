@@ -13,7 +13,8 @@ from impedance_estimator.settings import EstimatorSettings
 ESTIMATE_COLUMNS = IMPEDANCE_ESTIMATE.columns
 """Columns of an estimate.
 
-Where ``valid`` is 0 the row holds the last valid estimate, or NaN when there has been none.
+Where ``valid`` is 0 the row holds the last valid estimate, or NaN when there has been none. `doubt`
+is NaN from estimators that do not judge themselves.
 """
 
 ESTIMATE_TOPIC, REFLEX_TOPIC = IMPEDANCE_ESTIMATE.absolute, IMPEDANCE_REFLEX_IRF.absolute
@@ -60,6 +61,10 @@ class Estimator(ABC):
     title: ClassVar[str]
     """What it is, in one line."""
     settings_type: ClassVar[type[EstimatorSettings]] = EstimatorSettings
+    uses_reference: ClassVar[bool] = False
+    """Whether samples carry the reference's position [rad] as their last column, NaN where none
+    came.
+    """
 
     def __init__(
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
@@ -75,8 +80,10 @@ class Estimator(ABC):
 
     @property
     def sample_columns(self) -> int:
-        """Columns of the samples: 4 (t, position, velocity, torque), or 3 without velocity."""
-        return 4 if self.measured_velocity else 3
+        """Columns of the samples: t, position, velocity where it is measured, torque, and the
+        reference where the estimator uses it.
+        """
+        return 3 + self.measured_velocity + self.uses_reference
 
     @abstractmethod
     def process(self, samples: np.ndarray) -> np.ndarray:
@@ -85,13 +92,13 @@ class Estimator(ABC):
         Parameters
         ----------
         samples
-            Shape (n, 3) or (n, 4): t [s], position [rad], velocity [rad/s] where measured, torque
-            [N.m].
+            Shape (n, `sample_columns`): t [s], position [rad], velocity [rad/s] where measured,
+            torque [N.m], reference position [rad] where used.
 
         Returns
         -------
         np.ndarray
-            Shape (k, 12), columns `ESTIMATE_COLUMNS`.
+            Shape (k, 13), columns `ESTIMATE_COLUMNS`.
 
         Raises
         ------
@@ -121,6 +128,18 @@ class Estimator(ABC):
         """Measured and predicted torque during the last call of `process`, shape (k, 4), columns
         `TORQUE_COLUMNS`.
         """
+
+    @property
+    def doubts(self) -> str:
+        """Why the newest estimate is doubted, in words; empty where it is not."""
+        return ""
+
+    @property
+    def instrument(self) -> str:
+        """What the estimator takes for the part of the motion that torque did not cause, in words;
+        empty where it makes no difference.
+        """
+        return ""
 
     @property
     @abstractmethod

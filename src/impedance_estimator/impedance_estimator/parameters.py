@@ -29,12 +29,30 @@ WAIT_FOR_READERS = Quantity(
     start_only=True,
 )
 
+MODEL = Quantity(
+    "model",
+    default="",
+    description=(
+        "The subject's model (a YAML file, as ankle diagnose writes it); its terms run beside the "
+        "regression. Empty: none."
+    ),
+)
+RIG = Quantity(
+    "rig",
+    default="",
+    description="The calibrated rig (rig.yaml): what lies between joint and sensors. Empty: none.",
+)
+
 PARAMETERS = (
     WAIT_FOR_READERS,
+    MODEL,
+    RIG,
     Quantity(
         "algorithm",
         default=DEFAULT,
-        description=f"Estimator; a change starts it anew. {_TITLES}.",
+        description=(
+            f"Estimator; another one settles beside the present one and takes over. {_TITLES}."
+        ),
         choices=tuple(ALGORITHMS),
     ),
     *_settings.values(),

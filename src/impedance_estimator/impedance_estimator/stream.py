@@ -12,14 +12,16 @@ import numpy as np
 
 from ankle_interfaces.block import Block, require_columns
 from ankle_interfaces.continuity import sampling_rate
-from ankle_interfaces.topics import ANKLE_SAMPLES
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_interfaces.units import split_column
-from impedance_estimator.algorithms import DEFAULT, make_estimator
+from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
+from impedance_estimator.known_physics import KnownPhysics, KnownPhysicsStream
+from impedance_estimator.reference_track import ReferenceTrack
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.validity import RATE_WINDOW
 
-TOPIC = ANKLE_SAMPLES.absolute
+TOPIC, REFERENCE_TOPIC = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 RIG_RATE = 2048.0
 """[Hz] van 't Veld et al. 2018, section III-B.1."""
@@ -38,7 +40,7 @@ class Estimates:
     Attributes
     ----------
     rows
-        Shape (k, 12), columns `ESTIMATE_COLUMNS`.
+        Shape (k, 13), columns `ESTIMATE_COLUMNS`.
     responses
         (t [s], shape (L, 2) with columns `REFLEX_COLUMNS`) for each reflex impulse response.
     torques
@@ -77,6 +79,8 @@ class EstimateStream:
         A name in `algorithms.ALGORITHMS`.
     settings
         Defaults where None.
+    known
+        Physics of rig and subject that is known beforehand; None: nothing is.
 
     Raises
     ------
@@ -84,13 +88,31 @@ class EstimateStream:
         An unknown algorithm, or settings of another one.
     """
 
-    def __init__(self, algorithm: str = DEFAULT, settings: EstimatorSettings | None = None) -> None:
+    def __init__(
+        self,
+        algorithm: str = DEFAULT,
+        settings: EstimatorSettings | None = None,
+        known: KnownPhysics | None = None,
+    ) -> None:
         self.algorithm = algorithm
+        self.known = known
+        self._physics: KnownPhysicsStream | None = None
         self.settings = make_estimator(algorithm, 1000.0, True, settings).settings
         self.estimator: Estimator | None = None
         self._waiting: list[np.ndarray] = []
         self._measured_velocity: bool | None = None
         self._samples = 0
+        self._reference = ReferenceTrack() if ALGORITHMS[algorithm].uses_reference else None
+
+    @property
+    def doubts(self) -> str:
+        """Why the newest estimate is doubted; empty where it is not."""
+        return self.estimator.doubts if self.estimator else ""
+
+    @property
+    def instrument(self) -> str:
+        """How the estimator deals with torque that moves the plate; empty where it does not."""
+        return self.estimator.instrument if self.estimator else ""
 
     @property
     def reason(self) -> str:
@@ -114,16 +136,40 @@ class EstimateStream:
         """
         velocity = any(split_column(name)[0] == "velocity" for name in block.columns)
         required = (POSITION, VELOCITY, TORQUE) if velocity else (POSITION, TORQUE)
-        return self.feed_samples(require_columns(block, required, TOPIC).data, velocity)
+        samples = require_columns(block, required, TOPIC).data
+        if self._reference is None:
+            return self._feed(samples, velocity)
+        return self._feed(self._reference.join(samples), velocity)
 
-    def feed_samples(self, samples: np.ndarray, measured_velocity: bool) -> Estimates:
-        """Take in samples of shape (n, 4), or (n, 3) without velocity, in SI.
+    def feed_reference(self, block: Block) -> None:
+        """Take in one block of ``/perturbation/reference``; estimators that use none ignore it.
+
+        Raises
+        ------
+        BlockError, UnitError
+            A column is missing or in a unit of another dimension.
+        """
+        if self._reference is not None:
+            columns = require_columns(block, (POSITION,), REFERENCE_TOPIC).data
+            self._reference.feed_reference(columns[:, 0], columns[:, 1])
+
+    def feed_samples(
+        self, samples: np.ndarray, measured_velocity: bool, reference: np.ndarray | None = None
+    ) -> Estimates:
+        """Take in samples of shape (n, 4), or (n, 3) without velocity, in SI, and the reference's
+        position [rad] at their times, shape (n,), where there is one.
 
         Raises
         ------
         ValueError
             A sampling rate that the estimator refuses.
         """
+        if self._reference is not None:
+            known = np.full(len(samples), np.nan) if reference is None else reference
+            samples = np.column_stack([samples, known])
+        return self._feed(samples, measured_velocity)
+
+    def _feed(self, samples: np.ndarray, measured_velocity: bool) -> Estimates:
         parts = _Parts()
         if self._measured_velocity not in (None, measured_velocity):
             parts.notes.append(
@@ -160,6 +206,9 @@ class EstimateStream:
             f"{self.algorithm} at {rate:g} Hz, velocity "
             f"{'measured' if self._measured_velocity else 'from position'}"
         )
+        if self.known is not None:
+            self._physics = KnownPhysicsStream(self.known, rate, bool(self._measured_velocity))
+            parts.notes.append(f"known physics: {self.known.describe()}")
         return samples
 
     def _advance(self, estimator: Estimator, samples: np.ndarray, parts: _Parts) -> np.ndarray:
@@ -168,7 +217,9 @@ class EstimateStream:
             round(estimator.rate / self.settings.estimate_rate), 1
         )
         piece = samples[: every - self._samples % every]
-        parts.rows.append(estimator.process(piece))
+        physics = self._physics
+        rows = estimator.process(piece if physics is None else physics.correct(piece))
+        parts.rows.append(rows if physics is None else physics.complete(rows))
         parts.torques.append(estimator.torques)
         used = estimator.consumed
         self._samples += used
@@ -178,6 +229,8 @@ class EstimateStream:
             )
             self.estimator = None
         elif self._samples % every == 0:
+            if physics is not None:
+                physics.restate()
             parts.responses.append((float(parts.rows[-1][-1, 0]), estimator.reflex_response))
         return samples[used:]
 
@@ -195,4 +248,6 @@ def compile_estimator(algorithm: str) -> None:
         [time, position, velocity, 100.0 * position],
         [time, position, 100.0 * position],
     ):
-        EstimateStream(algorithm).feed_samples(np.column_stack(columns), len(columns) == 4)
+        EstimateStream(algorithm).feed_samples(
+            np.column_stack(columns), len(columns) == 4, position
+        )

@@ -29,7 +29,8 @@ from numba import njit
     COLLINEAR,
     NO_TORQUE,
     NO_REFLEX,
-) = range(11)
+    REFERENCE,
+) = range(12)
 
 REASONS = {
     VALID: "",
@@ -43,6 +44,7 @@ REASONS = {
     COLLINEAR: "position, velocity and acceleration follow from each other (one frequency): K, B "
     "and I cannot be told apart",
     NO_TORQUE: "the torque does not change: is its sensor connected?",
+    REFERENCE: "the reference came or stayed away: settling with the other instrument",
     NO_REFLEX: "rectified velocity does not determine the reflex response",
 }
 

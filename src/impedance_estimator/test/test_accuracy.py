@@ -90,7 +90,7 @@ def test_standard_errors_cover_the_variability(ten_seeds, highpass):
     scores = []
     for result in ten_seeds[highpass]:
         rows = result.valid[result.valid[:, 0] > 60.0][::640]
-        scores.append((rows[:, 1:5] - result.valid[:, 1:5].mean(axis=0)) / rows[:, 8:12])
+        scores.append((rows[:, 1:5] - result.valid[:, 1:5].mean(axis=0)) / rows[:, 9:13])
     covered = np.mean(np.abs(np.concatenate(scores)) < 1.96, axis=0)
     assert np.all(covered > 0.85)
     # Not so wide that they say nothing: within a factor of 5 of the actual spread.

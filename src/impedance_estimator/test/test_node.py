@@ -159,16 +159,17 @@ def test_parameters_reasons_and_bad_blocks_at_run_time(start, minute):
     assert "[s]" in described.description
     assert described.additional_constraints == "allowed: 0.02 to 0.1 s"
     assert laboratory.estimates[-1].data[0, 7] == 1.0
-    # Another algorithm starts anew, without a trace of the one before.
-    assert laboratory.set("algorithm", "O").successful
+    # A changed setting never stops the stream: what it changes takes over when it is valid.
+    assert laboratory.set("highpass", "all").successful
+    later = minute.samples()[32 * 400 : 32 * 800]
     del laboratory.estimates[:]
-    laboratory.send(blocks_of(samples))
-    expected = estimate_signal(*samples.T, "O", Settings(settling_time=3.0)).rows
-    np.testing.assert_array_equal(
-        np.concatenate([block.data for block in laboratory.estimates]), expected
-    )
+    laboratory.send(blocks_of(later))
+    rows = np.concatenate([block.data for block in laboratory.estimates])
+    assert (rows[:, 7] == 1.0).all()
+    expected = estimate_signal(*later.T, "CE", Settings(settling_time=3.0, highpass="all")).rows
+    np.testing.assert_array_equal(rows[-100:], expected[-100:])
     lost = samples[: 32 * 8].copy()
-    lost[:, 0] += samples[-1, 0] + 1.0
+    lost[:, 0] += later[-1, 0] + 1.0
     lost[:, 1] = np.nan
     laboratory.send(blocks_of(lost))
     laboratory.until(lambda: any("NaN" in text for text in laboratory.health))

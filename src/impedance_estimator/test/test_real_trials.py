@@ -95,7 +95,7 @@ def test_random_steps_leak_reflex_into_stiffness(trial):
     assert 4.0 < reflex["G[N.m.s/rad]"] < 7.0
 
 
-def test_joint_estimator_does_not_leak_on_random_steps(trial):
+def test_simultaneous_does_not_leak_on_random_steps(trial):
     """The same known joint with 0.5 N.m of voluntary torque: intrinsic and reflex parts in one
     regression need no special motion.
     """
@@ -113,11 +113,11 @@ def test_joint_estimator_does_not_leak_on_random_steps(trial):
     assert values["G[N.m.s/rad]"] == pytest.approx(10.0, rel=0.05)
 
 
-def test_joint_estimator_keeps_its_memory_on_a_real_ankle(trial):
+def test_simultaneous_keeps_its_memory_on_a_real_ankle(trial):
     """No ankle is the model; what it does otherwise is not taken for changes, after which standard
     errors would be large again.
     """
     t = np.arange(len(trial)) / 1000.0
     rows = estimate_signal(t, trial[:, 0], None, trial[:, 1], "simultaneous").valid
-    errors = rows[rows[:, 0] > 25.0][:, 8]
+    errors = rows[rows[:, 0] > 25.0][:, 9]
     assert errors.max() < 2.0 * np.median(errors)

@@ -16,6 +16,22 @@ from impedance_estimator.simultaneous.change_detection import (
     candidate_windows,
     find_change,
 )
+from impedance_estimator.simultaneous.doubt import LIMITS, SIGNS, reasons
+from impedance_estimator.simultaneous.explained_motion import (
+    FREQUENCIES,
+    Memory,
+    behind_delay,
+    combination,
+    eliminated,
+    explained,
+)
+from impedance_estimator.simultaneous.nuisance import (
+    EXTRAS,
+    TAPS,
+    accumulate,
+    packed_size,
+    reduce_sums,
+)
 from impedance_estimator.simultaneous.regression import GAINS, log_evidence, solve_with_prior
 from impedance_estimator.simultaneous.voluntary_torque_noise import (
     NOISE_MODELS,
@@ -47,7 +63,11 @@ def changed(ring, length, left_over, windows, total):
     tangent = np.zeros((1, 4))
     tangent[0, 0] = 1.0
     matrices, vectors = np.zeros((6, 9, 9)), np.zeros((3, 8))
-    sums, projection = np.zeros(ring.shape[1]), np.zeros((5, 9))
+    sums, packed, projection = np.zeros(ring.shape[1]), np.zeros(15), np.zeros((5, 9))
+    # The recorded signals are the regressors themselves, and nothing is taken off the torque.
+    combine = np.zeros((5, 4))
+    for i in range(4):
+        combine[i, i] = 1.0
     return find_change(
         ring,
         len(ring) - 1,
@@ -60,6 +80,9 @@ def changed(ring, length, left_over, windows, total):
         BLOCK,
         matrices,
         sums,
+        packed,
+        combine,
+        np.zeros((9, 4)),
         projection,
         vectors,
     )[:2]
@@ -68,6 +91,13 @@ def changed(ring, length, left_over, windows, total):
 def regression(random, count, truth):
     regressors = random.normal(size=(count, len(truth)))
     return np.column_stack([regressors, regressors @ truth + NOISE * random.normal(size=count)])
+
+
+def recorded(z, x, torque):
+    """Sums as the estimator records them, without Z'X where the instruments are the motion."""
+    upper = np.triu_indices(z.shape[1])
+    kept = [(z.T @ z)[upper], z.T @ torque, [torque @ torque]]
+    return np.concatenate(kept if x is z or np.array_equal(x, z) else [*kept, (z.T @ x).ravel()])
 
 
 def memory(seed, changed_at, blocks):
@@ -79,12 +109,85 @@ def memory(seed, changed_at, blocks):
             regression(random, (blocks - changed_at) * BLOCK, AFTER),
         ]
     )
-    upper = np.triu_indices(5)
-    ring = np.array([(part.T @ part)[upper] for part in np.split(data, blocks)])
+    ring = np.array(
+        [recorded(part[:, :4], part[:, :4], part[:, 4]) for part in np.split(data, blocks)]
+    )
     total = np.zeros((9, 9))
     kept = [0, 1, 2, 3, 8]
     total[np.ix_(kept, kept)] = data.T @ data
     return ring, total
+
+
+@njit
+def added_up(z, x, torque, both, size):
+    sums = np.zeros(size)
+    for k in range(len(torque)):
+        accumulate(sums, z[k], x[k], torque[k], both)
+    return sums
+
+
+@njit
+def reduced(sums, combine):
+    rows = combine.shape[0]
+    out = np.zeros(rows * (rows + 1) // 2)
+    reduce_sums(sums, combine, out, np.zeros((rows + combine.shape[1], combine.shape[1])))
+    return out
+
+
+def test_recorded_sums_are_combined_as_the_signals_would_be():
+    random = np.random.default_rng(4)
+    z, x, torque = random.normal(size=(50, 5)), random.normal(size=(50, 5)), random.normal(size=50)
+    sums = added_up(z, x, torque, True, packed_size(5))
+    np.testing.assert_allclose(sums, recorded(z, x, torque), atol=1e-12)
+    combine = random.normal(size=(4, 5))
+    signals = np.column_stack([z @ combine[:3].T, torque - z @ combine[3]])
+    expected = (signals.T @ signals)[np.triu_indices(4)]
+    np.testing.assert_allclose(reduced(sums, combine), expected, atol=1e-10)
+
+
+def test_a_delay_of_the_torque_is_found_and_b_and_i_are_those_of_the_joint():
+    omega = 2.0 * np.pi * FREQUENCIES
+    for delay in (-0.0031, 0.0, 0.0074):
+        joint = 80.0 + 0.7j * omega - 0.012 * omega**2
+        delays = np.arange(-0.010, 0.0101, 0.0001)
+        damping, inertia, misfit = behind_delay(joint * np.exp(-1j * omega * delay), 80.0, delays)
+        best = int(np.argmin(misfit))
+        assert delays[best] == pytest.approx(delay, abs=1e-9)
+        assert (damping[best], inertia[best]) == pytest.approx((0.7, 0.012))
+        assert misfit[best] < 1e-9
+        assert misfit.max() > 0.1
+
+
+def test_explained_motion_is_free_of_what_the_instrument_does_not_carry():
+    """A regression on motion that the torque's noise has moved is biased; on the part that the
+    instrument explains it is not.
+    """
+    random = np.random.default_rng(6)
+    count, size = 200_000, EXTRAS + 3
+    z = random.normal(size=(count, size))
+    noise = random.normal(size=count)
+    x = z + np.column_stack([0.5 * noise, np.zeros((count, size - 1))])
+    torque = 2.0 * x[:, 0] + noise
+    memory = Memory(z.T @ z, z.T @ np.column_stack([x, torque]), float(torque @ torque), count)
+    _, sums = explained(memory, True)
+    assert sums[0, -1] / sums[0, 0] == pytest.approx(2.0, abs=0.02)
+    assert (x[:, 0] @ torque) / (x[:, 0] @ x[:, 0]) > 2.3
+    # A nuisance term takes its share: what is left does not depend on it.
+    base = size - EXTRAS
+    gamma, _ = eliminated(sums + 0.0, 1, 1e-12)
+    combine = combination(np.eye(size), gamma)
+    assert combine.shape == (base + 1, size)
+    assert np.count_nonzero(gamma[:, 0]) == TAPS + 1
+
+
+def test_signs_of_doubt_at_their_limits_are_reasons():
+    assert reasons(np.zeros(len(SIGNS))) == ""
+    for k, limit in enumerate(LIMITS):
+        signs = np.zeros(len(SIGNS))
+        signs[k] = limit
+        assert reasons(signs)
+        assert ";" not in reasons(signs)
+    assert reasons(LIMITS).count(";") == len(SIGNS) - 1
 
 
 def test_solution_covariance_and_determinant_are_numpys():

@@ -18,7 +18,7 @@ from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC
 from emg_driver.offline import respond_bag
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
-from impedance_estimator.offline.recorded_estimates import estimate_bag
+from impedance_estimator.offline.recorded_estimates import PROVENANCE_TOPIC, estimate_bag
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Excluded, Hold, find_holds
 from session_recorder.bag_reader import BagReader
@@ -44,11 +44,14 @@ class RecordedSession:
     excluded
         Holds that are left out.
     estimates
-        Shape (n, 12), columns `ESTIMATE_COLUMNS`.
+        Shape (n, 13), columns `ESTIMATE_COLUMNS`.
     responses
         Shape (k, 10), columns `RESPONSE_COLUMNS`.
     notes
         What a reader should know, one sentence each.
+    provenances
+        What the estimates are made with, as `impedance_estimator.provenance` states it; more than
+        one where it changed during the recording, none where the bag does not say.
     """
 
     path: Path
@@ -58,6 +61,7 @@ class RecordedSession:
     estimates: np.ndarray
     responses: np.ndarray
     notes: list[str]
+    provenances: tuple[str, ...] = ()
 
 
 def read_session(
@@ -106,8 +110,15 @@ def read_session(
     rows: dict[str, list[np.ndarray]] = {topic: [] for topic in recorded}
     columns = {ESTIMATE_TOPIC: ESTIMATE_COLUMNS, RESPONSE_TOPIC: RESPONSE_COLUMNS}
     store = typestore()
-    for topic, _, message in bag.messages([EVENT_TOPIC, *recorded], progress):
+    stated: list[str] = []
+    provenance_topics = (
+        [PROVENANCE_TOPIC] if ESTIMATE_TOPIC in recorded and PROVENANCE_TOPIC in bag.topics else []
+    )
+    for topic, _, message in bag.messages([EVENT_TOPIC, *recorded, *provenance_topics], progress):
         try:
+            if topic == PROVENANCE_TOPIC:
+                stated.append(store.deserialize_cdr(message, "std_msgs/msg/String").data)  # type: ignore[attr-defined]
+                continue
             if topic == EVENT_TOPIC:
                 events.append(parse(store.deserialize_cdr(message, "std_msgs/msg/String").data))  # type: ignore[attr-defined]
                 continue
@@ -127,6 +138,7 @@ def read_session(
     else:
         computed = estimate_bag(path, algorithm=algorithm, progress=progress)
         estimates = computed.rows
+        stated = [computed.provenance]
         notes += [f"{path}: {note}" for note in computed.notes]
     if RESPONSE_TOPIC in rows:
         responses = np.concatenate(rows[RESPONSE_TOPIC])
@@ -135,4 +147,13 @@ def read_session(
         responses = found.rows
         notes += [f"{path}: {note}" for note in found.notes]
     name = subject or bag.custom_data.get(SUBJECT_KEY, "") or Path(path).resolve().name
-    return RecordedSession(Path(path), name, holds, excluded, estimates, responses, notes)
+    return RecordedSession(
+        Path(path),
+        name,
+        holds,
+        excluded,
+        estimates,
+        responses,
+        notes,
+        tuple(dict.fromkeys(stated)),
+    )

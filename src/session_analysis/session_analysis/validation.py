@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import yaml
+
 from emg_driver.muscles import BACKGROUND, MUSCLES, REFLEX
 from impedance_estimator.algorithms import DEFAULT
 from session_analysis.errors import AnalysisError
@@ -99,6 +101,7 @@ def validate(
             excluded += left_out
             if found is not None:
                 measures.append(found)
+    _require_one_origin(sessions)
     if not measures:
         reasons = (
             "; ".join(f"{one.what}: {one.reason}" for one in excluded[:3])
@@ -118,6 +121,26 @@ def validate(
         )
         excerpt = read_excerpt(session, shown[0], shown[1], _named(progress, "figures"))
     return Validation(measures, excluded, cells, notes, excerpt)
+
+
+def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:
+    """Refuse estimates that were not all made with one estimator, its settings, model and rig.
+
+    Model and rig may differ between subjects, whose own they are, and not within one.
+    """
+    first: dict[tuple[str, str], tuple[str, Path]] = {}
+    for session in sessions:
+        for line in session.provenances:
+            stated = yaml.safe_load(line)
+            for key in ("algorithm", "settings", "model", "rig"):
+                whose = "" if key in ("algorithm", "settings") else session.subject
+                value = yaml.safe_dump(stated[key], default_flow_style=True).splitlines()[0]
+                known, path = first.setdefault((whose, key), (value, session.path))
+                if value != known:
+                    raise AnalysisError(
+                        f"estimates of different origin are not mixed: {key} is {known} in {path} "
+                        f"and {value} in {session.path}; --recompute makes all of them anew"
+                    )
 
 
 def write_table(validation: Validation, path: Path) -> None:

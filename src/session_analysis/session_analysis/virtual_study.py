@@ -216,6 +216,7 @@ class _Recorder:
 
     def samples(self, time: np.ndarray, reference: np.ndarray, pieces: list[Piece]) -> None:
         self._write(REFERENCE_TOPIC, REFERENCE_COLUMNS, np.column_stack([time, reference]))
+        self._estimates.feed_reference(Block(REFERENCE_COLUMNS, np.column_stack([time, reference])))
         self._respond(self._responses.feed_reference(time, reference[:, 0]).rows)
         for piece in pieces:
             motion = np.column_stack([piece.stretch.time, piece.stretch.samples])
@@ -226,7 +227,7 @@ class _Recorder:
             velocity = motion[:, MOTION_COLUMNS.index("velocity[rad/s]")]
             self._respond(self._responses.feed_motion(motion[:, 0], velocity).rows)
             self._respond(self._responses.feed_emg(piece.stretch.time, piece.emg).rows)
-            rows = self._estimates.feed_samples(motion, measured_velocity=True).rows
+            rows = self._estimates.feed(Block(MOTION_COLUMNS, motion)).rows
             for row in rows:
                 self._writer.write_block(ESTIMATE_TOPIC, Block(ESTIMATE_COLUMNS, row[None]))
 

@@ -42,7 +42,7 @@ SUM_TORQUE, SUM_INTRINSIC, SUM_RECTIFIED = range(3)
 # First and second moments of torque, torque minus intrinsic, torque minus intrinsic and reflex; and
 # a constant 1.
 VAF_MOMENTS = 7
-ESTIMATES = 12
+ESTIMATES = 13
 REFLEX_EVERY = 4
 """Decimated samples from one solution of the reflex response to the next: about 32 a second;
 feedback needs 20-30 (paper, III-B).
@@ -283,12 +283,12 @@ def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
         e[4] = np.sum(s.response)
         e[5], e[6] = vaf, _variance_accounted_for(s.vaf_moments, 2)
         standard_errors.intrinsic_variance(
-            s.score_moments, s.inverse, s.products[-1], p.intrinsic_factor, e[8:11]
+            s.score_moments, s.inverse, s.products[-1], p.intrinsic_factor, e[9:12]
         )
-        e[11] = standard_errors.reflex_variance(
+        e[12] = standard_errors.reflex_variance(
             s.score_moments, s.correlations[-1], p.reflex_factor
         )
-        for k in range(8, 12):
+        for k in range(9, 13):
             e[k] = np.sqrt(e[k])
         s.valid_response[:] = s.response
     e[0] = c.row_time

@@ -13,6 +13,7 @@ import numpy as np
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.errors import BlockError
+from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import (
     ESTIMATE_COLUMNS,
@@ -20,11 +21,15 @@ from impedance_estimator.estimator import (
     REFLEX_COLUMNS,
     REFLEX_TOPIC,
 )
+from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.provenance import provenance
 from impedance_estimator.settings import EstimatorSettings
-from impedance_estimator.stream import TOPIC, Estimates, EstimateStream
+from impedance_estimator.stream import REFERENCE_TOPIC, TOPIC, Estimates, EstimateStream
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
+from session_recorder.message_definitions import typestore
 
+PROVENANCE_TOPIC = IMPEDANCE_PROVENANCE.absolute
 GROUPED = 256
 """Blocks joined before they are processed: fewer calls, same numbers."""
 
@@ -36,7 +41,7 @@ class OfflineResult:
     Attributes
     ----------
     rows
-        Shape (k, 12), columns `ESTIMATE_COLUMNS`.
+        Shape (k, 13), columns `ESTIMATE_COLUMNS`.
     responses
         (t [s], shape (L, 2)) for each reflex impulse response, columns `REFLEX_COLUMNS`.
     torques
@@ -44,12 +49,15 @@ class OfflineResult:
         second.
     notes
         What happened to the stream, one sentence each.
+    provenance
+        What they are made with; see `impedance_estimator.provenance`.
     """
 
     rows: np.ndarray
     responses: list[tuple[float, np.ndarray]]
     torques: np.ndarray
     notes: list[str]
+    provenance: str = ""
 
     @property
     def valid(self) -> np.ndarray:
@@ -77,9 +85,13 @@ def estimate_signal(
     torque: np.ndarray,
     algorithm: str = DEFAULT,
     settings: EstimatorSettings | None = None,
+    reference: np.ndarray | None = None,
+    known: KnownPhysics | None = None,
 ) -> OfflineResult:
     """Estimates from arrays of shape (n,): time [s], position [rad], velocity [rad/s] or None,
-    torque [N.m].
+    torque [N.m], and the reference's position [rad] where there is one.
+
+    `known` is physics of rig and subject that is known beforehand.
 
     Raises
     ------
@@ -88,14 +100,15 @@ def estimate_signal(
         refused.
     """
     columns = [time, position, torque] if velocity is None else [time, position, velocity, torque]
-    shapes = {np.shape(column) for column in columns}
+    shapes = {np.shape(column) for column in (*columns, time if reference is None else reference)}
     if len(shapes) != 1 or len(next(iter(shapes))) != 1:
         raise ValueError(
-            "time, position, velocity and torque must have the same length, got shapes "
+            "time, position, velocity, torque and reference must have the same length, got shapes "
             f"{[np.shape(c) for c in columns]}"
         )
-    stream = EstimateStream(algorithm, settings)
-    result = _join([stream.feed_samples(np.column_stack(columns), velocity is not None)])
+    stream = EstimateStream(algorithm, settings, known)
+    due = stream.feed_samples(np.column_stack(columns), velocity is not None, reference)
+    result = _join([due], stream)
     _require_start(stream, f"{len(time)} samples")
     return result
 
@@ -106,16 +119,19 @@ def estimate_bag(
     algorithm: str = DEFAULT,
     settings: EstimatorSettings | None = None,
     *,
+    known: KnownPhysics | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> OfflineResult:
     """Estimates from ``/ankle/samples`` of a bag, written as a new bag where `out` is given.
 
-    The new bag holds ``/impedance/estimate``, many rows to a message, and
-    ``/impedance/reflex_irf``, at the samples' own time.
+    The new bag holds ``/impedance/estimate``, many rows to a message, ``/impedance/reflex_irf``,
+    at the samples' own time, and what they are made with on ``/impedance/provenance``.
 
     Parameters
     ----------
+    known
+        Physics of rig and subject that is known beforehand.
     overwrite
         Replace a bag at `out`.
     progress
@@ -131,7 +147,7 @@ def estimate_bag(
         An unknown algorithm, or a sampling rate that is refused.
     """
     reader = BagReader(bag)
-    stream = EstimateStream(algorithm, settings)
+    stream = EstimateStream(algorithm, settings, known)
     parts = [
         Estimates(np.empty((0, len(ESTIMATE_COLUMNS))), [], np.empty((0, 4)), list(reader.problems))
     ]
@@ -142,11 +158,14 @@ def estimate_bag(
         if writer is not None:
             writer.add_topic(ESTIMATE_TOPIC)
             writer.add_topic(REFLEX_TOPIC)
+            writer.add_topic(PROVENANCE_TOPIC, IMPEDANCE_PROVENANCE.message)
             writer.custom_data = {
                 "estimated_from": str(bag),
                 "algorithm": algorithm,
                 "settings": str(stream.settings),
             }
+        stated = False
+        _feed_reference(reader, stream)
         for block in _joined_blocks(reader.blocks(TOPIC, refused.append, progress)):
             try:
                 due = stream.feed(block)
@@ -155,6 +174,9 @@ def estimate_bag(
                 continue
             parts.append(due)
             if writer is not None:
+                if not stated and len(due.rows):
+                    _state_provenance(writer, stream, float(due.rows[0, 0]))
+                    stated = True
                 _write(writer, due)
     finally:
         if writer is not None:
@@ -163,7 +185,7 @@ def estimate_bag(
         raise BlockError(refused[0])
     parts[0].notes.extend(f"{sentence} (left out)" for sentence in dict.fromkeys(refused))
     _require_start(stream, str(bag))
-    return _join(parts)
+    return _join(parts, stream)
 
 
 def _require_start(stream: EstimateStream, source: str) -> None:
@@ -171,6 +193,13 @@ def _require_start(stream: EstimateStream, source: str) -> None:
         raise ValueError(
             f"{source}: no estimate; {stream.reason} (at least 256 samples in order are needed)"
         )
+
+
+def _feed_reference(reader: BagReader, stream: EstimateStream) -> None:
+    """All of the recorded reference: what is in the file has come in time."""
+    if REFERENCE_TOPIC in reader.topics:
+        for block in _joined_blocks(reader.blocks(REFERENCE_TOPIC)):
+            stream.feed_reference(block)
 
 
 def _joined_blocks(blocks: Iterator[Block]) -> Iterator[Block]:
@@ -188,6 +217,13 @@ def _concatenate(blocks: list[Block]) -> Block:
     return Block(blocks[0].columns, np.concatenate([block.data for block in blocks]))
 
 
+def _state_provenance(writer: BagWriter, stream: EstimateStream, time: float) -> None:
+    store = typestore()
+    text = store.types[IMPEDANCE_PROVENANCE.message](data=provenance(stream))
+    message = bytes(store.serialize_cdr(text, IMPEDANCE_PROVENANCE.message))
+    writer.write(PROVENANCE_TOPIC, round(time * 1e9), message)
+
+
 def _write(writer: BagWriter, due: Estimates) -> None:
     if len(due.rows):
         writer.write_block(ESTIMATE_TOPIC, Block(ESTIMATE_COLUMNS, due.rows))
@@ -195,10 +231,11 @@ def _write(writer: BagWriter, due: Estimates) -> None:
         writer.write_block(REFLEX_TOPIC, Block(REFLEX_COLUMNS, response), round(t * 1e9))
 
 
-def _join(parts: list[Estimates]) -> OfflineResult:
+def _join(parts: list[Estimates], stream: EstimateStream) -> OfflineResult:
     return OfflineResult(
         np.concatenate([part.rows for part in parts]),
         [response for part in parts for response in part.responses],
         np.concatenate([part.torques for part in parts]),
         [note for part in parts for note in part.notes],
+        provenance(stream),
     )

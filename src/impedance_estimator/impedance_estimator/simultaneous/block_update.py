@@ -11,6 +11,7 @@ from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous import reflex_shapes
 from impedance_estimator.simultaneous.change_detection import LEAST_OLDER, LEFT_OVER, find_change
 from impedance_estimator.simultaneous.memory import sum_recent, use_chosen_memory
+from impedance_estimator.simultaneous.nuisance import nuisance_coefficients
 from impedance_estimator.simultaneous.regression import (
     GAINS,
     INTRINSIC,
@@ -19,7 +20,6 @@ from impedance_estimator.simultaneous.regression import (
     log_evidence,
     solve_with_prior,
     squared_residual,
-    unpack_sums,
 )
 from impedance_estimator.simultaneous.state import Plan, State
 from impedance_estimator.simultaneous.voluntary_torque_noise import FIRST_MODEL, most_likely
@@ -75,6 +75,14 @@ MOST_DOUBTED = 32
 """Blocks since a change (2 s, three perturbations) from which the new estimate is believed whatever
 its noise: the subject may have become less steady with the change, and the old value must not stay
 in the estimate."""
+RESIDUAL_LAGS = 9
+"""Samples of 256 Hz: autocorrelation up to 31 ms, half a period of 16 Hz. Tremor is slower."""
+RESIDUAL_RATE = 256.0
+"""[Hz]"""
+SCATTERING = 5.0
+"""[s] of memory before the scores' scatter is watched: with less, the fit follows each second of
+its data.
+"""
 BATCH = 2
 """[s] of scores in a batch"""
 SCATTER_MEMORY = 60.0
@@ -93,6 +101,16 @@ def forget(s: State) -> None:
     c.variance = np.nan
     c.dispersion = 1.0
     c.gain = 10.0 * LEAST_GAIN
+    c.structure = 0
+    c.delay = c.structure_gain = c.doubt = c.added_damping = c.added_inertia = 0.0
+    s.signs[:] = 0.0
+    s.residuals[:] = 0.0
+    s.autocovariance[:] = 0.0
+    s.nuisance.gamma[:] = 0.0
+    s.nuisance.coefficients[:] = 0.0
+    s.nuisance.combine[:] = 0.0
+    for i in range(s.nuisance.combine.shape[0] - 1):
+        s.nuisance.combine[i, i] = 1.0
     s.scatter[:] = 1.0
     s.likelihood[:] = 0.0
     s.predictors[:] = 0.0
@@ -196,7 +214,7 @@ def choose_deviation(p: Plan, s: State) -> None:
     """The width of the deviation's prior under which the memory is most likely."""
     c = s.counters[0]
     normal, precision, mean, solution = s.matrices[0], s.vectors[0], s.vectors[1], s.vectors[2]
-    unpack_sums(s.totals[c.model], s.tangent, normal, s.projection)
+    sum_recent(s, c.model, c.length, normal, 0)
     count = float(c.length * p.block_samples)
     present, best, largest = -np.inf, 0, -np.inf
     kept = c.deviation
@@ -234,7 +252,10 @@ def detect_change(p: Plan, s: State) -> None:
         _JUMP_PRECISION,
         p.block_samples,
         s.matrices,
+        s.recorded,
         s.packed,
+        s.nuisance.combine,
+        s.nuisance.work,
         s.projection,
         s.vectors,
     )
@@ -311,6 +332,9 @@ def outputs(p: Plan, s: State) -> None:
             for j in range(weights.shape[0]):
                 variance += weights[i] * weights[j] * s.covariance[i, j]
         s.output[0, output], s.output[1, output] = value, variance
+    nuisance_coefficients(p, s)
+    s.output[0, 1] += c.added_damping
+    s.output[0, 2] += c.added_inertia
     if c.unsettled:
         # Between the estimate before the change and the new one, as far as the new one is believed.
         believed = 0.0
@@ -369,11 +393,24 @@ def explained(p: Plan, s: State) -> None:
     """
     c = s.counters[0]
     normal = s.matrices[0]
-    unpack_sums(s.totals[0], s.tangent, normal, s.projection)
+    sum_recent(s, 0, c.length, normal, 0)
     unknowns = s.solution.shape[0]
-    total = normal[unknowns, unknowns]
+    size = s.nuisance.combine.shape[1]
+    total = s.totals[0][size * (size + 1) // 2 + size]
     if not total > 0.0:
         c.vaf_total = c.vaf_intrinsic = np.nan
         return
     c.vaf_total = 100.0 * (1.0 - squared_residual(normal, unknowns, s.solution) / total)
     c.vaf_intrinsic = 100.0 * (1.0 - squared_residual(normal, INTRINSIC, s.solution) / total)
+
+
+@part
+def watch_residual(s: State, residual: float) -> None:
+    """Running autocovariance of the residual, over `LIKELIHOOD_MEMORY`."""
+    e, a = s.residuals, s.autocovariance
+    for k in range(e.shape[0] - 1, 0, -1):
+        e[k] = e[k - 1]
+    e[0] = residual
+    forgetting = 1.0 / (LIKELIHOOD_MEMORY * RESIDUAL_RATE)
+    for k in range(e.shape[0]):
+        a[k] += forgetting * (e[0] * e[k] - a[k])

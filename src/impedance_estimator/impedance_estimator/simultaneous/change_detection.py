@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.nuisance import reduce_sums
 from impedance_estimator.simultaneous.regression import (
     GAINS,
     solve_with_prior,
@@ -105,6 +106,9 @@ def find_change(
     samples: int,
     matrices: np.ndarray,
     sums: np.ndarray,
+    packed: np.ndarray,
+    combine: np.ndarray,
+    work: np.ndarray,
     projection: np.ndarray,
     vectors: np.ndarray,
 ) -> tuple[int, float, float]:
@@ -114,7 +118,7 @@ def find_change(
     Parameters
     ----------
     ring
-        Packed sums of every block, shape (capacity, packed).
+        Sums of every block, shape (capacity, k), as `nuisance.accumulate` makes them.
     newest
         Index of the newest block in the ring.
     length
@@ -132,8 +136,11 @@ def find_change(
     samples
         In one block.
     matrices
-        Shape (6, n, n), sums: shape (packed,), projection: shape (m + 4, m + 8), vectors: shape (3,
-        >= 4); overwritten.
+        Shape (6, n, n), overwritten.
+    sums, packed, projection, vectors
+        Shape (k,), (packed,), (m + 4, m + 8) and (3, >= 4), overwritten.
+    combine, work
+        As for `nuisance.reduce_sums`.
     """
     best, largest, noise = 0, 0.0, 0.0
     recent, older = matrices[0], matrices[1]
@@ -160,7 +167,8 @@ def find_change(
             for k in range(sums.shape[0]):
                 sums[k] += block[k]
             taken += 1
-        unpack_sums(sums, tangent, recent, projection)
+        reduce_sums(sums, combine, packed, work)
+        unpack_sums(packed, tangent, recent, projection)
         for i in range(total.shape[0]):
             for j in range(total.shape[0]):
                 older[i, j] = total[i, j] - recent[i, j]

@@ -7,18 +7,9 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.nuisance import reduce_sums
 from impedance_estimator.simultaneous.regression import unpack_sums
 from impedance_estimator.simultaneous.state import Plan, State
-
-
-@part
-def accumulate(sums: np.ndarray, u: np.ndarray) -> None:
-    k = 0
-    for i in range(u.shape[0]):
-        a = u[i]
-        for j in range(i, u.shape[0]):
-            sums[k] += a * u[j]
-            k += 1
 
 
 @part
@@ -82,11 +73,12 @@ def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int
     c = s.counters[0]
     ring = s.ring[model]
     if after == 0 and blocks == c.length:
-        s.packed[:] = s.totals[model]
+        s.recorded[:] = s.totals[model, : s.recorded.shape[0]]
     else:
-        s.packed[:] = 0.0
+        s.recorded[:] = 0.0
         for back in range(after, after + blocks):
             block = ring[(c.newest - back) % ring.shape[0]]
-            for k in range(block.shape[0]):
-                s.packed[k] += block[k]
+            for k in range(s.recorded.shape[0]):
+                s.recorded[k] += block[k]
+    reduce_sums(s.recorded, s.nuisance.combine, s.packed, s.nuisance.work)
     unpack_sums(s.packed, s.tangent, normal, s.projection)

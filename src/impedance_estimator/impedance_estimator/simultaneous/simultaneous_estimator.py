@@ -11,15 +11,16 @@ import numpy as np
 from impedance_estimator import validity
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
 from impedance_estimator.settings import EstimatorSettings
-from impedance_estimator.simultaneous import reflex_shapes, voluntary_torque_noise
-from impedance_estimator.simultaneous.block_update import BATCH
+from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
+from impedance_estimator.simultaneous.block_update import BATCH, RESIDUAL_LAGS
 from impedance_estimator.simultaneous.change_detection import candidate_windows
+from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
 from impedance_estimator.simultaneous.memory_length import HORIZON, memory_lengths
-from impedance_estimator.simultaneous.regression import GAINS, PARAMETERS
+from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance, finish_block
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
-from impedance_estimator.simultaneous.state import COUNTERS, Plan, State
+from impedance_estimator.simultaneous.state import COUNTERS, Nuisance, Plan, State
 
 SMOOTHING = 0.0015
 """[s] Standard deviation of the kernel: -3 dB at 88 Hz, well above the perturbation's 30-40 Hz.
@@ -48,6 +49,7 @@ class Simultaneous(Estimator):
         "that restarts with changes"
     )
     settings_type = SimultaneousSettings
+    uses_reference = True
 
     def __init__(
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
@@ -114,6 +116,8 @@ class Simultaneous(Estimator):
         p = self._plan
         count, lags = p.basis.shape
         size = count + 4
+        motion = count + INTRINSIC + nuisance.EXTRAS
+        kept = nuisance.packed_size(motion)
         unknowns = PARAMETERS + count
         memories = len(p.lengths) + 1
         packed = size * (size + 1) // 2
@@ -121,18 +125,28 @@ class Simultaneous(Estimator):
         n = p.kernels.shape[1] // 2
         estimate = np.full(ESTIMATES, np.nan)
         estimate[ESTIMATE_COLUMNS.index("valid[1]")] = 0.0
+        estimate[ESTIMATE_COLUMNS.index("doubt[1]")] = 0.0
         self._state = State(
             clock=np.zeros(1, dtype=validity.CLOCK),
             counters=np.zeros(1, dtype=COUNTERS),
-            raw=np.zeros((3, 2 * (3 * n + 1))),
-            rectified=np.zeros(2 * (2 * n + 1)),
-            slow_rectified=np.zeros(2 * lags),
-            signals=np.zeros(size),
-            whitened=np.zeros(size),
-            filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, size)),
-            sums=np.zeros((models, packed)),
-            ring=np.zeros((models, max(p.memory_blocks + memories, BATCH * p.second) + 1, packed)),
-            totals=np.zeros((models, packed)),
+            nuisance=Nuisance(
+                gamma=np.zeros((nuisance.EXTRAS, size)),
+                combine=np.eye(size, motion),
+                coefficients=np.zeros(nuisance.EXTRAS),
+                work=np.zeros((size + motion, motion)),
+            ),
+            raw=np.zeros((4, 2 * (3 * n + 1))),
+            rectified=np.zeros((2, 2 * (2 * n + 1))),
+            slow_rectified=np.zeros((2, 2 * lags)),
+            actuator=np.zeros(2),
+            slow_states=np.zeros((2, 3)),
+            past=np.zeros((2 * nuisance.TAP_REACH + 1, 2, motion - nuisance.TAPS + 1)),
+            signals=np.zeros(2 * motion + 1),
+            whitened=np.zeros(2 * motion + 1),
+            filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, 2 * motion + 1)),
+            sums=np.zeros((models, kept)),
+            ring=np.zeros((models, max(p.memory_blocks + memories, BATCH * p.second) + 1, kept)),
+            totals=np.zeros((models, kept)),
             eta=np.zeros((3, reflex_shapes.SHAPES)),
             deviation=np.zeros((3, count)),
             tangent=np.zeros((count, 1 + reflex_shapes.SHAPES)),
@@ -146,11 +160,15 @@ class Simultaneous(Estimator):
             predictors=np.zeros((memories, size)),
             predicted=np.zeros(memories),
             scatter=np.ones(GAINS),
+            signs=np.zeros(len(doubt.SIGNS)),
+            residuals=np.zeros(RESIDUAL_LAGS),
+            autocovariance=np.zeros(RESIDUAL_LAGS),
             estimate=estimate,
             valid_response=np.full(count, np.nan),
             matrices=np.zeros((7, unknowns + 1, unknowns + 1)),
             vectors=np.zeros((4, unknowns)),
             projection=np.zeros((size, size + 4)),
+            recorded=np.zeros(nuisance.reducible_size(motion)),
             packed=np.zeros(packed),
             shape_work=np.zeros((2, lags)),
         )
@@ -182,6 +200,8 @@ class Simultaneous(Estimator):
                 parts.append(self._rows[:rows].copy())
                 self._torque_parts.append(self._torques[:torques].copy())
                 if self._state.counters[0]["finished"]:
+                    if self._state.counters[0]["blocks"] % (self._plan.second // 2) == 0:
+                        clean_motion(self._plan, self._state)
                     finish_block(self._plan, self._state)
             self._consumed += used
         if len(parts) == 1:
@@ -193,6 +213,19 @@ class Simultaneous(Estimator):
         return validity.REASONS[
             int(validity.reason_code(self._state.clock, self._plan.settling_samples))
         ]
+
+    @property
+    def doubts(self) -> str:
+        return doubt.reasons(self._state.signs)
+
+    @property
+    def instrument(self) -> str:
+        if self._state.counters[0]["referenced"]:
+            return "the reference is the instrument: torque that moves the plate does not bias"
+        return (
+            "no reference: the measured motion is taken as it is, which biases K and G where the "
+            "servo gives way"
+        )
 
     @property
     def reflex_response(self) -> np.ndarray:

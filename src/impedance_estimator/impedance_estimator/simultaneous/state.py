@@ -6,6 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+
+class Nuisance(NamedTuple):
+    """What `explained_motion` finds; n signals of the motion, of which e are nuisance."""
+
+    gamma: np.ndarray
+    """Γ, shape (e, m + 4)."""
+    combine: np.ndarray
+    """T, shape (m + 4, n); the last row is what is subtracted from the torque."""
+    coefficients: np.ndarray
+    """Of the nuisance signals, shape (e,)."""
+    work: np.ndarray
+    """Shape (m + 4 + n, n), overwritten."""
+
+
 COUNTERS = np.dtype(
     [
         (name, np.int64)
@@ -25,11 +39,26 @@ COUNTERS = np.dtype(
             "deviation",
             "batches",
             "finished",
+            "referenced",
+            "structure",
+            "centred",
         )
     ]
     + [
         (name, np.float64)
-        for name in ("variance", "noise_before", "gain", "vaf_intrinsic", "vaf_total", "dispersion")
+        for name in (
+            "variance",
+            "noise_before",
+            "gain",
+            "vaf_intrinsic",
+            "vaf_total",
+            "dispersion",
+            "delay",
+            "added_damping",
+            "added_inertia",
+            "structure_gain",
+            "doubt",
+        )
     ]
 )
 """Counters: newest raw sample, decimated samples in the present block, blocks so far, newest block
@@ -85,18 +114,25 @@ class State(NamedTuple):
 
     clock: np.ndarray
     counters: np.ndarray
+    nuisance: Nuisance
     raw: np.ndarray
-    """Position, velocity, torque, shape (3, 2 (3 n + 1)): written twice, so that the newest ones
-    are always in one piece.
+    """Position, velocity, torque, reference, shape (4, 2 (3 n + 1)): written twice, so that the
+    newest ones are always in one piece.
     """
     rectified: np.ndarray
-    """Shape (2 (2 n + 1),), likewise."""
+    """Of the measured motion and of the reference, shape (2, 2 (2 n + 1)), likewise."""
     slow_rectified: np.ndarray
+    actuator: np.ndarray
+    """Filter state of the nominal actuator, shape (2,)."""
+    slow_states: np.ndarray
+    """Relaxing position, yielding torque and operating point of both motions, shape (2, 3)."""
+    past: np.ndarray
+    """Signals of the last decimated samples, both ways of the taps' reach."""
     signals: np.ndarray
-    """x, v, a, φ, τ, shape (m + 4,)."""
+    """Motion (n signals), torque, instruments (n signals), shape (2 n + 1,)."""
     whitened: np.ndarray
     filters: np.ndarray
-    """Shape (models, 2, 2, m + 4)."""
+    """Shape (models, 2, 2, 2 n + 1)."""
     sums: np.ndarray
     """Of the present block, shape (models, packed)."""
     ring: np.ndarray
@@ -130,10 +166,18 @@ class State(NamedTuple):
     """Running ln L of the memories' predictions, shape (memories,)."""
     scatter: np.ndarray
     """Observed over expected variance of the scores of K, B, I and G, shape (4,)."""
+    signs: np.ndarray
+    """Of doubt, shape (5,), in the order of `doubt.SIGNS`."""
+    residuals: np.ndarray
+    """The newest whitened residuals, newest first."""
+    autocovariance: np.ndarray
     estimate: np.ndarray
     valid_response: np.ndarray
     matrices: np.ndarray
     vectors: np.ndarray
     projection: np.ndarray
+    recorded: np.ndarray
+    """Sums over a stretch, as they are recorded, before they are reduced."""
     packed: np.ndarray
+    """The same, reduced to the regression's signals, packed."""
     shape_work: np.ndarray

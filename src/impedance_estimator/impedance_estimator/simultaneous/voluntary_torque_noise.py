@@ -24,11 +24,11 @@ from scipy import signal
 
 from impedance_estimator.compilation import part
 
-NOISE_MODELS = ((0.3, 2), (0.7, 2), (1.5, 2), (3.0, 2), (0.6, 4), (1.1, 4), (1.9, 4), (3.3, 4))
+NOISE_MODELS = ((0.3, 2), (1.0, 2), (3.0, 2), (1.1, 4), (3.3, 4))
 """Corner [Hz] and order p of each. Lower corners gain nothing: a perturbation response lasts
 0.5-0.7 s. Higher ones leave too little of the reflex, which has its power below 4 Hz. Order 2 is
 torque with white acceleration; order 4 a sharp end."""
-FIRST_MODEL = 7
+FIRST_MODEL = 4
 """Until data have chosen: too high a corner costs precision, too low a one takes voluntary torque
 for changes of the ankle.
 """

@@ -75,7 +75,7 @@ def online(name: str, made: Recorded) -> np.ndarray:
     """All estimates of an online estimator, columns `ESTIMATE_COLUMNS`."""
     algorithm, settings = ONLINE[name]
     return estimate_signal(
-        made.time, made.position, made.velocity, made.torque, algorithm, settings
+        made.time, made.position, made.velocity, made.torque, algorithm, settings, made.reference
     ).rows
 
 

@@ -1,0 +1,45 @@
+"""Where an estimate comes from: estimator, settings, model and rig, as one line of YAML.
+
+It is published latched on ``/impedance/provenance`` and written into every bag of estimates, so
+that estimates of different origin are never compared as if they were of one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from hashlib import sha256
+from typing import Any
+
+import yaml
+
+from impedance_estimator.stream import EstimateStream
+
+
+def provenance(stream: EstimateStream) -> str:
+    """One line of YAML that says what a stream's estimates are made with.
+
+    Parameters
+    ----------
+    stream
+        Its algorithm, settings and known physics count.
+
+    Returns
+    -------
+    str
+        Keys ``algorithm``, ``settings``, ``model`` and ``rig``, without a line break. Model and rig
+        are each a title with the SHA-256 of its content, or null where there is none.
+    """
+    known = stream.known
+    model = known.subject if known is not None else None
+    rig = known.rig if known is not None else None
+    content: dict[str, Any] = {
+        "algorithm": stream.algorithm,
+        "settings": asdict(stream.settings),
+        "model": model and _identity(model.title, yaml.safe_dump(model.content())),
+        "rig": rig and _identity(rig.title, rig.text()),
+    }
+    return yaml.safe_dump(content, default_flow_style=True, width=10**6).strip()
+
+
+def _identity(title: str, text: str) -> dict[str, str]:
+    return {"title": title, "sha256": sha256(text.encode()).hexdigest()}

@@ -1,0 +1,87 @@
+"""The reference at the times of the samples, whichever of both comes first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+WAIT = 0.25
+"""[s] of sample time that samples wait for a reference which has come before: several blocks more
+than a loaded machine delays one, and less than a subject notices."""
+LARGEST_STEP = 0.05
+"""[s] between two samples of a reference: more is a gap, in which there is no reference."""
+
+
+class ReferenceTrack:
+    """Joins samples with the reference position at their own times.
+
+    The result depends on the times in both streams, not on which block came first, as long as the
+    reference is at most `WAIT` behind the samples.
+    """
+
+    def __init__(self) -> None:
+        self._times: np.ndarray = np.empty(0)
+        self._positions: np.ndarray = np.empty(0)
+        self._held: list[np.ndarray] = []
+        self._expected = True
+
+    def feed_reference(self, times: np.ndarray, positions: np.ndarray) -> None:
+        """Take in a stretch of the reference: times [s] and positions [rad], shape (n,).
+
+        A stretch that begins before the last one ended replaces what is later.
+        """
+        usable = np.isfinite(times) & np.isfinite(positions)
+        times, positions = times[usable], positions[usable]
+        if not len(times):
+            return
+        kept = self._times < times[0]
+        self._times = np.concatenate([self._times[kept], times])
+        self._positions = np.concatenate([self._positions[kept], positions])
+        self._expected = True
+
+    def join(self, samples: np.ndarray) -> np.ndarray:
+        """Samples that are ready, with the reference's position as their last column.
+
+        Parameters
+        ----------
+        samples
+            Shape (n, k), time [s] in the first column.
+
+        Returns
+        -------
+        np.ndarray
+            Shape (j, k + 1); the reference is NaN where there is none. Samples for which a
+            reference may still come are held back and come first in a later call.
+        """
+        if self._held:
+            samples = np.concatenate([*self._held, samples])
+            self._held = []
+        times = samples[:, 0]
+        ready = len(samples)
+        if self._expected and np.any(np.isfinite(times)):
+            covered = self._times[-1] if len(self._times) else -np.inf
+            newest = float(np.nanmax(times))
+            late = np.flatnonzero(times > covered)
+            if len(late):
+                if newest - float(times[late[0]]) < WAIT:
+                    ready = int(late[0])
+                    self._held = [samples[ready:]]
+                else:
+                    self._expected = False
+        joined = np.column_stack([samples[:ready], self._at(times[:ready])])
+        if ready and len(self._times):
+            self._forget(times[ready - 1])
+        return joined
+
+    def _at(self, times: np.ndarray) -> np.ndarray:
+        if len(self._times) < 2 or not len(times):
+            return np.full(len(times), np.nan)
+        after = np.clip(np.searchsorted(self._times, times), 1, len(self._times) - 1)
+        values = np.interp(times, self._times, self._positions, left=np.nan, right=np.nan)
+        gap = self._times[after] - self._times[after - 1] > LARGEST_STEP
+        inside = (times != self._times[after - 1]) & (times != self._times[after])
+        return np.where(gap & inside, np.nan, values)
+
+    def _forget(self, time: float) -> None:
+        first = int(np.searchsorted(self._times, time - LARGEST_STEP))
+        if first > 1:
+            self._times, self._positions = self._times[first - 1 :], self._positions[first - 1 :]

@@ -1,0 +1,334 @@
+"""What the regression sees: the motion that the reference explains, without nuisance terms.
+
+Two things spoil a regression of torque on measured motion.
+
+**The closed loop.** A servo gives way, so torque that no movement causes (voluntary torque, tremor,
+the reflex' variation) moves the plate and stands in the measured motion. The commanded reference
+carries none of it. With instruments Z (the reference passed through a nominal actuator, and the
+same features of it as of the measured motion X), every regressor is replaced by the part of it
+that the instruments explain (two-stage least squares; Söderström & Stoica, System Identification,
+1989, chapter 8):
+
+    X̂ = Z Π,   Π = (Z'Z)⁻¹ Z'X
+
+Without a reference the instruments are the measured motion itself, and Π is the identity.
+
+**What is beyond I, B and K.** Nuisance terms take up a skew between torque and motion, a lag or a
+mode of the torque sensor, and where a reference allows it one of: relaxation, yielding (Dahl 1968),
+or a stiffness that depends on position. Their coefficients have Gaussian priors, and they are
+eliminated (Frisch & Waugh, Econometrica 1 (1933)): with A = Q̂'Q̂ + prior and Γ = A⁻¹ Q̂'[X̂, τ],
+
+    r̃ = r̂ - Q̂ Γ        for each regressor and for the torque
+
+So the sums over any stretch of data that the rest of the estimator needs are those of fixed linear
+combinations T of the recorded signals, found twice a second from the whole memory. Which structure:
+the one under which the data are most likely.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from impedance_estimator.simultaneous.block_update import DEVIATIONS, SCATTERING
+from impedance_estimator.simultaneous.doubt import doubt_of
+from impedance_estimator.simultaneous.nuisance import (
+    CUBE,
+    EXTRAS,
+    RELAXATION,
+    SQUARE,
+    TAPS,
+    YIELDING,
+    reducible_size,
+)
+from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
+from impedance_estimator.simultaneous.state import Plan, State
+
+STRUCTURES: tuple[tuple[int, ...], ...] = ((), (RELAXATION,), (YIELDING,), (SQUARE, CUBE))
+"""Nuisance signals beside the shifted accelerations: none, relaxation, yielding, or powers of
+position."""
+TAP_SHIFTS = np.repeat(np.arange(1.0, TAPS // 2 + 1.0), 2) * np.tile([1.0, -1.0], TAPS // 2)
+"""Decimated samples by which each shifted acceleration is late, as `nuisance.tap_shift`."""
+TAP_WIDTH = 0.01
+"""[kg.m²] Prior standard deviation of a shifted acceleration's coefficient: as much as the inertia
+itself, which a skew of several milliseconds needs."""
+EXTRA_WIDTHS = {RELAXATION: 60.0, YIELDING: 2.0, SQUARE: 2000.0, CUBE: 1e5}
+"""[N.m/rad, N.m, N.m/rad², N.m/rad³] Prior standard deviations: of the size of the elastic torque
+within a perturbation of 30 mrad."""
+STRUCTURE_GAIN = 100.0
+"""ln L by which a structure must be better than shifted accelerations alone. Without a mismatch the
+independent rig gave up to 45."""
+KEPT_GAIN = 30.0
+"""ln L by which the structure that is in use is preferred, so that the choice does not flicker."""
+LARGEST_STIFFNESS_ERROR = 0.08
+"""Relative standard error of K up to which a structure is accepted: where the perturbation cannot
+tell a structure from stiffness (a power of position under two levels), it must not be added."""
+INSTRUMENT_RIDGE = 1e-9
+"""Of the scaled instruments' own sums, so that a signal that never moves is no error."""
+LARGEST_DELAY = 0.012
+"""[s] Within the reach of the shifted accelerations."""
+DELAY_STEP = 0.00025
+"""[s] Of the search for the delay; a parabola through the best three follows."""
+FREQUENCIES = np.arange(3.0, 25.0, 3.0)
+"""[Hz] Where the perturbation has its power, and inertia, viscosity and stiffness theirs."""
+SHORTEST_HALF = 5.0
+"""[s] Of a half memory that can disagree with the other: a dozen perturbations."""
+
+
+class Memory(NamedTuple):
+    """Sums of a stretch of data: Z'Z, Z'[X, τ], τ'τ, and the number of samples."""
+
+    instruments: np.ndarray
+    cross: np.ndarray
+    square: float
+    samples: float
+
+
+class Solution(NamedTuple):
+    """A regression: unknowns, their covariance, and the evidence ln L for its model."""
+
+    unknowns: np.ndarray
+    covariance: np.ndarray
+    evidence: float
+
+
+def memory_of(p: Plan, s: State, sums: np.ndarray, blocks: int) -> Memory:
+    """Matrices from what `nuisance.accumulate` added up over so many blocks."""
+    size = s.nuisance.combine.shape[1]
+    instruments = np.zeros((size, size))
+    upper = np.triu_indices(size)
+    instruments[upper] = sums[: len(upper[0])]
+    instruments += np.triu(instruments, 1).T
+    short = reducible_size(size)
+    torque = sums[len(upper[0]) : short - 1]
+    motion = sums[short:].reshape(size, size) if s.counters[0]["referenced"] else instruments
+    return Memory(
+        instruments,
+        np.column_stack([motion, torque]),
+        float(sums[short - 1]),
+        float(blocks * p.block_samples),
+    )
+
+
+def explained(memory: Memory, referenced: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Π, shape (n, n), and the sums X̂'[X̂, τ] of the explained motion, shape (n, n + 1)."""
+    size = len(memory.instruments)
+    if not referenced:
+        return np.eye(size), memory.cross
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(memory.instruments), 1e-300))
+    scaled = memory.instruments * scale[:, None] * scale
+    factor = linalg.cho_factor(scaled + INSTRUMENT_RIDGE * np.eye(size), check_finite=False)
+    motion = memory.cross[:, :size]
+    projection = scale[:, None] * linalg.cho_solve(factor, scale[:, None] * motion)
+    return projection, projection.T @ np.column_stack(
+        [memory.instruments @ projection, memory.cross[:, size]]
+    )
+
+
+def eliminated(
+    explained_sums: np.ndarray, structure: int, variance: float
+) -> tuple[np.ndarray, float]:
+    """Γ, shape (EXTRAS, n - EXTRAS + 1), rows of terms that are left out zero; and ln |A| less that
+    of the prior.
+    """
+    base = len(explained_sums) - EXTRAS
+    chosen = [*range(TAPS), *STRUCTURES[structure]]
+    rows = [base + extra for extra in chosen]
+    prior = variance / np.array([EXTRA_WIDTHS.get(extra, TAP_WIDTH) for extra in chosen]) ** 2
+    normal = explained_sums[np.ix_(rows, rows)] + np.diag(prior)
+    scale = 1.0 / np.sqrt(np.diag(normal))
+    factor = linalg.cho_factor(normal * scale[:, None] * scale, check_finite=False)
+    right = explained_sums[np.ix_(rows, [*range(base), -1])]
+    gamma = np.zeros((EXTRAS, base + 1))
+    gamma[chosen] = scale[:, None] * linalg.cho_solve(factor, scale[:, None] * right)
+    determinant = 2.0 * np.sum(np.log(np.diag(factor[0]) / scale)) - np.sum(np.log(prior))
+    return gamma, float(determinant)
+
+
+def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
+    """T, shape (m + 4, n); the last row is what is subtracted from the torque."""
+    base = len(projection) - EXTRAS
+    combine = np.zeros((base + 1, len(projection)))
+    combine[:base] = projection[:, :base].T
+    combine[:base] -= (projection[:, base:] @ gamma[:, :base]).T
+    combine[base] = projection[:, base:] @ gamma[:, base]
+    return combine
+
+
+def normal_equations(p: Plan, s: State, memory: Memory, combine: np.ndarray) -> np.ndarray:
+    """Sums of products of the unknowns' signals and, last, the torque; shape (m + 8, m + 8)."""
+    base = len(combine) - 1
+    signals, taken = combine[:base], combine[base]
+    left = signals @ memory.instruments
+    reduced = np.empty((base + 1, base + 1))
+    reduced[:base, :base] = left @ signals.T
+    reduced[:base, base] = reduced[base, :base] = signals @ memory.cross[:, -1] - left @ taken
+    reduced[base, base] = (
+        memory.square - 2.0 * taken @ memory.cross[:, -1] + taken @ memory.instruments @ taken
+    )
+    count = base - INTRINSIC
+    unknowns = np.zeros((base + 1, count + PARAMETERS + 1))
+    unknowns[:INTRINSIC, :INTRINSIC] = np.eye(INTRINSIC)
+    unknowns[INTRINSIC:base, INTRINSIC:PARAMETERS] = s.tangent
+    unknowns[INTRINSIC:base, PARAMETERS:-1] = np.eye(count)
+    unknowns[base, -1] = 1.0
+    return unknowns.T @ reduced @ unknowns
+
+
+def prior_of(p: Plan, s: State, variance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Precision, in units of the noise variance, and mean of all unknowns."""
+    c = s.counters[0]
+    width = DEVIATIONS[c["deviation"]] * s.deviation[2] * c["gain"] * p.typical
+    precision = variance / np.concatenate([s.prior[1], s.eta[2], width]) ** 2
+    mean = np.concatenate(
+        [s.prior[0], s.eta[1] - s.eta[0], c["gain"] * (s.deviation[1] - s.deviation[0])]
+    )
+    return precision, mean
+
+
+def solve(p: Plan, s: State, normal: np.ndarray, count: float, variance: float) -> Solution:
+    """The regression over a stretch; its evidence as `regression.log_evidence`."""
+    precision, mean = prior_of(p, s, variance)
+    matrix = normal[:-1, :-1] + np.diag(precision)
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    factor = linalg.cho_factor(matrix * scale[:, None] * scale, check_finite=False)
+    inverse = scale[:, None] * linalg.cho_solve(factor, np.diag(scale))
+    unknowns = inverse @ (normal[:-1, -1] + precision * mean)
+    rest = normal[-1, -1] + unknowns @ (normal[:-1, :-1] @ unknowns - 2.0 * normal[:-1, -1])
+    total = max(rest, 1e-300) + np.sum(precision * (unknowns - mean) ** 2)
+    determinant = 2.0 * np.sum(np.log(np.diag(factor[0]) / scale)) - np.sum(np.log(precision))
+    evidence = -0.5 * (count * np.log(total / count) + determinant)
+    return Solution(unknowns, inverse, float(evidence))
+
+
+def clean_motion(p: Plan, s: State) -> None:
+    """Find anew what of the motion the reference explains, and take the nuisance terms out.
+
+    Called twice a second, before a block is added to the memory; once a second the structure is
+    chosen anew and the signs of doubt are read.
+    """
+    c = s.counters[0]
+    if c["length"] < 1:
+        return
+    memory = memory_of(p, s, s.totals[c["model"]], c["length"])
+    known = bool(np.isfinite(c["variance"]))
+    variance = float(c["variance"]) if known else memory.square / memory.samples
+    if not variance > 0.0:
+        return
+    try:
+        projection, sums = explained(memory, bool(c["referenced"]))
+        review = known and c["length"] >= SCATTERING * p.second and c["blocks"] % p.second == 0
+        if review:
+            _choose_structure(p, s, memory, projection, sums)
+        gamma, _ = eliminated(sums, int(c["structure"]), variance)
+    except linalg.LinAlgError:
+        # Too few data: what was found before stays in use.
+        return
+    s.nuisance.gamma[:] = gamma
+    s.nuisance.combine[:] = combination(projection, gamma)
+    if known:
+        _state_delay(p, s)
+    if review:
+        s.signs[2] = _halves_apart(p, s)
+        c["doubt"] = doubt_of(s)
+
+
+def _choose_structure(
+    p: Plan, s: State, memory: Memory, projection: np.ndarray, sums: np.ndarray
+) -> None:
+    c = s.counters[0]
+    variance = float(c["variance"])
+    scores: list[float] = []
+    # In a closed loop without a reference, torque that yields and relaxes with the motion is not
+    # told apart from a servo that gives way.
+    for structure in range(len(STRUCTURES) if c["referenced"] else 1):
+        gamma, determinant = eliminated(sums, structure, variance)
+        normal = normal_equations(p, s, memory, combination(projection, gamma))
+        found = solve(p, s, normal, memory.samples, variance)
+        score = found.evidence - 0.5 * determinant
+        if structure > 0:
+            error = np.sqrt(variance * found.covariance[0, 0])
+            if not error < LARGEST_STIFFNESS_ERROR * found.unknowns[0]:
+                score = -np.inf
+            score += (KEPT_GAIN if structure == c["structure"] else 0.0) - STRUCTURE_GAIN
+        scores.append(score)
+    c["structure"] = int(np.argmax(scores))
+    c["structure_gain"] = max(scores) - scores[0]
+
+
+def intrinsic_response(p: Plan, s: State) -> np.ndarray:
+    """Torque per position of the intrinsic pathway at `FREQUENCIES`, shape (k,)."""
+    omega = 2.0 * np.pi * FREQUENCIES
+    stiffness, damping, inertia = s.solution[:INTRINSIC]
+    response = stiffness + 1j * omega * damping - omega**2 * inertia
+    for tap in range(TAPS):
+        turn = omega * TAP_SHIFTS[tap] * p.decimation / p.rate
+        response -= omega**2 * s.nuisance.coefficients[tap] * (np.exp(-1j * turn) - 1.0)
+    return response
+
+
+def behind_delay(
+    response: np.ndarray, stiffness: float, delays: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """B, I, and the relative misfit of joints with a stiffness and a late torque, for each delay.
+
+    Parameters
+    ----------
+    response
+        Of the intrinsic pathway at `FREQUENCIES`, shape (k,).
+    stiffness
+        K [N.m/rad].
+    delays
+        By which the torque is late [s], shape (d,).
+    """
+    omega = 2.0 * np.pi * FREQUENCIES
+    aligned = response * np.exp(1j * omega * delays[:, None])
+    weight = 1.0 / (np.abs(response) ** 2 + 1.0)
+    damping = (aligned.imag * omega) @ weight / np.sum(weight * omega**2)
+    inertia = ((stiffness - aligned.real) * omega**2) @ weight / np.sum(weight * omega**4)
+    fitted = stiffness + 1j * omega * damping[:, None] - omega**2 * inertia[:, None]
+    return damping, inertia, np.sqrt(np.abs(aligned - fitted) ** 2 @ weight / len(omega))
+
+
+def _state_delay(p: Plan, s: State) -> None:
+    """The delay of the torque behind the motion, and what it adds to B and I."""
+    c = s.counters[0]
+    response = intrinsic_response(p, s)
+    delays = np.arange(-LARGEST_DELAY, LARGEST_DELAY + DELAY_STEP / 2.0, DELAY_STEP)
+    misfit = behind_delay(response, s.solution[0], delays)[2]
+    best = int(np.clip(np.argmin(misfit), 1, len(delays) - 2))
+    before, least, after = misfit[best - 1 : best + 2]
+    bend = before + after - 2.0 * least
+    shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    delay = np.array([delays[best] + DELAY_STEP * np.clip(shift, -1.0, 1.0)])
+    damping, inertia, left = behind_delay(response, s.solution[0], delay)
+    c["delay"] = delay[0]
+    c["added_damping"] = damping[0] - s.solution[1]
+    c["added_inertia"] = inertia[0] - s.solution[2]
+    s.signs[0] = left[0]
+
+
+def _halves_apart(p: Plan, s: State) -> float:
+    """The larger difference of K or G between both halves of the memory, over its error."""
+    c = s.counters[0]
+    half = int(c["length"]) // 2
+    if half < SHORTEST_HALF * p.second:
+        return 0.0
+    ring = s.ring[c["model"]]
+    newest = (c["newest"] - np.arange(2 * half)) % len(ring)
+    weights = np.zeros((2, len(s.solution)))
+    weights[0, 0] = weights[1, INTRINSIC] = 1.0
+    weights[1, INTRINSIC] += p.area @ s.deviation[0]
+    weights[1, PARAMETERS:] = p.area
+    values, variances = [], []
+    for blocks in (newest[:half], newest[half:]):
+        memory = memory_of(p, s, ring[blocks].sum(axis=0), half)
+        normal = normal_equations(p, s, memory, s.nuisance.combine)
+        found = solve(p, s, normal, memory.samples, float(c["variance"]))
+        values.append(weights @ found.unknowns)
+        variances.append(np.sum(weights @ found.covariance * weights, axis=1))
+    scatter = np.maximum(s.scatter[[0, GAINS - 1]], 1.0)
+    error = np.sqrt(c["variance"] * scatter * (variances[0] + variances[1]))
+    return float(np.max(np.abs(values[0] - values[1]) / error))

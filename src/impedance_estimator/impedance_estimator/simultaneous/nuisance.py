@@ -1,0 +1,149 @@
+"""Signals of the regression as combinations of the recorded ones; see `explained_motion`.
+
+Here is what every sample and every block needs: the products of the signals are added up as they
+are recorded, and the sums over a stretch of data are then combined, T' S T.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.regression import INTRINSIC
+from impedance_estimator.simultaneous.state import Plan, State
+
+TAP_REACH = 4
+"""Decimated samples (16 ms) by which acceleration is shifted, both ways: the largest skew between
+channels that laboratories report is about 10 ms; a reflex begins later."""
+TAPS = 2 * TAP_REACH
+RELAXATION, YIELDING, SQUARE, CUBE = TAPS, TAPS + 1, TAPS + 2, TAPS + 3
+EXTRAS = TAPS + 4
+"""Nuisance signals: shifted accelerations, relaxing position, yielding position, and position to
+the second and the third power."""
+RELAXATION_TIME = 0.1
+"""[s] Of relaxing tissue: within 0.03 to 0.3 s that short perturbations show (Kirsch & Kearney,
+Exp. Brain Res. 115 (1997))."""
+YIELD_TRAVEL = 0.006
+"""[rad] Travel over which friction of tissues builds up, and at which cross-bridges yield: 3 to 10
+mrad (Rack & Westbury, J. Physiol. 240 (1974); Loram, J. Physiol. 2007)."""
+CENTRE_TIME = 20.0
+"""[s] Over which the operating point is averaged: the memory."""
+REFERENCE_FILTER_HZ, REFERENCE_FILTER_DAMPING = 35.0, 0.7
+"""Nominal actuator between reference and plate: 30 to 60 Hz are usual. An instrument need not be
+exact; within this range the standard errors change by less than 5 %."""
+
+
+@part
+def accumulate(sums: np.ndarray, z: np.ndarray, x: np.ndarray, torque: float, both: bool) -> None:
+    """Add the products of one sample: Z'Z, Z'τ, τ'τ, and Z'X where the instruments are others than
+    the motion (`both`).
+    """
+    size = z.shape[0]
+    k = 0
+    for i in range(size):
+        a = z[i]
+        for j in range(i, size):
+            sums[k + j - i] += a * z[j]
+        k += size - i
+    for i in range(size):
+        sums[k + i] += z[i] * torque
+    k += size
+    sums[k] += torque * torque
+    k += 1
+    if both:
+        for i in range(size):
+            a = z[i]
+            for j in range(size):
+                sums[k + j] += a * x[j]
+            k += size
+
+
+def reducible_size(signals: int) -> int:
+    """Numbers of `accumulate` that `reduce_sums` needs: Z'Z, Z'τ and τ'τ."""
+    return signals * (signals + 1) // 2 + signals + 1
+
+
+def packed_size(signals: int) -> int:
+    """Numbers that `accumulate` keeps for so many signals."""
+    return reducible_size(signals) + signals * signals
+
+
+@part
+def reduce_sums(
+    sums: np.ndarray, combine: np.ndarray, reduced: np.ndarray, work: np.ndarray
+) -> None:
+    """Sums of products of the regression's signals: T' S T.
+
+    Parameters
+    ----------
+    sums
+        As `accumulate` makes them, of n instruments.
+    combine
+        T, shape (m + 4, n): each row one signal of the regression as a combination of instruments;
+        the last row is what is subtracted from the torque.
+    reduced
+        Shape ((m + 4) (m + 5) / 2,), replaced: packed upper triangle, row by row.
+    work
+        Shape (>= m + 4 + n, n), overwritten.
+    """
+    count, size = combine.shape
+    full = work[count : count + size]
+    k = 0
+    for i in range(size):
+        for j in range(i, size):
+            value = sums[k]
+            full[i, j] = value
+            full[j, i] = value
+            k += 1
+    with_torque, square = sums[k : k + size], sums[k + size]
+    for i in range(count):
+        row = work[i]
+        for j in range(size):
+            row[j] = 0.0
+        for q in range(size):
+            factor = combine[i, q]
+            if factor != 0.0:
+                other = full[q]
+                for j in range(size):
+                    row[j] += factor * other[j]
+    k = 0
+    last = count - 1
+    for i in range(count):
+        row = work[i]
+        for j in range(i, count):
+            value = 0.0
+            other = combine[j]
+            for q in range(size):
+                value += row[q] * other[q]
+            if j == last:
+                # The last signal is the torque less a combination.
+                value = -value
+                for q in range(size):
+                    value += combine[i, q] * with_torque[q]
+                if i == last:
+                    value = square
+                    for q in range(size):
+                        value += (row[q] - 2.0 * with_torque[q]) * combine[i, q]
+            reduced[k] = value
+            k += 1
+
+
+@part
+def nuisance_coefficients(p: Plan, s: State) -> None:
+    """Coefficients of the nuisance signals under the present solution."""
+    w = s.nuisance
+    base = p.functions.shape[1] + INTRINSIC
+    for extra in range(EXTRAS):
+        value = w.gamma[extra, base]
+        for r in range(INTRINSIC):
+            value -= w.gamma[extra, r] * s.solution[r]
+        for r in range(base - INTRINSIC):
+            value -= w.gamma[extra, INTRINSIC + r] * s.response[r]
+        w.coefficients[extra] = value
+
+
+@part
+def tap_shift(tap: int) -> float:
+    """By how many decimated samples the acceleration of a tap is late: 1, -1, 2, -2, ..."""
+    reach = tap // 2 + 1
+    return float(reach) if tap % 2 == 0 else -float(reach)

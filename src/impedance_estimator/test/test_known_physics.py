@@ -1,0 +1,163 @@
+"""What is known of rig and subject is undone: a simulated rig with delay, plate and straps, and a
+joint with further terms, look like the joint's core alone.
+"""
+
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from ankle_physics.errors import ModelError
+from ankle_physics.model import Entry, Model
+from ankle_physics.rig_file import Measured, RigFile
+from ankle_physics.signals import Signals
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.known_physics import (
+    KnownPhysics,
+    KnownPhysicsRun,
+    KnownPhysicsStream,
+    load_known_physics,
+)
+
+RATE = 2048.0
+CORE = {
+    "inertia": {"I": 0.0137},
+    "viscosity": {"B": 0.63},
+    "stiffness": {"K": 100.0},
+    "reflex": {"G": 10.0},
+}
+
+
+def motion(seconds=8.0):
+    """Smooth random motion of a plate: position, velocity, acceleration."""
+    random = np.random.default_rng(5)
+    sections = signal.butter(4, 15.0, fs=RATE, output="sos")
+    x = signal.sosfilt(sections, random.normal(size=round(seconds * RATE)))
+    x *= 0.02 / x.std()
+    v = np.gradient(x, 1.0 / RATE)
+    return x, v, np.gradient(v, 1.0 / RATE)
+
+
+def samples_of(model, x, v, a):
+    signals = Signals(RATE, x, v, a)
+    torque = model.start(RATE).torque(signals)
+    return np.column_stack([np.arange(len(x)) / RATE, signals.measured_position, v, torque])
+
+
+def rig(terms, delay=0.0):
+    return RigFile(
+        "test",
+        datetime(2026, 1, 1, tzinfo=timezone.utc),
+        torque_delay=Measured(delay),
+        model=Model.of(terms),
+    )
+
+
+def left_over(known, samples, expected):
+    """Relative size of what is not undone, after the start."""
+    out = KnownPhysicsRun(known, RATE, True).correct(samples)
+    skip = round(1.0 * RATE)
+    return np.std((out[:, 3] - expected(out))[skip:]) / np.std(out[skip:, 3])
+
+
+def test_terms_beside_the_core_are_subtracted():
+    x, v, a = motion()
+    extra = {"maxwell_relaxation": {"k": 60.0, "T": 0.08}, "coulomb_friction": {}}
+    model = Model.of({**CORE, **extra})
+    plain = samples_of(Model.of(CORE), x, v, a)[:, 3]
+    known = KnownPhysics(subject=model)
+    samples = samples_of(model, x, v, a)
+    assert left_over(known, samples, lambda _: plain) < 1e-3
+    # Without the model the same samples are far from the core's.
+    assert np.std(samples[:, 3] - plain) / np.std(plain) > 0.1
+
+
+def test_a_shaped_reflex_leaves_the_plain_one():
+    x, v, a = motion()
+    model = Model.of({**CORE, "reflex_threshold": {}, "long_latency_reflex": {}})
+    plain = samples_of(Model.of(CORE), x, v, a)[:, 3]
+    known = KnownPhysics(subject=model)
+    assert left_over(known, samples_of(model, x, v, a), lambda _: plain) < 1e-3
+    assert known.added_gain(0.0, 0.0, 10.0) != 0.0
+
+
+def test_a_late_torque_is_even_with_the_motion_again():
+    x, v, a = motion()
+    known = KnownPhysics(rig=rig({}, delay=0.0031))
+    late = samples_of(Model.of({**CORE, "channel_skew": {"skew": 0.0031}}), x, v, a)
+    plain = samples_of(Model.of(CORE), x, v, a)
+    shift = np.interp(plain[:, 0] - 0.0031, plain[:, 0], plain[:, 3])
+    assert left_over(known, late, lambda _: shift) < 1e-3
+    out = KnownPhysicsRun(known, RATE, True).correct(late)
+    skip = round(RATE)
+    np.testing.assert_allclose(
+        out[skip:, 1], np.interp(out[skip:, 0] - 0.0031, plain[:, 0], x), atol=1e-5
+    )
+
+
+def test_straps_give_the_motion_of_the_foot():
+    x, v, a = motion()
+    coupled = Model.of({**CORE, "fixation_compliance": {"k_s": 400.0, "b_s": 1.0}})
+    signals = Signals(RATE, x, v, a)
+    torque = coupled.start(RATE).torque(signals)
+    samples = np.column_stack([np.arange(len(x)) / RATE, x, v, torque])
+    known = KnownPhysics(subject=coupled)
+    out = KnownPhysicsRun(known, RATE, True).correct(samples)
+    skip = round(RATE)
+    # The smoothing delays motion and torque alike, by less than 2 ms.
+    errors = [
+        np.std(out[skip:, 1] - np.roll(signals.foot_position, lag)[skip:]) for lag in range(1, 8)
+    ]
+    assert min(errors) < 0.03 * np.std(signals.foot_position)
+    assert np.std(x - signals.foot_position) > 0.1 * np.std(x)
+
+
+def test_the_result_does_not_depend_on_the_blocks_and_a_gap_begins_anew():
+    x, v, a = motion(3.0)
+    model = Model.of(
+        {**CORE, "maxwell_relaxation": {}, "fixation_compliance": {}, "channel_skew": {}}
+    )
+    samples = samples_of(model, x, v, a)
+    samples = np.delete(samples, slice(2000, 2300), axis=0)
+    samples[4000, 3] = np.nan
+    known = KnownPhysics(subject=model)
+    whole = KnownPhysicsRun(known, RATE, True).correct(samples)
+    run = KnownPhysicsRun(known, RATE, True)
+    split = np.concatenate([run.correct(part) for part in np.array_split(samples, 97)])
+    np.testing.assert_array_equal(whole, split)
+    assert np.isnan(whole[4000, 3])
+    # After the gap the path is at rest with the first sample.
+    assert whole[2000, 1] == pytest.approx(samples[2000, 1], abs=0.02)
+
+
+def test_estimates_are_those_of_the_whole_joint_without_the_plate():
+    hardening = {"hardening_stiffness": {}}
+    known = KnownPhysics(rig({"footplate_inertia": {"Ip": 0.004}}), Model.of({**CORE, **hardening}))
+    stream = KnownPhysicsStream(known, RATE, True)
+    samples = np.zeros((4096, 4))
+    samples[:, 0] = np.arange(4096) / RATE
+    samples[:, 1] = 0.1
+    stream.correct(samples)
+    stream.restate()
+    rows = np.zeros((1, len(ESTIMATE_COLUMNS)))
+    out = stream.complete(rows)[0]
+    assert out[3] == pytest.approx(-0.004)
+    assert out[1] == pytest.approx(known.added_stiffness(0.1, 0.0, 2.0))
+    assert out[4] == 0.0
+
+
+def test_what_cannot_be_tracked_is_refused():
+    model = Model.of({**CORE, "maxwell_relaxation": {}})
+    entries = [Entry(e.term, e.values, tracked=True) for e in model.entries]
+    with pytest.raises(ModelError, match=r"maxwell_relaxation.*tracked"):
+        KnownPhysics(subject=Model(entries))
+
+
+def test_no_files_are_no_known_physics(tmp_path):
+    assert load_known_physics() is None
+    Model.of(CORE).save(tmp_path / "subject.yaml")
+    known = load_known_physics(str(tmp_path / "subject.yaml"))
+    assert known is not None
+    assert known.rig is None
+    assert len(known.subject.entries) == 4
