@@ -14,7 +14,7 @@ COLCON_PACKAGES ?=
 # Where the operating system keeps Chromium; the tests of the pages need one.
 CHROMIUM := $(shell command -v chromium chromium-browser google-chrome 2> /dev/null | head -n 1)
 
-.PHONY: setup demo test test-slow test-colcon test-pythons lint manifests docs bench bench-live bench-diagnosis clean help
+.PHONY: setup demo test mutants faults soak test-slow test-colcon test-pythons lint manifests docs bench bench-live bench-diagnosis clean help
 .DEFAULT_GOAL := help
 
 help:
@@ -24,6 +24,9 @@ help:
 	@echo "make test-colcon    the tests that only compute, through colcon, as on a Jazzy install"
 	@echo "make test-pythons   make test with each of Python $(PYTHONS) that is installed"
 	@echo "make docs    the documentation as a site, in build/docs/index.html"
+	@echo "make mutants        remove each safety control in turn: the tests have to notice (30 minutes)"
+	@echo "make faults         faults at random moments of a running rig; writes docs/reliability.md"
+	@echo "make soak           a session of two hours on the emulated rig (MINUTES=10 for a short one)"
 	@echo "make manifests      write the imports of each package into its package.xml"
 	@echo "make bench   the benchmarks of simulation, estimators, files and graph (4 minutes)"
 	@echo "make bench-live   those with a rig, a browser and EMG (20 minutes)"
@@ -57,6 +60,16 @@ test: setup
 
 test-slow: setup
 	@$(BIN)/python -m pytest -q -m slow
+
+mutants: setup
+	@$(BIN)/python src/ankle_actuator_driver/test/mutants.py
+
+faults: setup
+	@$(BIN)/python src/ankle_actuator_driver/test/fault_campaign.py
+
+MINUTES ?= 120
+soak: setup
+	@$(BIN)/python benchmarks/soak.py --minutes $(MINUTES)
 
 test-colcon: setup
 	@$(BIN)/colcon --log-base build/log test --base-paths src --build-base $(BUILD) --install-base $(INSTALL) --merge-install $(if $(COLCON_PACKAGES),--packages-select $(COLCON_PACKAGES)) --pytest-args -m "not slow and not live" --quiet > build.log 2>&1 || { cat build.log; exit 1; }

@@ -471,3 +471,89 @@ def test_only_a_driver_with_the_key_moves_the_rig(laboratory):
     assert len(lab.device.commands) > at
     lab.take(build(replace(parse(lab_report(lab)), sequence=2**20)))
     assert lab.end.refusals[Refusal.DIGEST] == 1
+
+
+def test_a_stop_from_between_two_samples_has_room():
+    fast = np.array([[0.1549, 0.0, 0.0], [0.1749, 0.0, 0.0]])
+    path = path_through(np.array([0.0, 0.0076]), fast)
+    assert np.abs(path.position).max() < LIMITS.angle
+    assert "a stop on the path would end" in LIMITS.passed_on(path)
+
+
+def test_a_measured_position_beyond_the_limit_is_a_fault(laboratory):
+    lab = unchecked(laboratory)
+    lab.bridge.expectations = replace(lab.bridge.expectations, following=10.0)
+    lab.plant.position = 0.2
+    lab.bridge.sensors._velocity_contradicts = lambda window: None
+    lab.until("fault", 0.3)
+    assert "passes the limit of 0.175 rad" in lab.bridge.states.reason
+
+
+def test_the_driver_yields_to_a_torque_though_the_rig_does_not(laboratory):
+    lab = unchecked(laboratory)
+    lab.plant.torque = 80.0
+    lab.run(0.16)
+    assert lab.bridge._yield.offset < -0.005
+    lab.until("fault", 0.3)
+
+
+def test_a_rig_that_speaks_for_another_driver_is_not_ours(laboratory):
+    lab = laboratory().running()
+    lab.device._host.session = 99
+    lab.until("fault", 0.5)
+    assert "obeys another driver" in lab.bridge.states.reason or "no heartbeat" in (
+        lab.bridge.states.reason
+    )
+
+
+def test_a_rig_that_never_confirms_is_a_fault_after_half_a_second(laboratory):
+    lab = laboratory().until("ready")
+    lab.down.faults = replace(lab.down.faults, drop=1.0)
+    lab.command("arm")
+    lab.until("fault", 1.5)
+    assert "where it should hold" in lab.bridge.states.reason
+
+
+def test_a_clock_of_the_rig_that_leaps_stops_the_plate(laboratory):
+    lab = laboratory().running()
+    lab.device._begin += 30.0
+    lab.offset += 30.0
+    lab.until("fault", 1.0)
+    assert "clock was set" in lab.bridge.states.reason
+
+
+def test_references_that_a_stop_overtakes_are_not_sent(laboratory):
+    lab = laboratory().running()
+    time, motion = stretch(lab, 0.0, *last(lab))
+    lab.bridge.reference(time, motion, lab.now, lab.ros)
+    lab.bridge.command("stop", lab.now, lab.ros)
+    orders = lab.bridge.take_orders(lab.now)
+    assert [order.stretch for order in orders] == [None] * len(orders)
+    assert orders[-1].wanted is Wanted.OFF
+
+
+def test_whoever_begins_with_following_or_holding_is_not_obeyed(laboratory):
+    lab = laboratory().until("ready")
+    first = replace(parse(lab.packets[-1]), rig=0, wanted=Wanted.HOLD, sequence=2**20)
+    assert lab.deliver(build(first)) is Refusal.CONTENT
+    lab.new_driver(4900)
+    lab.device._host.asked_off = False
+    hold = replace(parse(lab.packets[-1]), session=5000, wanted=Wanted.HOLD, sequence=1)
+    lab.deliver(build(hold))
+    assert lab.device.state is DeviceState.OFF
+
+
+def test_a_drive_that_is_far_from_its_command_is_a_fault_of_the_rig(laboratory):
+    lab = laboratory().armed()
+    lab.plant.faults = replace(lab.plant.faults, encoder_slip=0.1)
+    lab.run(0.05)
+    assert lab.device.fault.name in ("FOLLOWING_ERROR", "HEARTBEAT_LOST", "ENCODER")
+    assert lab.device.fault.name == "FOLLOWING_ERROR"
+
+
+def test_the_rig_finds_a_torque_that_stays_without_the_driver(laboratory):
+    lab = laboratory().armed()
+    lab.bridge.sensors.fault = lambda *arguments: None
+    lab.plant.torque = 45.0
+    lab.run(0.4)
+    assert lab.device.fault.name == "TORQUE"

@@ -1,5 +1,12 @@
 """Graph descriptions: what is in the package, settings, and every mistake by name."""
 
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 
 from ankle_bringup.errors import GraphError, RunError
@@ -160,3 +167,34 @@ def test_a_visit_of_a_study_names_and_places_its_recording(tmp_path):
         in_study(load_graph("rig"), study.folder, "anna", 1)
     with pytest.raises(GraphError, match="no recorder"):
         in_study(load_graph("simulated"), study.folder, "S07", 1)
+
+
+def test_a_port_in_use_is_named_with_the_process_that_holds_it(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as held:
+        held.bind(("127.0.0.1", 0))
+        port = held.getsockname()[1]
+        node = NodeDescription("rig_emulator", "rig_emulator", "rig_emulator", {"port": port})
+        words = f"rig_emulator cannot listen; port {port} is held by process {os.getpid()} "
+        with pytest.raises(RunError, match=words), Processes(Graph("", (node,)), tmp_path):
+            pass
+
+
+PARENT = """
+import subprocess, sys, time
+from ankle_bringup.processes import _end_with_parent
+child = subprocess.Popen(["sleep", "300"], start_new_session=True, preexec_fn=_end_with_parent)
+print(child.pid, flush=True)
+time.sleep(300)
+"""
+
+
+def test_nodes_end_with_a_parent_that_is_killed():
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True)
+    child = Path(f"/proc/{int(parent.stdout.readline())}/cmdline")
+    assert "sleep" in child.read_text()
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 10.0
+    while child.exists() and child.read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
