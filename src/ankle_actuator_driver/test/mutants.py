@@ -392,7 +392,7 @@ MUTANTS = [
             "times that cannot be",
             "if not -1e9 * LARGEST_AGE < old < 1e9 * LARGEST_AGE:",
             "if False:",
-            "extreme_contents",
+            "cannot_be_of_its_time",
         ),
         (
             "a clock of the rig that leaps",

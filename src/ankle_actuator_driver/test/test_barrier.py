@@ -557,3 +557,11 @@ def test_the_rig_finds_a_torque_that_stays_without_the_driver(laboratory):
     lab.plant.torque = 45.0
     lab.run(0.4)
     assert lab.device.fault.name == "TORQUE"
+
+
+def test_a_packet_whose_samples_cannot_be_of_its_time_is_refused(laboratory):
+    lab = laboratory().until("ready")
+    real = parse(lab_report(lab))
+    for place, first in enumerate((real.sent - 10_000_000_000, real.sent + 10_000_000_000)):
+        lab.take(extreme(real, sequence=real.sequence + 1 + place, first=first))
+    assert lab.end.refusals[Refusal.TIME] == 2
