@@ -124,7 +124,7 @@ FAULTS = (
     Fault("driver killed and restarted", "faults", new_driver, lambda lab: None),
     Fault("driver's packets stay away", "faults", *attribute("talking", False, True)),
     Fault("generator stopped", "stops", *attribute("sending", False, True)),
-    Fault("generator killed and restarted", "stops", new_generator, lambda lab: None),
+    Fault("generator killed and restarted", "faults", new_generator, lambda lab: None),
     Fault("rig's communication hangs", "faults", switch(freeze=1.0)),
     Fault("rig restarts", "faults", new_rig, lambda lab: None),
     Fault("rig ignores OFF (and a stop)", "faults", switch(ignore_off=1.0)),
