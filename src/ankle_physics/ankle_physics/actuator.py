@@ -110,6 +110,14 @@ class Actuator:
         ModelError
             Position alone with an ideal actuator, whose velocity would not be defined.
         """
+        motion = self.command(reference)
+        if self.servo.ideal:
+            return motion
+        omega = 2.0 * math.pi * self.servo.bandwidth
+        return self._dynamics.run_with_rates(motion[0], omega, self.servo.damping)
+
+    def command(self, reference: np.ndarray) -> np.ndarray:
+        """The interpolated reference that the servo is to follow; arguments and result as `run`."""
         if self._last is None:
             self._last = np.array([reference[0, 0], 0.0, 0.0])
             self._dynamics.settle(float(reference[0, 0]))
@@ -120,10 +128,7 @@ class Actuator:
             motion = self._between_positions(reference[:, 0])
         self._last = np.zeros(3)
         self._last[: reference.shape[1]] = reference[-1]
-        if self.servo.ideal:
-            return motion
-        omega = 2.0 * math.pi * self.servo.bandwidth
-        return self._dynamics.run_with_rates(motion[0], omega, self.servo.damping)
+        return motion
 
     def _between_positions(self, position: np.ndarray) -> np.ndarray:
         if self.servo.ideal:

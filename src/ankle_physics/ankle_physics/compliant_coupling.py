@@ -119,6 +119,15 @@ class FootLoop:
         self._longest = max(1, round(LONGEST_WINDOW * rate))
         self._window = self._longest
 
+    @property
+    def moving(self) -> tuple[Any, ...]:
+        """State of the foot's motion; the terms keep theirs."""
+        return self._linear, self._dynamics, self._other, self._window
+
+    @moving.setter
+    def moving(self, state: tuple[Any, ...]) -> None:
+        self._linear, self._dynamics, self._other, self._window = state
+
     def run(self, signals: Signals, given: np.ndarray) -> dict[str, np.ndarray]:
         """Move the foot of `signals`, whose foot motion so far is what drives the coupling.
 

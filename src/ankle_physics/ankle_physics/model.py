@@ -6,6 +6,7 @@ See `ankle_physics.term` for what a term is. The paper's model is
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -244,6 +245,19 @@ class ModelRun:
         for state in self._states:
             if "count" in state:
                 state["count"] += round(seconds * self._rate)
+
+    def snapshot(self) -> Any:
+        """The state of every term, for `restore`."""
+        return copy.deepcopy((self._states, self._loop.moving if self._loop else None))
+
+    def restore(self, snapshot: Any) -> None:
+        """Go back to a state that `snapshot` gave; the snapshot can be used again."""
+        states, moving = copy.deepcopy(snapshot)
+        for state, kept in zip(self._states, states, strict=True):
+            state.clear()
+            state.update(kept)
+        if self._loop is not None:
+            self._loop.moving = moving
 
     def torque(self, signals: Signals) -> np.ndarray:
         """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate

@@ -20,6 +20,7 @@ from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import Noise, Sampler, SignalToNoise
+from ankle_physics.servo_loop import ServoLoop
 from ankle_physics.signals import Signals
 
 LOWEST_RATE, HIGHEST_RATE = 500.0, 10_000.0  # Hz
@@ -95,6 +96,16 @@ class VirtualRig:
         self._actuator = Actuator(servo or Servo(), rate)
         self._factor = self._actuator.factor
         self._run = self.model.start(rate * self._factor, seed)
+        self._loop: ServoLoop | None = None
+        if self.model.has("servo_compliance"):
+            stiffness = float(self.model.entry("servo_compliance").values["k_a"])
+            self._loop = ServoLoop(
+                self._actuator.servo,
+                stiffness,
+                rate * self._factor,
+                self._run,
+                self.model.entries,
+            )
         self._sampler = Sampler(rate, self._factor)
         self._count = 0
 
@@ -121,7 +132,8 @@ class VirtualRig:
             or position alone, shape (n, 1).
         """
         factor = self._factor
-        motion = self._actuator.run(np.ascontiguousarray(reference, dtype=float))
+        given = np.ascontiguousarray(reference, dtype=float)
+        motion = self._actuator.run(given) if self._loop is None else self._actuator.command(given)
         # Internal sample factor - 1 of the run is at the time of the first reference sample,
         # scenario time 0.
         time = (np.arange(1 - factor, motion.shape[1] + 1 - factor) + self._count * factor) / (
@@ -132,8 +144,12 @@ class VirtualRig:
             self.model.entry(track.term).values[track.parameter.symbol] = track.values(
                 time, self._before[track.key]
             )
-        signals = Signals(self.rate * factor, motion[0], motion[1], motion[2])
-        self._run.torque(signals)
+        if self._loop is None:
+            signals = Signals(self.rate * factor, motion[0], motion[1], motion[2])
+            self._run.torque(signals)
+            parts = self._run.parts
+        else:
+            signals, parts = self._loop.run(motion[0])
         clean = self._sampler.run(signals.measured_position, signals.velocity, signals.torque)
         at_samples = slice(factor - 1, None, factor)
         truth = {}
@@ -146,9 +162,7 @@ class VirtualRig:
                         if np.ndim(value)
                         else np.full(len(reference), float(value))
                     )
-        return Samples(
-            clean, truth, {name: torque[at_samples] for name, torque in self._run.parts.items()}
-        )
+        return Samples(clean, truth, {name: torque[at_samples] for name, torque in parts.items()})
 
 
 @dataclass(frozen=True)

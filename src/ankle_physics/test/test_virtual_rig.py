@@ -220,6 +220,6 @@ def test_a_parameter_set_between_blocks_holds_from_the_next_on_and_leaves_the_ca
     assert rig.run(held).parts["stiffness"][-1] == pytest.approx(2.0)
     rig.set("stiffness", "K", 50.0)
     assert rig.run(held).parts["stiffness"][0] == pytest.approx(1.0)
-    with pytest.raises(ModelError, match=r"K = -1\.0 N\.m/rad"):
+    with pytest.raises(ModelError, match=r"K' = -1\.0 N\.m/rad"):
         rig.set("stiffness", "K", -1.0)
     assert model.entry("stiffness").values["K"] == 100.0
