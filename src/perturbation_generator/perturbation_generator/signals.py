@@ -13,11 +13,12 @@ from perturbation_generator.multisine import Multisine
 from perturbation_generator.prbs import Prbs
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.random_steps import RandomSteps
+from perturbation_generator.rig_calibration import RigCalibration
 from perturbation_generator.settings import COMMON, Settings
 from perturbation_generator.signal import Signal
 
 SIGNALS: dict[str, type[Signal]] = {
-    signal.name: signal for signal in (PulseStep, RandomSteps, Prbs, Multisine)
+    signal.name: signal for signal in (PulseStep, RandomSteps, Prbs, Multisine, RigCalibration)
 }
 SIGNAL = Quantity(
     "signal",

@@ -1,0 +1,1 @@
+"""What is measured once and then known: the rig (``rig.yaml``), the session (``subject.yaml``)."""

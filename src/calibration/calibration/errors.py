@@ -1,0 +1,5 @@
+"""What can go wrong while calibrating."""
+
+
+class CalibrationError(RuntimeError):
+    """A recording from which a rig or a session cannot be calibrated; says what it lacks."""

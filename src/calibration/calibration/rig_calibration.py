@@ -1,0 +1,304 @@
+"""From a bag of the signal ``rig_calibration`` to the file ``rig.yaml``."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+
+from ankle_interfaces.block import Block
+from ankle_interfaces.continuity import sampling_rate
+from ankle_physics.model import Model
+from ankle_physics.rig_file import Measured, RigFile
+from calibration.errors import CalibrationError
+from calibration.rig_identification import FOUND, Found, IdentifiedRig, Signals, identify_rig
+from session_recorder.bag_reader import BagReader
+
+SAMPLES, REFERENCE = "/ankle/samples", "/perturbation/reference"
+POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
+# A calibration shorter than this has too few edges for the accuracies that are stated.
+SHORTEST = 20.0  # s
+
+
+@dataclass(frozen=True)
+class KnownLoad:
+    """What is mounted on the plate beside the plate itself.
+
+    Attributes
+    ----------
+    inertia
+        [kg.m^2]; 0 is none.
+    spring
+        [N.m/rad]; 0 is none.
+    """
+
+    inertia: float = 0.0
+    spring: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value, unit, largest in (
+            ("inertia", self.inertia, "kg.m^2", 0.1),
+            ("spring", self.spring, "N.m/rad", 1000.0),
+        ):
+            if not 0.0 <= value <= largest:
+                raise CalibrationError(
+                    f"known {name} = {value:g} {unit} is refused; allowed: 0 to {largest:g} {unit}"
+                )
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibrated rig.
+
+    Attributes
+    ----------
+    rig
+        What is written to ``rig.yaml``.
+    identified
+        Every number that was found.
+    remarks
+        Sentences: what was not found, and what would show it.
+    """
+
+    rig: RigFile
+    identified: IdentifiedRig
+    remarks: tuple[str, ...]
+
+
+def calibrate_rig(
+    bag: Path | str,
+    title: str = "",
+    load: KnownLoad | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Calibrated:
+    """Calibrate a rig from a bag.
+
+    Parameters
+    ----------
+    bag
+        Holds ``/ankle/samples`` and ``/perturbation/reference`` of the signal
+        ``rig_calibration``; the plate empty or with a known load.
+    title
+        Name of the rig, free text; empty takes the bag's.
+    load
+        What is mounted on the plate; None: nothing.
+    progress
+        Called with the present step.
+
+    Raises
+    ------
+    CalibrationError
+        The recording is too short, lacks the reference, or its torque does not follow the plate.
+    session_recorder.errors.BagError
+        No such bag or topic.
+    """
+    path = Path(bag)
+    progress("reading")
+    signals = read_signals(path)
+    progress("identifying the rig")
+    identified = identify_rig(signals)
+    rig, remarks = rig_file(
+        identified,
+        title or path.name,
+        load or KnownLoad(),
+        bag=path.resolve().name,
+        bag_sha256=fingerprint(path),
+        angle=float(np.mean(signals.position)),
+    )
+    return Calibrated(rig, identified, remarks)
+
+
+def read_signals(bag: Path) -> Signals:
+    """The channels of a bag and its reference at the samples' times.
+
+    Raises
+    ------
+    CalibrationError
+        Too short, or the reference does not cover the samples.
+    session_recorder.errors.BagError
+        No such bag or topic.
+    """
+    reader = BagReader(bag)
+    samples = _in_si(*reader.signal(SAMPLES))
+    command = _in_si(*reader.signal(REFERENCE))
+    time, commanded = samples.column("t[s]"), command.column("t[s]")
+    inside = (time >= commanded[0]) & (time <= commanded[-1])
+    if np.ptp(time[inside]) < SHORTEST if inside.any() else True:
+        raise CalibrationError(
+            f"{bag}: reference and samples overlap for less than {SHORTEST:g} s; record the whole "
+            "signal 'rig_calibration'"
+        )
+    velocity = samples.column(VELOCITY)[inside] if samples.has(VELOCITY) else None
+    return Signals(
+        sampling_rate(time[inside]),
+        samples.column(POSITION)[inside],
+        velocity,
+        samples.column(TORQUE)[inside],
+        np.interp(time[inside], commanded, command.column(POSITION)),
+    )
+
+
+def _in_si(columns: tuple[str, ...], data: np.ndarray) -> Block:
+    converted, _ = Block(columns, data).in_si()
+    return converted
+
+
+def rig_file(
+    found: IdentifiedRig,
+    title: str,
+    load: KnownLoad,
+    bag: str = "",
+    bag_sha256: str = "",
+    angle: float = 0.0,
+    now: datetime | None = None,
+) -> tuple[RigFile, tuple[str, ...]]:
+    """The rig file of an identified rig, and what could not be found.
+
+    Parameters
+    ----------
+    found
+        The numbers.
+    title
+        Name of the rig.
+    load
+        What was mounted; it is taken off.
+    bag, bag_sha256
+        Where the numbers come from.
+    angle
+        Mean angle of the plate [rad]: its weight is written about it, as a torque of zero there.
+    now
+        Date of the calibration; None: the present.
+
+    Returns
+    -------
+    tuple[RigFile, tuple[str, ...]]
+        The file, and remarks.
+
+    Raises
+    ------
+    CalibrationError
+        A known load larger than what was found.
+    """
+    values: dict[str, dict[str, Found]] = {}
+    remarks = []
+    inertia = Found(found.inertia.value - load.inertia, found.inertia.error)
+    if inertia.value <= 0.0:
+        raise CalibrationError(
+            f"the inertia found, {found.inertia.value:.5f} kg.m^2, is less than the known load of "
+            f"{load.inertia:g} kg.m^2: check the mounting and the sign of the torque"
+        )
+    values["footplate_inertia"] = {"Ip": inertia}
+    if found.friction.value > FOUND * found.friction.error:
+        values["footplate_friction"] = {"F": found.friction}
+    slope = Found(found.slope.value - load.spring, found.slope.error)
+    if abs(slope.value) > FOUND * slope.error:
+        # A centre of mass above the axis pulls the plate away: the same weight, half a turn on.
+        level = angle if slope.value > 0.0 else angle - math.copysign(math.pi, angle)
+        values["footplate_gravity"] = {
+            "m": Found(abs(slope.value), slope.error),
+            "level": Found(level, 0.0),
+        }
+    if found.lag is not None:
+        values["torque_sensor_lag"] = {"T": found.lag}
+    if found.mode is not None:
+        values["torque_sensor_mode"] = {"frequency": found.mode[0], "damping": found.mode[1]}
+    if found.servo_stiffness is not None:
+        values["servo_compliance"] = {"k_a": found.servo_stiffness}
+    else:
+        remarks.append(
+            "how far the servo gives way was not found: the load was too small. Mount a spring of "
+            "50 to 200 N.m/rad (--spring) and calibrate again"
+        )
+    if found.noise[1] is None:
+        remarks.append("no velocity was recorded, so its delay and noise are not known")
+    noise = {POSITION: found.noise[0], TORQUE: found.noise[2]}
+    if found.noise[1] is not None:
+        noise[VELOCITY] = found.noise[1]
+    velocity_delay = found.velocity_delay or Found(0.0, 0.0)
+    rig = RigFile(
+        title=title,
+        calibrated=now or datetime.now(timezone.utc),
+        bag=bag,
+        bag_sha256=bag_sha256,
+        torque_delay=_measured(found.torque_delay),
+        velocity_delay=_measured(velocity_delay),
+        zero_position=found.zero_position,
+        zero_torque=found.zero_torque,
+        noise=noise,
+        bandwidth=_measured(found.bandwidth),
+        damping=_measured(found.damping),
+        model=_model(values),
+    )
+    return rig, tuple(remarks)
+
+
+def _measured(found: Found) -> Measured:
+    return Measured(found.value, found.error)
+
+
+def _model(values: dict[str, dict[str, Found]]) -> Model:
+    model = Model.of(
+        {name: {symbol: f.value for symbol, f in own.items()} for name, own in values.items()}
+    )
+    for name, own in values.items():
+        model.entry(name).standard_errors = {symbol: f.error for symbol, f in own.items()}
+    return model
+
+
+def fingerprint(bag: Path) -> str:
+    """SHA-256 over the files of a bag, by name."""
+    digest = hashlib.sha256()
+    for file in sorted(p for p in bag.rglob("*") if p.is_file()):
+        digest.update(file.relative_to(bag).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def described(calibrated: Calibrated) -> str:
+    """What was found, line by line, with standard errors and units."""
+    found, rig = calibrated.identified, calibrated.rig
+    lines = [
+        f"torque behind position     {_ms(found.torque_delay)}",
+        f"inertia of the plate       {_text(_of(rig, 'footplate_inertia', 'Ip'), 'kg.m^2')}",
+        f"friction of the bearing    {_text(found.friction, 'N.m')}",
+        f"servo                      {_text(found.bandwidth, 'Hz')}, damping "
+        f"{_text(found.damping, '1')}",
+        f"zero of position           {rig.zero_position:.5f} rad",
+        f"zero of torque             {rig.zero_torque:.4f} N.m",
+        "noise                      "
+        + ", ".join(f"{value:.2g} {key.split('[')[1][:-1]}" for key, value in rig.noise.items()),
+        f"torque explained           {found.vaf:.2f} % of what follows the plate",
+    ]
+    if found.velocity_delay is not None:
+        lines.insert(1, f"velocity behind position   {_ms(found.velocity_delay)}")
+    if rig.model.has("footplate_gravity"):
+        weight = _of(rig, "footplate_gravity", "m")
+        lines.append(f"weight of the plate        {_text(weight, 'N.m')}")
+    if found.lag is not None:
+        lines.append(f"lag of the torque sensor   {_ms(found.lag)}")
+    if found.mode is not None:
+        frequency, damping = found.mode
+        lines.append(
+            f"mode of the torque sensor  {_text(frequency, 'Hz')}, damping {_text(damping, '1')}"
+        )
+    if found.servo_stiffness is not None:
+        lines.append(f"servo against load         {_text(found.servo_stiffness, 'N.m/rad')}")
+    return "\n".join([*lines, *calibrated.remarks])
+
+
+def _of(rig: RigFile, term: str, symbol: str) -> Found:
+    entry = rig.model.entry(term)
+    return Found(float(entry.values[symbol]), entry.standard_errors[symbol])
+
+
+def _text(found: Found, unit: str) -> str:
+    return f"{found.value:.4g} ± {found.error:.2g} {unit}"
+
+
+def _ms(found: Found) -> str:
+    return f"{1e3 * found.value:.3f} ± {1e3 * found.error:.3f} ms"

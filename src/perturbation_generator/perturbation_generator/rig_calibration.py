@@ -1,0 +1,82 @@
+"""The movements that calibrate a rig: rest, fast steps and pulses of random size, slow sweeps, rest.
+
+Fast edges excite plate, servo and torque sensor; slow sweeps over the range show weight, friction
+and how far the servo sags; rest shows zeros and noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_interfaces.quantity import Value
+from perturbation_generator.edge_train import EdgeTrain
+from perturbation_generator.edges import Extremes, Polynomial
+from perturbation_generator.settings import Settings
+from perturbation_generator.signal import Onset, Signal
+
+REST = 4.0
+"""[s] at the start: 8192 samples tell a zero to a hundredth of the noise."""
+FAST_TIME = 60.0
+"""[s] of fast edges, about 160: a delay is then known to 0.02 ms with 0.14 N.m of torque noise."""
+PAUSES = (0.25, 0.5)
+"""[s] between fast edges: plate and sensor have come to rest."""
+LEVELS = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Of the amplitude, so that steps have many sizes and both directions."""
+SWEEP_TIME = 5.0
+"""[s] from one end of the range to the other: 0.03 rad/s, slow against friction's velocity."""
+SWEEPS = 6
+HOLD_TIME = 1.0
+"""[s] at each end of a sweep."""
+DURATION = REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + REST
+"""[s] of the whole, after which the plate rests."""
+
+
+class RigCalibration(Signal):
+    """Steps of random size on both sides of rest, then slow sweeps over the same range."""
+
+    name = "rig_calibration"
+    parameters = ()
+
+    def __init__(self, settings: Settings, **own: Value) -> None:
+        super().__init__(settings, **own)
+        self._fast = EdgeTrain(settings.shape, settings.rate)
+        self._slow = EdgeTrain(Polynomial(SWEEP_TIME), settings.rate)
+        self._onsets: list[Onset] = []
+        self._plan(np.random.default_rng(settings.seed))
+
+    def _plan(self, random: np.random.Generator) -> None:
+        time, level, amplitude = REST, 0.0, self.amplitude
+        end = min(REST + FAST_TIME, self.settings.end - REST)
+        while time < end - 2.0 * PAUSES[1]:
+            target = amplitude * float(random.choice([k for k in LEVELS if k * amplitude != level]))
+            self._onsets.append(Onset(time, 1 if target > level else -1, abs(target - level)))
+            self._fast.add(time, target)
+            level = target
+            time += float(random.uniform(*PAUSES))
+        if level:
+            self._onsets.append(Onset(time, -1 if level > 0 else 1, abs(level)))
+            self._fast.add(time, 0.0)
+        time = REST + FAST_TIME + HOLD_TIME
+        targets = [amplitude * (-1.0) ** k for k in range(SWEEPS)]
+        for target in targets:
+            if time + 2.0 * (SWEEP_TIME + HOLD_TIME) > self.settings.end:
+                break
+            self._slow.add(time, target)
+            time += SWEEP_TIME + HOLD_TIME
+        self._slow.add(time, 0.0)
+
+    def onsets(self) -> list[Onset]:
+        """See `Signal.onsets`: the fast edges only; a sweep evokes nothing."""
+        return [onset for onset in self._onsets if onset.time < self.time]
+
+    def set_amplitude(self, amplitude: float) -> None:
+        """The amplitude is planned at the start; a new one holds for the next run."""
+        self.amplitude = amplitude
+
+    def extremes(self, amplitude: float) -> Extremes:
+        """See `Signal.extremes`: the largest step goes from one end of the range to the other."""
+        edge = self.settings.shape.extremes(2.0 * amplitude, PAUSES[0], self.settings.rate)
+        return Extremes(amplitude, edge.velocity, edge.acceleration)
+
+    def _samples(self, first: int, n: int) -> np.ndarray:
+        return self._fast.samples(first, n) + self._slow.samples(first, n)
