@@ -49,12 +49,14 @@ from ankle_node.qos import publisher_qos
 from ankle_physics.actuator import Servo
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import LiveRig, Setup, Stretch
 from ankle_sim.live_subject import OF_SUBJECT, LiveSubject, subject_model
 from ankle_sim.parameters import (
     MODEL,
+    RIG,
     RIG_PARAMETERS,
     STATE_PARAMETERS,
     SUBJECT,
@@ -105,6 +107,7 @@ class AnkleSimNode(AnkleNode):
             scenario,
             self.number("noise_amplitude"),
             int(self.number("seed")),
+            RigFile.load(self.text("rig")) if self.text("rig") else None,
         )
         self._subject: LiveSubject | None = None
         if self.value(SUBJECT.name):
@@ -256,13 +259,16 @@ class AnkleSimNode(AnkleNode):
 
 
 def make_model(values: Mapping[str, Any]) -> Model:
-    """The model that the values of the parameters `model` and `subject` name."""
+    """The model that the values of the parameters `model`, `subject` and `rig` name."""
     path, subject = str(values.get(MODEL.name, "")), int(values.get(SUBJECT.name, 0))
+    rig = str(values.get(RIG.name, ""))
     if path:
-        return with_voluntary_torque(Model.load(path))
-    if subject:
-        return subject_model(draw_subject(subject))
-    return with_voluntary_torque(Model.of())
+        model = with_voluntary_torque(Model.load(path))
+    elif subject:
+        model = subject_model(draw_subject(subject))
+    else:
+        model = with_voluntary_torque(Model.of())
+    return RigFile.load(rig).twin(model) if rig else model
 
 
 def declared_parameters(values: Mapping[str, Any]) -> list[Quantity]:
@@ -278,7 +284,9 @@ def declared_parameters(values: Mapping[str, Any]) -> list[Quantity]:
 def make() -> AnkleSimNode:
     """The node with the model that its parameters name."""
     return AnkleSimNode(
-        make_model({parameter.name: start_value(NAME, parameter) for parameter in (MODEL, SUBJECT)})
+        make_model(
+            {parameter.name: start_value(NAME, parameter) for parameter in (MODEL, SUBJECT, RIG)}
+        )
     )
 
 

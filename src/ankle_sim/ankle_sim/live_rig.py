@@ -16,7 +16,9 @@ import numpy as np
 
 from ankle_interfaces.continuity import RATE_TOLERANCE, sampling_rate
 from ankle_physics.actuator import Servo
+from ankle_physics.linear_dynamics import Delay
 from ankle_physics.model import Model
+from ankle_physics.rig_file import LONGEST_DELAY, RigFile
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import Noise, SignalToNoise
 from ankle_physics.virtual_rig import VirtualRig, simulate
@@ -40,6 +42,9 @@ class Setup:
     ----------
     noise_amplitude
         Of the pulse-step perturbation [rad] whose response sets the noise.
+    rig
+        A calibrated rig to be simulated; its servo, zeros, delay of the velocity and noise take
+        the place of those here, its terms are in the model. None: none.
     """
 
     model: Model
@@ -48,6 +53,15 @@ class Setup:
     scenario: Scenario
     noise_amplitude: float
     seed: int
+    rig: RigFile | None = None
+
+    @property
+    def servo_in_force(self) -> Servo:
+        """The servo of the calibrated rig where there is one that knows it."""
+        return (self.rig.servo if self.rig is not None else None) or self.servo
+
+
+NOISE_KEYS = ("position[rad]", "velocity[rad/s]", "torque[N.m]")
 
 
 @dataclass(frozen=True)
@@ -105,6 +119,7 @@ class LiveRig:
         self._rig: VirtualRig | None = None
         self._fresh = True  # the rig has taken no sample yet
         self._noise: Noise | None = None
+        self._velocity_delay: Delay | None = None
         self._deviations: dict[float, np.ndarray] = {}
         self._last_time = 0.0
         self._last_position = 0.0
@@ -118,6 +133,10 @@ class LiveRig:
         whatever perturbation then comes.
         """
         if rate not in self._deviations:
+            if self.setup.rig is not None and self.setup.rig.noise:
+                noise = self.setup.rig.noise
+                self._deviations[rate] = np.array([noise.get(key, 0.0) for key in NOISE_KEYS])
+                return self._deviations[rate]
             reference = PulseStep(
                 Settings(rate=rate, amplitude=self.setup.noise_amplitude, seed=self.setup.seed)
             ).next(int(NOMINAL_DURATION * rate))
@@ -128,7 +147,7 @@ class LiveRig:
                 reference,
                 rate,
                 Model(entries),
-                self.setup.servo,
+                self.setup.servo_in_force,
                 self.setup.signal_to_noise,
                 seed=self.setup.seed,
             )
@@ -223,7 +242,8 @@ class LiveRig:
 
     def _restart(self, rate: float) -> None:
         setup = self.setup
-        self._rig = VirtualRig(setup.model, rate, setup.servo, setup.scenario, setup.seed)
+        self._rig = VirtualRig(setup.model, rate, setup.servo_in_force, setup.scenario, setup.seed)
+        self._velocity_delay = Delay(rate, LONGEST_DELAY)
         self._noise = Noise(self.noise_deviations(rate), setup.seed)
         self.rate = rate
         self._fresh = True
@@ -259,14 +279,26 @@ class LiveRig:
         result = self._rig.run(reference)
         self._fresh = False
         self._last_time, self._last_position = float(time[-1]), float(reference[-1, 0])
-        samples = self._noise.add(result.clean) if self.noisy else result.clean
+        clean = self._read(result.clean)
+        samples = self._noise.add(clean) if self.noisy else clean
         truth = {key: float(values[-1]) for key, values in result.truth.items()}
         return Stretch(
             time,
             samples,
-            result.clean,
+            clean,
             truth,
             {name: float(torque[-1]) for name, torque in result.parts.items()},
+        )
+
+    def _read(self, clean: np.ndarray) -> np.ndarray:
+        """What the sensors of the calibrated rig make of the samples, shape (n, 3)."""
+        rig = self.setup.rig
+        if rig is None:
+            return clean
+        assert self._velocity_delay is not None
+        late = self._velocity_delay.run(clean[:, 1], max(rig.velocity_delay.value, 0.0))
+        return np.column_stack(
+            [clean[:, 0] + rig.zero_position, late, clean[:, 2] + rig.zero_torque]
         )
 
 

@@ -24,10 +24,20 @@ SCENARIO = Quantity(
     description="Scenario file (YAML) of scripted parameter changes; empty: none.",
     start_only=True,
 )
+RIG = Quantity(
+    "rig",
+    default="",
+    description=(
+        "Rig file (YAML) of a calibrated rig to be simulated: its plate, servo, delays, zeros and "
+        "noise; empty: a faultless rig."
+    ),
+    start_only=True,
+)
 _PAPER = SignalToNoise()
 RIG_PARAMETERS = (
     MODEL,
     SCENARIO,
+    RIG,
     Quantity(
         "actuator_bandwidth",
         "Hz",

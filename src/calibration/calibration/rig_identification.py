@@ -26,6 +26,8 @@ from calibration.errors import CalibrationError
 
 # Width over which a transfer is taken as smooth: modes of rigs are wider (5 % of 60 Hz).
 RESOLUTION = 1.0  # Hz
+# A servo's motion differs from its second-order description by about this share.
+DEVIATION = 0.02
 # Fast edges reach no further through a drive of 30 Hz.
 HIGHEST = 120.0  # Hz
 # A plate holds still for at least this long at the start.
@@ -142,7 +144,7 @@ def identify_rig(signals: Signals) -> IdentifiedRig:
     rest = _rest(signals)
     spectra = _Spectra(signals, rest)
     # First with the torque as it is read, then with the torque that acts, sensor undone.
-    first = _servo(spectra, spectra.following(spectra.torque, spectra.reference))
+    first = _servo(spectra, spectra.following(spectra.torque, spectra.reference, known=False))
     motion = spectra.following(spectra.position, first.motion)
     fit = _torque(spectra, motion)
     servo = _servo(spectra, fit.load)
@@ -212,16 +214,22 @@ class _Spectra:
     def _raw(self, signal: np.ndarray) -> np.ndarray:
         return rfft(signal, self.length)[self.used]
 
-    def following(self, signal: np.ndarray, model: np.ndarray) -> np.ndarray:
+    def following(self, signal: np.ndarray, model: np.ndarray, known: bool = True) -> np.ndarray:
         """What of a spectrum follows a model of it, through a transfer that is smooth.
 
-        The nearer the model, the flatter is the transfer, and the less does smoothing distort it.
-        At the lowest frequencies responses are steeper than the resolution, and the signal is far
+        With `known` the model is right but for `DEVIATION`; without, it is only proportional to
+        what the signal follows. The nearer the model, the flatter is the transfer, and the less
+        does smoothing distort it. At the lowest frequencies responses are steeper than the
+        resolution, and the signal is far
         above its noise: there it stays as it is.
         """
-        power = self._smooth(np.abs(model) ** 2)
-        cross = self._smooth(signal * model.conj())
-        followed = cross / np.maximum(power, 1e-300) * model
+        power = np.maximum(self._smooth(np.abs(model) ** 2), 1e-300)
+        transfer = self._smooth(signal * model.conj()) / power
+        left = self._smooth(np.abs(signal - transfer * model) ** 2)
+        # Where the signal sinks in its noise the model is the better guide.
+        noise = left / power / (2 * self._half + 1)
+        weight = DEVIATION**2 / (DEVIATION**2 + noise) if known else 1.0
+        followed = (1.0 + weight * (transfer - 1.0) if known else transfer) * model
         return np.where(self.frequency < 2.0 * RESOLUTION, signal, followed)
 
     def _smooth(self, values: np.ndarray) -> np.ndarray:
@@ -273,7 +281,8 @@ def _torque(spectra: _Spectra, motion: np.ndarray) -> _Fit:
         ratio = s / (2.0 * np.pi * p[1])
         return 1.0 / (1.0 + 2.0 * p[2] * ratio + ratio**2)
 
-    tried = [(("delay",), plain, [[0.0]])]
+    tried: list[tuple[tuple[str, ...], Response, list[list[float]]]] = []
+    tried.append((("delay",), plain, [[0.0]]))
     tried.append((("delay", "lag"), lagged, [[0.0, start] for start in LAG_STARTS]))
     modes = [[0.0, start, MODE_DAMPING_START] for start in MODE_STARTS]
     tried.append((("delay", "mode", "mode_damping"), resonant, modes))

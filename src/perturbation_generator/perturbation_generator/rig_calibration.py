@@ -1,4 +1,4 @@
-"""The movements that calibrate a rig: rest, fast steps and pulses of random size, slow sweeps, rest.
+"""The movements that calibrate a rig: rest, fast steps of random size, slow sweeps, rest.
 
 Fast edges excite plate, servo and torque sensor; slow sweeps over the range show weight, friction
 and how far the servo sags; rest shows zeros and noise.
@@ -48,7 +48,9 @@ class RigCalibration(Signal):
         time, level, amplitude = REST, 0.0, self.amplitude
         end = min(REST + FAST_TIME, self.settings.end - REST)
         while time < end - 2.0 * PAUSES[1]:
-            target = amplitude * float(random.choice([k for k in LEVELS if k * amplitude != level]))
+            # No step is larger than the amplitude, which velocity and acceleration allow.
+            near = [k * amplitude for k in LEVELS if 0.0 < abs(k * amplitude - level) <= amplitude]
+            target = float(random.choice(near))
             self._onsets.append(Onset(time, 1 if target > level else -1, abs(target - level)))
             self._fast.add(time, target)
             level = target
@@ -74,8 +76,8 @@ class RigCalibration(Signal):
         self.amplitude = amplitude
 
     def extremes(self, amplitude: float) -> Extremes:
-        """See `Signal.extremes`: the largest step goes from one end of the range to the other."""
-        edge = self.settings.shape.extremes(2.0 * amplitude, PAUSES[0], self.settings.rate)
+        """See `Signal.extremes`: no step is larger than the amplitude."""
+        edge = self.settings.shape.extremes(amplitude, PAUSES[0], self.settings.rate)
         return Extremes(amplitude, edge.velocity, edge.acceleration)
 
     def _samples(self, first: int, n: int) -> np.ndarray:

@@ -23,6 +23,7 @@ from ankle_actuator_driver.link.protocol.transport import UdpTransport
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_node.node import AnkleNode, run
 from ankle_physics.model import Model
+from ankle_sim.parameters import RIG
 from ankle_sim.start_values import start_value
 from rig_emulator.emulated_rig import EmulatedRig
 from rig_emulator.settings import MODEL, PARAMETERS, joint_parameters, load_model, settings_from
@@ -40,7 +41,7 @@ def _declared_for(model: Model) -> list[Quantity]:
 
 def declared_parameters(values: Mapping[str, Value]) -> list[Quantity]:
     """The parameters that the node declares for start values, by which its joint is found."""
-    return _declared_for(load_model(str(values.get(MODEL.name, ""))))
+    return _declared_for(load_model(str(values.get(MODEL.name, "")), str(values.get(RIG.name, ""))))
 
 
 class RigEmulatorNode(AnkleNode):
@@ -103,7 +104,8 @@ class RigEmulatorNode(AnkleNode):
 
 def make() -> RigEmulatorNode:
     """The node with the model that its parameter names."""
-    return RigEmulatorNode(load_model(str(start_value(NAME, MODEL))))
+    model, rig = (str(start_value(NAME, which)) for which in (MODEL, RIG))
+    return RigEmulatorNode(load_model(model, rig))
 
 
 def main() -> int:

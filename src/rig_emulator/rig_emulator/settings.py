@@ -12,6 +12,7 @@ from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, Limits, limits
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_physics.actuator import Servo
 from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import Setup
@@ -120,8 +121,15 @@ class Settings:
         return settings_from(values, model, key)
 
 
-def load_model(path: str) -> Model:
-    """The joint's model: of a file, or the paper's where the path is empty.
+def load_model(path: str, rig: str = "") -> Model:
+    """The joint's model: of a file, or the paper's where the path is empty; on a calibrated rig.
+
+    Parameters
+    ----------
+    path
+        Of the model file.
+    rig
+        Of the rig file whose terms are added; empty: none.
 
     Raises
     ------
@@ -130,7 +138,8 @@ def load_model(path: str) -> Model:
     OSError
         One that cannot be read.
     """
-    return with_voluntary_torque(Model.load(path) if path else Model.of())
+    model = with_voluntary_torque(Model.load(path) if path else Model.of())
+    return RigFile.load(rig).twin(model) if rig else model
 
 
 def joint_parameters(model: Model) -> ModelParameters:
@@ -175,6 +184,7 @@ def settings_from(values: Mapping[str, Value], model: Model, key: bytes = b"") -
         scenario,
         float(values["noise_amplitude"]),
         int(values["seed"]),
+        RigFile.load(str(values["rig"])) if values["rig"] else None,
     )
     return Settings(
         setup,

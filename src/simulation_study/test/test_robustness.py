@@ -14,6 +14,7 @@ from simulation_study.robustness.conditions import (
     Size,
     blind_trial,
     conditions,
+    in_drawn_order,
 )
 from simulation_study.robustness.estimation import OFFLINE, ONLINE, arrival, estimate_condition
 from simulation_study.robustness.report import write_report
@@ -34,6 +35,9 @@ def test_a_plan_has_every_effect_at_three_strengths_and_both_servos():
     assert planned == conditions(FULL, 3)
     assert [c.seed for c in planned] != [c.seed for c in conditions(FULL, 4)]
     assert len(conditions(QUICK, 1)) == 24
+    drawn = in_drawn_order(planned, 3)
+    assert sorted(drawn, key=planned.index) == planned
+    assert {c.effect == NO_MISMATCH for c in drawn[:40]} == {True, False}
 
 
 def test_a_condition_is_in_the_trial_that_it_describes():

@@ -19,6 +19,10 @@ def verb(
     seconds: Annotated[
         float | None, typer.Option(min=50.0, help="Length of a recording; 120, or 60 with --quick.")
     ] = None,
+    recordings: Annotated[
+        int | None,
+        typer.Option(min=1, help="Only so many of them, drawn at random; a larger number goes on."),
+    ] = None,
     workers: Workers = CORES,
     scheduler: Scheduler = None,
 ) -> None:
@@ -32,6 +36,6 @@ def verb(
     """
     from simulation_study.robustness.study import robustness as run_study
 
-    shown = run_study(out, seed, quick, workers, seconds, scheduler, console)
+    shown = run_study(out, seed, quick, workers, seconds, recordings, scheduler, console)
     console.print(shown, soft_wrap=True)
     console.print(f"written to {out.resolve()}")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simulation_study.robustness.conditions import FULL, QUICK, conditions
+from simulation_study.robustness.conditions import FULL, QUICK, conditions, in_drawn_order
 from simulation_study.robustness.estimation import estimate_condition, fingerprint
 from simulation_study.robustness.report import write_report
 from simulation_study.study import run_study
@@ -30,6 +30,7 @@ def robustness(
     quick: bool,
     workers: int,
     seconds: float | None = None,
+    recordings: int | None = None,
     scheduler: str | None = None,
     console: Console | None = None,
 ) -> str:
@@ -47,6 +48,9 @@ def robustness(
         Processes on this machine; without meaning where `scheduler` is given.
     seconds
         Length of a recording; None: 120, or 60 where `quick` is set.
+    recordings
+        Only the first so many, in an order that the seed draws; None: all. A larger number goes on
+        with the results of a smaller one.
     scheduler
         Address of a running Dask scheduler.
     console
@@ -65,13 +69,8 @@ def robustness(
     size = QUICK if quick else FULL
     if seconds is not None:
         size = replace(size, seconds=seconds)
-    planned = conditions(size, seed)
-    asked = {
-        "study": "robustness",
-        "seed": seed,
-        "recordings": len(planned),
-        "seconds": size.seconds,
-    }
+    planned = in_drawn_order(conditions(size, seed), seed)[:recordings]
+    asked = {"study": "robustness", "seed": seed, "quick": quick, "seconds": size.seconds}
     results = run_study(
         planned,
         asked,
@@ -84,4 +83,5 @@ def robustness(
     )
     command = f"ankle robustness --seed {seed} --seconds {size.seconds:g}"
     command += " --quick" if quick else ""
+    command += f" --recordings {recordings}" if recordings is not None else ""
     return write_report(results, out, command)

@@ -1,0 +1,177 @@
+"""`ankle calibrate`: the rig once, the session before each one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ankle_bringup.terminal import Out, Overwrite, console, working
+
+verb = typer.Typer(help="Calibrate the rig (rig.yaml) or the session (subject.yaml).")
+
+Recorded = Annotated[
+    Path | None,
+    typer.Argument(help="A bag to calibrate from; without one the running graph is recorded."),
+]
+Into = Annotated[
+    Path, typer.Option("--bag", help="The new bag, where the running graph is recorded.")
+]
+
+
+def _require_new(path: Path, overwrite: bool) -> None:
+    from ankle_bringup.errors import RunError
+
+    if path.exists() and not overwrite:
+        raise RunError(f"{path} is there; give another --out, or replace it with --overwrite")
+
+
+@verb.command()
+def rig(
+    bag: Recorded = None,
+    out: Out = Path("rig.yaml"),
+    into: Into = Path("rig_calibration"),
+    title: Annotated[str, typer.Option(help="Name of the rig; the bag's unless given.")] = "",
+    inertia: Annotated[
+        float, typer.Option(help="Known inertia on the plate [kg.m^2]; 0: none.")
+    ] = 0.0,
+    spring: Annotated[float, typer.Option(help="Known spring on the plate [N.m/rad]; 0: none.")] = (
+        0.0
+    ),
+    amplitude: Annotated[
+        float, typer.Option(help="Largest distance from rest [rad], within the rig's limits.")
+    ] = 0.04,
+    simulated: Annotated[
+        Path | None,
+        typer.Option(help="Simulate the rig of this rig file instead of a running graph."),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> dict[str, Any]:
+    """Calibrate the rig: plate empty or with a known load, two minutes of steps and slow sweeps.
+
+    Finds delays between the channels, inertia, friction and weight of the plate, lag or resonance
+    of the torque sensor, the servo and how far it gives way, zeros and noise, with standard errors.
+    Remove the foot from the plate first. Without a bag the rig has to run, armed and started, and
+    no other perturbation may be running. Mount a spring to find how far the servo gives way.
+
+    Example: ankle calibrate rig --spring 100 --title 'laboratory 2' --out rig.yaml
+    """
+    from calibration.rig_calibration import KnownLoad, calibrate_rig, described
+
+    load = KnownLoad(inertia, spring)
+    _require_new(out, overwrite)
+    if bag is None:
+        bag = into
+        _require_new(into, overwrite=False)
+        _record_rig(into, amplitude, simulated, load)
+    with working("calibrating the rig") as step:
+        found = calibrate_rig(bag, title, load, progress=step)
+    found.rig.save(out)
+    console.print(described(found))
+    console.print(f"written to {out.resolve()}")
+    return {"out": out.resolve(), "remarks": found.remarks}
+
+
+def _record_rig(bag: Path, amplitude: float, simulated: Path | None, load: Any) -> None:
+    import tempfile
+
+    from ankle_bringup.graph import load_graph
+    from ankle_bringup.up import run_graph
+    from ankle_physics.model import Model
+    from ankle_physics.rig_file import RigFile
+
+    with tempfile.TemporaryDirectory() as folder:
+        settings = [f"record.out={bag}", f"perturbation_generator.amplitude={amplitude}"]
+        if simulated is not None:
+            RigFile.load(simulated)
+            mounted = Path(folder) / "mounted.yaml"
+            terms = {"stiffness": {"K": load.spring}} if load.spring else {}
+            if load.inertia:
+                terms["inertia"] = {"I": load.inertia}
+            Model.of(terms, "plate without a foot").save(mounted)
+            settings += [f"ankle_sim.rig={simulated.resolve()}", f"ankle_sim.model={mounted}"]
+        name = "rig_calibration" if simulated is None else "simulated_rig_calibration"
+        run_graph(load_graph(name).with_settings(settings), Path(folder) / "logs", 0.0, console)
+
+
+@verb.command()
+def session(
+    bag: Recorded = None,
+    out: Out = Path("subject.yaml"),
+    into: Into = Path("session_calibration"),
+    seconds: Annotated[
+        float, typer.Option(min=30.0, max=600.0, help="Of the running perturbation to record.")
+    ] = 90.0,
+    report: Annotated[Path, typer.Option(help="Folder of the diagnosis with its report.")] = Path(
+        "session_diagnosis"
+    ),
+    overwrite: Overwrite = False,
+) -> dict[str, Any]:
+    """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
+    estimator.
+
+    Writes subject.yaml, and the diagnosis with its report. A running impedance_estimator goes on
+    with the new model without a restart.
+
+    Example: ankle calibrate session --seconds 90 --out subject.yaml
+    """
+    from ankle_bringup.terminal import clear_folder
+    from calibration.session_calibration import calibrate_session
+
+    _require_new(out, overwrite)
+    clear_folder(report, overwrite, "verdict.json")
+    live = bag is None
+    if bag is None:
+        bag = into
+        _require_new(into, overwrite=False)
+        _record_session(into, seconds)
+    with working("calibrating the session") as step:
+        found = calibrate_session(bag, report, step)
+    found.model.save(out)
+    console.print(f"verdict: {found.verdict['verdict']}", style="bold")
+    for effect in found.verdict["effects"]:
+        console.print(f"- {effect['sentence']}")
+    console.print(f"written to {out.resolve()}; report: {(report / 'report.html').resolve()}")
+    if live:
+        console.print(_handed_over(out.resolve()))
+    return {"out": out.resolve(), **found.verdict}
+
+
+def _record_session(bag: Path, seconds: float) -> None:
+    import tempfile
+    import time
+
+    from ankle_bringup.graph import Graph, NodeDescription
+    from ankle_bringup.processes import Processes
+    from ankle_bringup.terminal import progress
+
+    recorder = NodeDescription(
+        "session_recorder",
+        "record",
+        "calibration_recorder",
+        {"out": str(bag)},
+    )
+    with (
+        tempfile.TemporaryDirectory() as logs,
+        Processes(Graph("a recorder", (recorder,)), Path(logs)) as processes,
+        progress(f"recording {seconds:g} s of the running session") as show,
+    ):
+        began = time.monotonic()
+        while (passed := time.monotonic() - began) < seconds:
+            processes.ended("")
+            show(passed / seconds)
+            time.sleep(0.25)
+
+
+def _handed_over(model: Path) -> str:
+    """Set the model of a running estimator; what became of it, in a sentence."""
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import observer, set_parameter
+
+    try:
+        with observer() as node:
+            set_parameter(node, "impedance_estimator", "model", str(model))
+    except RunError as error:
+        return f"the running estimator goes on without it: {error}"
+    return "the running estimator goes on with this model"

@@ -1,0 +1,184 @@
+"""A rig with hidden imperfections, through its bag, to the file that names them."""
+
+from dataclasses import replace
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+
+from ankle_interfaces.block import Block
+from ankle_physics.actuator import Servo
+from ankle_physics.model import Model
+from ankle_physics.rig_file import Measured, RigFile
+from ankle_physics.scenario import Scenario
+from ankle_physics.sensors import SignalToNoise
+from ankle_sim.live_rig import LiveRig, Setup
+from calibration.errors import CalibrationError
+from calibration.rig_calibration import (
+    REFERENCE,
+    SAMPLES,
+    KnownLoad,
+    calibrate_rig,
+    described,
+    fingerprint,
+    rig_file,
+)
+from calibration.rig_identification import Found, IdentifiedRig, Signals, identify_rig
+from perturbation_generator.rig_calibration import DURATION, RigCalibration
+from perturbation_generator.settings import Settings
+from session_recorder.bag_writer import BagWriter
+
+RATE = 1024.0
+SPRING = 110.0
+HIDDEN = RigFile(
+    "hidden",
+    datetime(2026, 1, 1, tzinfo=timezone.utc),
+    torque_delay=Measured(0.00073),
+    velocity_delay=Measured(0.0004),
+    zero_position=0.013,
+    zero_torque=-0.4,
+    noise={"position[rad]": 4.5e-5, "velocity[rad/s]": 6.5e-3, "torque[N.m]": 0.14},
+    bandwidth=Measured(33.0),
+    damping=Measured(0.65),
+    model=Model.of(
+        {
+            "footplate_inertia": {"Ip": 0.0046},
+            "footplate_friction": {"F": 0.25},
+            "torque_sensor_mode": {"frequency": 62.0, "damping": 0.06},
+            "servo_compliance": {"k_a": 2300.0},
+        }
+    ),
+)
+
+
+def movements():
+    settings = Settings(rate=RATE, amplitude=0.04, seed=5, direction="both")
+    return RigCalibration(settings).next(int(DURATION * RATE))
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """The hidden rig with a spring on its plate, as a recorder stores it."""
+    subject = Model.of({"stiffness": {"K": SPRING}})
+    setup = Setup(HIDDEN.twin(subject), Servo(), SignalToNoise(), Scenario([]), 0.04, 3, HIDDEN)
+    rig = LiveRig(setup, print)
+    reference = movements()
+    time = 1.7e9 + np.arange(len(reference)) / RATE
+    path = tmp_path_factory.mktemp("rig") / "calibrated"
+    names = ("t[s]", "position[rad]", "velocity[rad/s]")
+    with BagWriter(path) as writer:
+        for topic in (SAMPLES, REFERENCE):
+            writer.add_topic(topic)
+        for k in range(0, len(time), 4096):
+            part = slice(k, k + 4096)
+            (stretch,) = rig.take(time[part], reference[part])
+            writer.write_block(
+                SAMPLES,
+                Block((*names, "torque[N.m]"), np.column_stack([stretch.time, stretch.samples])),
+            )
+            writer.write_block(
+                REFERENCE,
+                Block(
+                    (*names, "acceleration[rad/s^2]"),
+                    np.column_stack([time[part], reference[part]]),
+                ),
+            )
+    return path
+
+
+def test_a_rigs_hidden_imperfections_are_found(bag, tmp_path):
+    found = calibrate_rig(bag, "laboratory 1", KnownLoad(spring=SPRING))
+    rig = found.rig
+    assert rig.torque_delay.value == pytest.approx(0.00073, abs=0.1e-3)
+    assert rig.velocity_delay.value == pytest.approx(0.0004, abs=0.05e-3)
+    assert rig.model.entry("footplate_inertia").values["Ip"] == pytest.approx(0.0046, rel=0.02)
+    mode = rig.model.entry("torque_sensor_mode").values
+    assert mode["frequency"] == pytest.approx(62.0, rel=0.02)
+    assert mode["damping"] == pytest.approx(0.06, rel=0.2)
+    sag = rig.model.entry("servo_compliance").values["k_a"]
+    assert sag == pytest.approx(2300.0, rel=0.05)
+    friction = rig.model.entry("footplate_friction").values["F"]
+    assert friction == pytest.approx(0.25, rel=0.05)
+    assert rig.bandwidth.value == pytest.approx(33.0, rel=0.02)
+    assert rig.zero_position == pytest.approx(0.013, abs=2e-4)
+    assert rig.zero_torque == pytest.approx(-0.4, abs=0.05)
+    assert rig.noise["torque[N.m]"] == pytest.approx(0.14, rel=0.1)
+    assert rig.bag_sha256 == fingerprint(bag)
+    assert "servo against load" in described(found)
+    rig.save(tmp_path / "rig.yaml")
+    assert RigFile.load(tmp_path / "rig.yaml").text() == rig.text()
+
+
+def identified(**changes):
+    small = Found(0.0, 1e-4)
+    plain = IdentifiedRig(
+        torque_delay=Found(0.0005, 1e-5),
+        velocity_delay=None,
+        inertia=Found(0.009, 1e-5),
+        friction=small,
+        slope=small,
+        lag=None,
+        mode=None,
+        bandwidth=Found(30.0, 0.1),
+        damping=Found(0.7, 0.01),
+        servo_stiffness=None,
+        zero_position=0.0,
+        zero_torque=0.0,
+        noise=(1e-5, None, 0.1),
+        vaf=99.0,
+    )
+    return replace(plain, **changes)
+
+
+def test_a_known_load_is_taken_off_and_what_was_not_found_is_said():
+    rig, remarks = rig_file(identified(), "a", KnownLoad(inertia=0.005))
+    assert rig.model.entry("footplate_inertia").values["Ip"] == pytest.approx(0.004)
+    assert not rig.model.has("footplate_friction")
+    assert not rig.model.has("servo_compliance")
+    assert any("Mount a spring" in remark for remark in remarks)
+    with pytest.raises(CalibrationError, match="less than the known load"):
+        rig_file(identified(), "a", KnownLoad(inertia=0.01))
+
+
+@pytest.mark.parametrize(("slope", "sign"), [(0.8, 1.0), (-0.8, -1.0)])
+def test_the_weight_of_the_plate_has_its_slope_about_the_mean_angle(slope, sign):
+    rig, _ = rig_file(identified(slope=Found(slope, 0.01)), "a", KnownLoad(), angle=0.1)
+    weight = rig.model.entry("footplate_gravity").values
+    assert weight["m"] == pytest.approx(0.8)
+    assert weight["m"] * np.cos(0.1 - weight["level"]) == pytest.approx(sign * 0.8)
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        (np.zeros(20480), "does not move"),
+        (0.02 * np.sin(np.arange(20480) / 100.0), "rests for"),
+    ],
+)
+def test_what_cannot_calibrate_a_rig_is_refused(reference, message):
+    noise = np.random.default_rng(1).standard_normal(20480)
+    with pytest.raises(CalibrationError, match=message):
+        identify_rig(Signals(RATE, reference, None, noise, reference))
+
+
+def test_a_torque_that_does_not_follow_the_plate_is_refused():
+    reference = movements()[: int(40 * RATE), 0]
+    noise = np.random.default_rng(1).standard_normal(len(reference))
+    with pytest.raises(CalibrationError, match="check sign, units and mounting"):
+        identify_rig(Signals(RATE, reference, None, 0.1 * noise, reference))
+
+
+def test_a_known_load_out_of_range_is_refused():
+    with pytest.raises(CalibrationError, match=r"spring = 5000 N\.m/rad is refused"):
+        KnownLoad(spring=5000.0)
+
+
+def test_the_movements_keep_within_their_extremes_and_end_at_rest():
+    signal = RigCalibration(Settings(rate=RATE, amplitude=0.04))
+    reach = signal.extremes(0.04)
+    made = signal.next(int((DURATION + 2) * RATE))
+    assert np.abs(made[:, 0]).max() <= reach.position * (1 + 1e-9)
+    assert np.abs(made[:, 1]).max() <= reach.velocity * (1 + 1e-9)
+    assert np.abs(made[:, 2]).max() <= reach.acceleration * (1 + 1e-9)
+    assert np.all(made[: int(3.5 * RATE)] == 0.0)
+    assert np.abs(made[-1]).max() < 1e-12
