@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from simulation_study.blind.acceptance import ANSWERS
 from simulation_study.blind.scoring import calibration, confusion, score_case, summarise
 
 BASE = {
@@ -168,3 +169,16 @@ def test_summary_counts() -> None:
     assert sum(count for row in summary["confusion"].values() for count in row.values()) == len(
         scores
     )
+
+
+@pytest.mark.parametrize(("probability", "outcome"), [(0.8, "wrong_name"), (0.4, "right")])
+def test_unexplained_earns_nothing_beside_a_confident_wrong_name(probability, outcome):
+    truth = {"case": "c", "kind": "unknown", "effects": [{"name": "foot_sliding"}], "base": {}}
+    effects = [{"name": "maxwell_relaxation", "probability": probability}]
+    verdict = {"verdict": "unexplained", "effects": effects}
+    assert score_case(truth, verdict).outcome == outcome
+
+
+def test_a_lag_of_the_spindles_is_no_answer_to_a_spring():
+    for hidden in ("strap", "maxwell", "tendon"):
+        assert "tendon" not in ANSWERS[hidden].names

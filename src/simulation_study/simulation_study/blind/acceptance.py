@@ -32,9 +32,8 @@ class Answer(NamedTuple):
 
 ANSWERS: dict[str, Answer] = {
     "strap": Answer(
-        ("fixation_compliance", "tendon"),
-        "straps in series with the joint; a tendon is a spring at the same place but for the "
-        "foot's inertia",
+        ("fixation_compliance",),
+        "straps in series with the joint",
         {
             "rig.strap_k": ("fixation_compliance", "k_s[N.m/rad]", 1.0),
             "rig.strap_b": ("fixation_compliance", "b_s[N.m.s/rad]", 1.0),
@@ -80,8 +79,8 @@ ANSWERS: dict[str, Answer] = {
         ("backlash",), "", {"sensors.encoder_play": ("backlash", "gap[rad]", 1.0)}
     ),
     "maxwell": Answer(
-        ("maxwell_relaxation", "fractional_damping", "tendon"),
-        "one relaxation with finite data is also a fractional element or a series spring",
+        ("maxwell_relaxation", "fractional_damping"),
+        "one relaxation with finite data is also a fractional element",
         {
             "muscle.maxwell_k": ("maxwell_relaxation", "k[N.m/rad]", 1.0),
             "muscle.maxwell_tau": ("maxwell_relaxation", "T[s]", 1.0),
@@ -114,8 +113,9 @@ ANSWERS: dict[str, Answer] = {
     ),
     "asymmetric_damping": Answer(("asymmetric_damping",), ""),
     "tendon": Answer(
-        ("tendon", "maxwell_relaxation", "fractional_damping", "fixation_compliance"),
-        "a viscous muscle behind a spring is exactly a Maxwell element beside a spring",
+        ("maxwell_relaxation", "fractional_damping", "fixation_compliance"),
+        "a viscous muscle behind a spring is exactly a Maxwell element beside a spring; the term "
+        "'tendon' is a lag of the spindles' drive and no spring",
     ),
     "stiffness_follows_torque": Answer(("activation_stiffness",), ""),
     "fatigue": Answer(

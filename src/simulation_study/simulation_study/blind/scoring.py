@@ -20,6 +20,8 @@ from blind_rig.strength import STRENGTHS
 from simulation_study.blind.acceptance import ANSWERS, Answer
 
 LARGEST_SET = 3
+# A name with at least this probability is a statement, under whichever verdict it stands.
+STATED_PROBABILITY = 0.7
 # Edges of the bins of stated probabilities: finer where verdicts state most.
 PROBABILITY_BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0)
 VERDICTS = ("no_mismatch", "explained", "unexplained", "bad_recording")
@@ -100,7 +102,14 @@ def _accepts(hidden: str, name: str) -> bool:
 def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, Any]) -> str:
     """Judgement of one verdict, as `CaseScore.outcome`."""
     if kind in RIGHT_VERDICT:
-        return "right" if said == RIGHT_VERDICT[kind] else said
+        if said != RIGHT_VERDICT[kind]:
+            return said
+        # What was never in the library cannot be named; a confident name there is a wrong one.
+        confident = any(
+            (_number(effect.get("probability")) or 0.0) >= STATED_PROBABILITY
+            for effect in verdict.get("effects", [])
+        )
+        return "wrong_name" if kind == "unknown" and confident else "right"
     if said != "explained":
         return said
     effects = stated_effects(verdict)
