@@ -54,10 +54,10 @@ def _explained(*names: str, probability: float = 0.9, **more: Any) -> dict[str, 
         (_truth("known", "maxwell"), {"verdict": "perhaps"}, "no_verdict"),
         (
             _truth("pair", "maxwell", "late_reflex"),
-            _explained("long_latency_reflex", "tendon"),
+            _explained("long_latency_reflex", "fractional_damping"),
             "right",
         ),
-        (_truth("pair", "maxwell", "late_reflex"), _explained("tendon"), "partial"),
+        (_truth("pair", "maxwell", "late_reflex"), _explained("fractional_damping"), "partial"),
         (_truth("pair", "maxwell", "late_reflex"), _explained("backlash"), "wrong_name"),
     ],
 )
