@@ -3,6 +3,7 @@ them, with less right to the cores.
 """
 
 import os
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -46,3 +47,14 @@ def pytest_runtest_setup(item):
     """
     if "PYTEST_XDIST_WORKER" in os.environ and not item.get_closest_marker("live"):
         os.setpriority(os.PRIO_PROCESS, 0, BESIDE)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say at the end what was not tested, and why."""
+    reasons = Counter()
+    for report in terminalreporter.stats.get("skipped", []):
+        where = report.nodeid.partition("::")[0]
+        told = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        reasons[where, str(told).removeprefix("Skipped: ")] += 1
+    for (where, reason), number in sorted(reasons.items()):
+        terminalreporter.write_line(f"NOT TESTED: {number} of {where}: {reason}")

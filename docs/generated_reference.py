@@ -112,8 +112,10 @@ def api_page(package: str) -> str:
             continue
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         modules.append(name)
-    options = "   :members:\n" if package else ""
     shown = "\n".join(
-        f"## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n" for name in modules
+        # What a package exports is described with the module that has it.
+        f"## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n"
+        f"{'' if name == package else '   :members:' + chr(10)}```\n"
+        for name in modules
     )
     return f"# {package}\n\n{shown}"

@@ -60,3 +60,17 @@ def test_a_module_of_unknown_origin_is_named(tmp_path):
         "import os\nimport numpy.linalg\nfrom nowhere.at import all\n"
     )
     assert modules_of(tmp_path) == {"numpy", "nowhere"}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_exports_what_it_says_and_is_light_to_import(package):
+    program = (
+        f"import sys, {package}; "
+        "heavy = {'numpy', 'scipy', 'numba', 'rclpy'} & set(sys.modules); "
+        f"[getattr({package}, name) for name in getattr({package}, '__all__', [])]; print(heavy)"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert shown.returncode == 0, shown.stderr
+    assert shown.stdout.strip() == "set()"
