@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ankle_interfaces.block import unpack
+from ankle_interfaces.block import Block, unpack
 from ankle_interfaces.errors import BlockError
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_node.session_event import SessionEvent, SessionEventError, parse
@@ -25,8 +25,17 @@ from session_recorder.bag_reader import BagReader
 from session_recorder.loss import account_of_bag
 from session_recorder.message_definitions import typestore
 
+DOUBT = "doubt[1]"
 SUBJECT_KEY = "subject"
 """Key in a bag's custom data that says whose session it is."""
+
+
+def _with_doubt(block: Block) -> Block:
+    """Estimates that were recorded before they stated a doubt, with a doubt that is not known."""
+    at = ESTIMATE_COLUMNS.index(DOUBT)
+    if block.columns != ESTIMATE_COLUMNS[:at] + ESTIMATE_COLUMNS[at + 1 :]:
+        return block
+    return Block(ESTIMATE_COLUMNS, np.insert(block.data, at, np.nan, axis=1))
 
 
 @dataclass(frozen=True)
@@ -126,6 +135,8 @@ def read_session(
         except (SessionEventError, BlockError) as error:
             notes.append(f"{path}: {topic}: {error}")
             continue
+        if topic == ESTIMATE_TOPIC:
+            block = _with_doubt(block)
         if block.columns != columns[topic]:
             raise AnalysisError(
                 f"{path}: {topic} has the columns {', '.join(block.columns)}; expected "
