@@ -1,5 +1,6 @@
 """A recording's movement through the simulation."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,3 +53,13 @@ def test_the_model_with_the_planted_physics_makes_more_of_the_recorded_torque(
 def test_a_folder_without_models_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DiagnosisError, match=r"holds no base\.yaml"):
         resimulate_bag(tmp_path / "bag", tmp_path, tmp_path / "out")
+
+
+def test_a_position_that_the_diagnosis_corrects_is_corrected_here_too(
+    recording: Recording,
+) -> None:
+    base, augmented = _fitted_models(recording)
+    plain = resimulate(replace(recording, reference=recording.position), base, augmented)
+    wrong = replace(recording, position=1.1 * recording.position, reference=recording.position)
+    again = resimulate(wrong, base, augmented)
+    assert again.vaf["augmented"] == pytest.approx(plain.vaf["augmented"], abs=0.3)

@@ -20,8 +20,10 @@ from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.rows import Rows
-from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of
+from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import SAMPLES_TOPIC, Recording
+from model_discrepancy.recording.servo import identify_servo
 from session_recorder.bag_writer import BagWriter
 
 BASE_FILE, AUGMENTED_FILE = "base.yaml", "model.yaml"
@@ -93,7 +95,10 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
     base, augmented
         As `diagnose` writes them.
     """
-    motion = motion_of(recording)
+    # The movement that the diagnosis fitted with, its channels corrected alike.
+    servo = identify_servo(recording, motion_step(recording))
+    corrected = trusted(recording, channel_findings(recording, servo))
+    motion = motion_of(corrected, identify_servo(corrected, motion_step(corrected)))
     rows = Rows(len(motion.position), motion.rate)
     recorded = rows.spectrum(motion.torque)
     # Activation is the slow torque that movement does not make, as in the diagnosis.
