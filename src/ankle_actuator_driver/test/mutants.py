@@ -206,12 +206,6 @@ MUTANTS = [
             "measured_position_beyond",
         ),
         (
-            "references overtaken by a stop",
-            "self.orders = [order for order in self.orders if order.purpose is Purpose.STOP]",
-            "pass",
-            "a_stop_overtakes",
-        ),
-        (
             "the driver's torque yield",
             "self._yield.measure(float(report.samples[:, 2].mean()))",
             "pass",
