@@ -13,13 +13,14 @@ import numpy as np
 
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import sampling_rate
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
 from calibration.errors import CalibrationError
 from calibration.rig_identification import FOUND, Found, IdentifiedRig, Signals, identify_rig
 from session_recorder.bag_reader import BagReader
 
-SAMPLES, REFERENCE = "/ankle/samples", "/perturbation/reference"
+SAMPLES, REFERENCE = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 # A calibration shorter than this has too few edges for the accuracies that are stated.
 SHORTEST = 20.0  # s
