@@ -31,7 +31,7 @@ DEVIATION = 0.02
 # Fast edges reach no further through a drive of 30 Hz.
 HIGHEST = 120.0  # Hz
 # A plate holds still for at least this long at the start.
-LEAST_REST = 1.0  # s
+LEAST_REST = 0.5  # s
 # Left out behind the start of rest, while the plate settles.
 SETTLING = 0.5  # s
 # Below, a reference does not move; noise of a measured reference lies below it.
