@@ -36,6 +36,7 @@ from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
+from ankle_bringup.up import ending_by_signal
 from biofeedback.web.server import SEEN
 from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 
@@ -49,6 +50,7 @@ while True:
         os.fsync(stream.fileno())
 """
 PATIENCE = 60.0
+JUST_BEFORE = 0.3  # s; the perturbation does not rest for so long
 
 
 class Listener(Operator):
@@ -129,13 +131,16 @@ def run_again(rig: Operator, commander: Commander) -> None:
 
 
 def press_and_measure(rig: Operator, press: Callable[[], None]) -> float | None:
-    """Seconds from the key to the plate's last motion; None where the rig had stopped by itself."""
+    """Seconds from the key to the plate's last motion; None where the plate did not move before."""
     if rig.states[-1][0] != "running":
         return None
     pressed = time.time()
     press()
     rig.spin(AFTERWARDS)
     data = np.concatenate(rig.blocks[-200:])
+    before = data[(data[:, 0] > pressed - JUST_BEFORE) & (data[:, 0] <= pressed), 2]
+    if not len(before) or np.abs(before).max() <= STILL:
+        return None
     moving = data[(np.abs(data[:, 2]) > STILL) & (data[:, 0] > pressed), 0]
     return float(moving.max()) - pressed if len(moving) else 0.0
 
@@ -164,11 +169,13 @@ def main() -> int:
             [
                 "perturbation_generator.signal=multisine",
                 f"biofeedback.port={port}",
+                f"record.out={folder}/bag",
                 f"biofeedback.state_file={folder}/progress.json",
             ]
         )
         with (
-            observer("benchmark") as node,
+            ending_by_signal(),
+            observer("benchmark", own_signals=True) as node,
             Processes(graph, Path(folder) / "logs") as processes,
             sync_playwright() as driver,
         ):
