@@ -1,0 +1,45 @@
+"""`ankle open`: a recording to scroll through."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ankle_bringup.errors import RunError
+from ankle_bringup.terminal import Overwrite, console, working
+
+
+def verb(
+    bag: Annotated[Path, typer.Argument(help="A recording.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="The page to write; else BAG.html beside the bag."),
+    ] = None,
+    diagnosis: Annotated[
+        Path | None,
+        typer.Option(help="Folder of its diagnosis; else BAG_diagnosis, where that is there."),
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="Show the page in the browser.")] = True,
+    overwrite: Overwrite = False,
+) -> dict[str, Any]:
+    """Show a recording, its estimates, events and diagnosis as one local page to scroll through.
+
+    Example: ankle open session
+    """
+    from session_analysis.recording_page import write_recording_page
+
+    path = bag.resolve()
+    target = out or path.with_name(f"{path.name}.html")
+    if target.exists() and not (overwrite or out is None):
+        raise RunError(f"{target} is there already; replace it with --overwrite")
+    if diagnosis is None:
+        diagnosis = path.with_name(f"{path.name}_diagnosis")
+    with working(f"reading {bag}"):
+        write_recording_page(bag, target, diagnosis)
+    console.print(f"page: {target.resolve()}", soft_wrap=True)
+    if browser and not webbrowser.open(target.resolve().as_uri()):
+        console.print("no browser was found; open the page by hand")
+    return {"out": target.resolve()}

@@ -1,0 +1,78 @@
+"""The page of a recording: every sample is in it, peaks survive, gaps and losses are shown."""
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+
+from ankle_interfaces.block import Block
+from session_analysis.recording_page import GAP, Track, coarsened, write_recording_page
+from session_recorder.bag_writer import BagWriter
+from session_recorder.errors import BagError
+
+RATE = 1000
+
+
+def write_bag(path, left_out=()):
+    time = 50 + np.arange(8 * RATE) / RATE
+    torque = np.sin(7 * time)
+    torque[4321] = 30.0
+    with BagWriter(path) as writer:
+        writer.add_topic("/ankle/samples")
+        for number, first in enumerate(range(0, len(time), 40)):
+            if number not in left_out:
+                data = np.column_stack([time, torque])[first : first + 40]
+                writer.write_block("/ankle/samples", Block(("t[s]", "torque[N.m]"), data))
+    return torque
+
+
+def content(path):
+    text = path.read_text()
+    return json.loads(re.search(r"const RECORDING=(\{.*?\});\n", text)[1]), text
+
+
+def test_every_sample_is_in_the_page_and_gaps_stay_gaps(tmp_path):
+    torque = write_bag(tmp_path / "bag", left_out=(10,))
+    page = write_recording_page(tmp_path / "bag", tmp_path / "page.html")
+    held, text = content(page)
+    (track,) = held["tracks"]
+    numbers = np.frombuffer(base64.b64decode(track["data"]), "<i2")
+    assert track["name"] == "/ankle/samples torque[N.m]"
+    assert (numbers == GAP).nonzero()[0].tolist() == list(range(400, 440))
+    values = track["low"] + (numbers.astype(float) + track["half"]) * track["scale"]
+    seen = numbers != GAP
+    np.testing.assert_allclose(values[seen], torque[seen], atol=track["scale"])
+    assert "40 samples (0.040 s) are missing in 1 gap" in text
+    assert "make one with 'ankle diagnose'" in text or "make one with &#x27;ankle" in text
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.http", text)
+
+
+def test_a_peak_survives_what_a_long_recording_leaves_out():
+    values = np.zeros(10_001, dtype=np.float32)
+    values[5003], values[7000:7100] = 9.0, np.nan
+    coarse = coarsened(Track("a", 0.0, 0.001, values), 20)
+    assert np.nanmax(coarse.values) == 9.0
+    at = int(np.nanargmax(coarse.values))
+    assert coarse.step * at == pytest.approx(5.003, abs=0.02)
+    assert np.isnan(coarse.values).sum() == 2 * 5
+    assert coarsened(coarse, 1) is coarse
+
+
+def test_the_diagnosis_beside_a_recording_is_shown(tmp_path):
+    write_bag(tmp_path / "bag")
+    folder = tmp_path / "diagnosis"
+    folder.mkdir()
+    verdict = {"verdict": "explained", "effects": [{"sentence": "The straps give way."}]}
+    (folder / "verdict.json").write_text(json.dumps(verdict))
+    text = write_recording_page(tmp_path / "bag", tmp_path / "p.html", folder).read_text()
+    assert "Verdict: explained" in text
+    assert "The straps give way." in text
+
+
+def test_a_bag_with_nothing_to_draw_is_refused(tmp_path):
+    with BagWriter(tmp_path / "bag"):
+        pass
+    with pytest.raises(BagError, match="nothing to draw"):
+        write_recording_page(tmp_path / "bag", tmp_path / "p.html")
