@@ -82,9 +82,10 @@ def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = Non
         raise BagError(f"{bag_path} holds nothing to draw; it has {', '.join(bag.topics)}")
     total = sum(len(track.values) for track in tracks)
     group = max(1, -(-2 * total // MAX_VALUES)) if total > MAX_VALUES else 1
+    events = _events(bag, losses.origin)
     content = {
         "tracks": [_encoded(coarsened(track, group), losses.origin) for track in tracks],
-        "events": _events(bag, losses.origin),
+        "events": events,
     }
     parts = [
         paragraph(
@@ -96,7 +97,7 @@ def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = Non
         heading("What the recording lacks"),
         bullets(losses.sentences(), "loss", "Nothing is missing."),
         heading("Events"),
-        bullets([f"{at:.3f} s: {name}" for at, name in content["events"]], nothing="None."),
+        bullets([f"{at:.3f} s: {name}" for at, name in events], nothing="None."),
         heading("Diagnosis"),
         *_diagnosis(diagnosis),
     ]

@@ -32,6 +32,11 @@ runs back further is a clock that was set, or a source that started again."""
 MAX_END_SPREAD = 2.0
 """[s] The nodes of a graph stop within this time. A measured signal that ends earlier than the
 others was interrupted."""
+MAX_CLOCK = 1e11
+"""[s] Times beyond are damaged: ROS counts from 1970, and this is the year 5138."""
+MAX_PAUSE = 86_400.0
+"""[s] Time that goes forward further within one recording is a clock that was set, or damage; no
+recording pauses for a day."""
 MEASURED = (ANKLE_SAMPLES.absolute, EMG_SAMPLES.absolute)
 """Ends of the names of the topics that a measurement cannot do without."""
 SHOWN_GAPS = 5
@@ -94,9 +99,9 @@ class SampleAccount:
         Steps that are no whole number of intervals.
     clock_steps
         (time before [s], how far time was set back [s]) of each step back by more than
-        `MAX_LATENESS`.
+        `MAX_LATENESS`; negative for one forward by more than `MAX_PAUSE`.
     undated
-        Samples whose time is not finite.
+        Samples whose time is not finite or beyond `MAX_CLOCK`.
     not_finite
         NaN or infinite values by column.
     blocks
@@ -161,10 +166,10 @@ class SampleAccount:
         self.blocks += 1
         news = self._count_values(block)
         time = block.time
-        dated = np.isfinite(time)
+        dated = np.isfinite(time) & (np.abs(time) < MAX_CLOCK)
         if not dated.all():
             self.undated += int(np.count_nonzero(~dated))
-            news.append(f"{np.count_nonzero(~dated)} samples have no finite time")
+            news.append(f"{np.count_nonzero(~dated)} samples have no possible time")
             time = time[dated]
         if self.rate is None:
             try:
@@ -209,6 +214,10 @@ class SampleAccount:
         step = (time[0] - self.last) * self.rate
         if step > 0.0 and abs(step - max(1.0, round(step))) > WHOLE_TOLERANCE:
             self.uneven += 1
+        if float(time[0]) - self.last > MAX_PAUSE:
+            self.clock_steps.append((self.last, self.last - float(time[0])))
+            self._continue(time)
+            return [f"time goes forward by {-self.clock_steps[-1][1]:.3f} s"]
         if step > 1.0 + STEP_TOLERANCE:
             gap = Gap(self.last, float(time[0]), round(step) - 1)
             self.gaps.append(gap)
@@ -295,9 +304,10 @@ class SampleAccount:
         if self.repeated:
             told.append(f"{topic}: {self.repeated} samples have a time that is there already")
         for at, back in self.clock_steps[:SHOWN_GAPS]:
-            told.append(f"{topic}: time was set back by {back:.3f} s at {at - origin:.3f} s")
+            way = "back" if back > 0 else "forward"
+            told.append(f"{topic}: time was set {way} by {abs(back):.3f} s at {at - origin:.3f} s")
         if self.undated:
-            told.append(f"{topic}: {self.undated} samples have no finite time")
+            told.append(f"{topic}: {self.undated} samples have no possible time")
         for column, count in self.not_finite.items():
             told.append(f"{topic}: {count} samples of {column} are NaN or infinite")
         if self.mixed:

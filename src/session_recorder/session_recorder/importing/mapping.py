@@ -28,7 +28,7 @@ from session_recorder.importing.plausibility import (
     intrinsic,
     velocity_gain,
 )
-from session_recorder.importing.sampling import Sampling, judge_times
+from session_recorder.importing.sampling import MAX_GRID, Sampling, judge_times
 from session_recorder.importing.tables import TIME, Table
 
 # Words for each quantity, in the languages that laboratories' files speak. The first that fits
@@ -276,6 +276,8 @@ def _even(
     if sampling.kind == "irregular":
         order = np.argsort(time, kind="stable")
         order = order[np.isfinite(time[order])]
+        if len(order) < 2 or (time[order[-1]] - time[order[0]]) * sampling.rate > MAX_GRID:
+            return columns
         grid = np.arange(time[order[0]], time[order[-1]], 1.0 / sampling.rate)
         return {name: np.interp(grid, time[order], v[order]) for name, v in columns.items()}
     if sampling.kind == "rounded":

@@ -10,12 +10,15 @@ import numpy as np
 
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
 from ankle_interfaces.resampling import regular_grid
+from session_recorder.errors import ImportRefused
 
 MAX_IRREGULAR_SHARE = 0.01
 """Share of the steps that may be off without being whole numbers of intervals; a late sample once
 in a while is a fault of the recording, more is its nature."""
 MAX_BRIDGED = 5.0
 """Median intervals that resampling bridges by a line; a longer pause stays a gap."""
+MAX_GRID = 200_000_000
+"""Samples of an even grid: a day at 2048 Hz. More come from damaged times."""
 GAP_TOLERANCE = 0.2
 """Part of an interval by which a gap may differ from a whole number of intervals."""
 
@@ -124,7 +127,18 @@ def resample_columns(
     tuple[np.ndarray, dict[str, np.ndarray], int]
         Times of shape (k,), columns of shape (k,), and how many grid points were left out because
         they lie in a pause.
+
+    Raises
+    ------
+    ImportRefused
+        The times span more than `MAX_GRID` samples.
     """
+    span = float(np.max(time) - np.min(time))
+    if not span * rate <= MAX_GRID:
+        raise ImportRefused(
+            f"time column: from {np.min(time):g} to {np.max(time):g} s at {rate:g} Hz would be "
+            f"{span * rate:.3g} samples; allowed: {MAX_GRID:g}. Is a time damaged, or in ms?"
+        )
     order = np.argsort(time, kind="stable")
     keep = np.concatenate([[True], np.diff(time[order]) > 0])
     chosen = order[keep]

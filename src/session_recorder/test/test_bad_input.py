@@ -1,0 +1,183 @@
+"""Files that others write, damaged at random: read, or refused in one sentence; never anything
+else. The default run has thousands of cases, the slow one a million.
+"""
+
+import csv
+import json
+import time
+
+import edfio
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from ankle_interfaces.block import Block, pack
+from ankle_interfaces.errors import BlockError
+from session_recorder.bag_reader import BagReader
+from session_recorder.bag_writer import BagWriter
+from session_recorder.errors import BagError, ImportRefused
+from session_recorder.importing import propose, read_table
+from session_recorder.loss import LossAccount, account_of_bag
+
+MAX_TIME = 20.0
+"""[s] Longest time of one case on a crowded machine; what takes longer hangs."""
+NASTY = [
+    "",
+    "nan",
+    "-",
+    "1e999",
+    "0x1f",
+    "1,5",
+    "1.5;2",
+    '"',
+    "\\0",
+    "°",
+    "Time (s)",
+    "#",
+    "_1",
+    "--",
+]
+
+
+def table(n=60):
+    t = np.arange(n) / 1000
+    return np.column_stack([t, np.sin(40 * t), np.cos(30 * t)])
+
+
+def as_csv(path, random):
+    rows = [["Time (s)", "Angle (deg)", "Torque (Nm)"], *table().tolist()]
+    for _ in range(int(random.integers(0, 6))):
+        row = rows[int(random.integers(len(rows)))]
+        row[int(random.integers(3))] = str(random.choice(NASTY))
+    with path.with_suffix(".csv").open("w", newline="") as stream:
+        csv.writer(stream, delimiter=str(random.choice([",", ";", "\t", " "]))).writerows(rows)
+    return path.with_suffix(".csv")
+
+
+def as_npz(path, random):
+    np.savez(path.with_suffix(".npz"), time=table()[:, 0], angle=table()[:, 1:])
+    return path.with_suffix(".npz")
+
+
+def as_mat(path, random):
+    savemat(path.with_suffix(".mat"), {"trial": {"time": table()[:, 0], "torque": table()[:, 1]}})
+    return path.with_suffix(".mat")
+
+
+def as_edf(path, random):
+    edfio.Edf([edfio.EdfSignal(np.tile(table()[:, 1], 10), 600, label="SOL")]).write(
+        path.with_suffix(".edf")
+    )
+    return path.with_suffix(".edf")
+
+
+def damage(content, random):
+    """Bytes flipped, cut out, doubled or put in."""
+    data = bytearray(content)
+    for _ in range(int(random.integers(1, 8))):
+        at = int(random.integers(0, max(1, len(data))))
+        size = int(random.integers(1, 40))
+        what = int(random.integers(4))
+        if what == 0 and data:
+            data[at % len(data)] = int(random.integers(256))
+        elif what == 1:
+            del data[at : at + size]
+        elif what == 2:
+            data[at:at] = data[at : at + size]
+        else:
+            data[at:at] = bytes(random.integers(0, 256, size, dtype=np.uint8))
+    return bytes(data)
+
+
+def read_or_refuse(path):
+    begin = time.monotonic()
+    try:
+        found = read_table(path)
+        propose(found)
+        for name, values in found.columns.items():
+            assert values.ndim == 1, name
+            assert values.dtype == float
+    except ImportRefused:
+        pass
+    assert time.monotonic() - begin < MAX_TIME
+
+
+def damaged_files(folder, seed, cases):
+    random = np.random.default_rng(seed)
+    for case in range(cases):
+        make = (as_csv, as_npz, as_mat, as_edf)[case % 4]
+        path = make(folder / "file", random)
+        if case % 3:
+            path.write_bytes(damage(path.read_bytes(), random))
+        read_or_refuse(path)
+
+
+def damaged_blocks(seed, cases):
+    """Messages of a topic of blocks: counted or refused, and no number is invented."""
+    random = np.random.default_rng(seed)
+    names = ("t[s]", "torque[N.m]")
+    account, whole = LossAccount(), 0
+    for case in range(cases):
+        time_ = 10.0 + case * 0.032 + np.arange(32) / 1000
+        message = pack(Block(names, np.column_stack([time_, np.sin(time_)])))
+        if random.uniform() < 0.7:
+            message = damage(message, random)
+        else:
+            whole += 1
+        try:
+            account.add("/ankle/samples", message, case)
+        except BlockError:
+            pytest.fail("a damaged block must not end the recording")
+    return account, whole
+
+
+def damaged_bags(folder, seed, cases):
+    random = np.random.default_rng(seed)
+    with BagWriter(folder / "good", overwrite=True) as writer:
+        writer.add_topic("/ankle/samples")
+        for number in range(40):
+            t = number * 0.032 + np.arange(32) / 1000
+            block = Block(("t[s]", "torque[N.m]"), np.column_stack([t, t]))
+            writer.write_block("/ankle/samples", block)
+            if number % 10 == 9:
+                writer.flush()
+    mcap = next((folder / "good").glob("*.mcap")).read_bytes()
+    meta = (folder / "good" / "metadata.yaml").read_bytes()
+    bag = folder / "bad"
+    bag.mkdir(exist_ok=True)
+    for case in range(cases):
+        (bag / "good_0.mcap").write_bytes(damage(mcap, random) if case % 2 else mcap)
+        (bag / "metadata.yaml").write_bytes(meta if case % 2 else damage(meta, random))
+        try:
+            held = account_of_bag(BagReader(bag))
+        except BagError:
+            continue
+        samples = sum(one.samples for one in held.topics.values())
+        assert samples <= 40 * 32
+        # What is not there is told.
+        assert samples == 40 * 32 or held.sentences(), case
+
+
+def test_damaged_files_are_read_or_refused(tmp_path):
+    damaged_files(tmp_path, 1, 400)
+
+
+def test_damaged_blocks_do_not_end_a_recording():
+    account, whole = damaged_blocks(2, 3000)
+    held = account.topics["/ankle/samples"]
+    assert held.samples >= 32 * whole * 0.9
+    assert json.dumps(account.figures())
+
+
+def test_damaged_bags_are_read_or_refused_and_what_is_missing_is_told(tmp_path):
+    damaged_bags(tmp_path, 3, 300)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("part", range(10))
+def test_a_million_damaged_files_blocks_and_bags(tmp_path, part):
+    damaged_files(tmp_path, 100 + part, 4000)
+    damaged_bags(tmp_path, 200 + part, 3000)
+    for piece in range(31):
+        damaged_blocks(1000 * part + piece, 3000)
