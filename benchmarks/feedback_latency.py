@@ -161,7 +161,7 @@ def run(graph: Graph, folder: Path, settings: list[str], seconds: float) -> tupl
 def crossing(
     time: np.ndarray, value: np.ndarray, after: float, level: float, rising: bool
 ) -> float:
-    """First time after `after` at which a value is beyond a level, NaN without one within a step."""  # noqa: E501
+    """Return the first time after `after` with a value beyond a level; NaN without one."""
     beyond = (value >= level) if rising else (value <= level)
     found = np.flatnonzero(beyond & (time > after) & (time < after + SPACING - 1.0))
     return float(time[found[0]]) if len(found) else float("nan")

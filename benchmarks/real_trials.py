@@ -86,7 +86,7 @@ def known_joint(
 
 
 def print_known_joint(name: str, rate: float, time: np.ndarray, position: np.ndarray) -> None:
-    """A line for each voluntary torque and estimator: mean and standard deviation within the trial."""  # noqa: E501
+    """Print mean and standard deviation within the trial, by voluntary torque and estimator."""
     for rms, cutoff in VOLUNTARY:
         x, torque = known_joint(rate, position, rms, cutoff)
         for method, (algorithm, settings) in COMPARED.items():

@@ -47,7 +47,7 @@ def median_time(work: Callable[[], object], passes: int = PASSES) -> float:
 
 
 def exact_reference(signal: PulseStep) -> tuple[Callable[[float], float], list[float]]:
-    """The reference position as a function of time, and the times at which an edge begins or ends."""  # noqa: E501
+    """Return the reference position as a function of time, and the times of its corners."""
     onsets = signal.onsets()
     starts = [onset.time for onset in onsets]
     levels = np.concatenate(

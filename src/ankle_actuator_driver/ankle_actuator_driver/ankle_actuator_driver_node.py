@@ -1,4 +1,4 @@
-"""Between the graph and a rig's own real-time controller; the same topics as `ankle_sim`.
+"""The node between the graph and a rig's own controller; it has the topics of `ankle_sim`.
 
 | topic or service | direction | content |
 | --- | --- | --- |
@@ -65,7 +65,7 @@ CONFIRMED = {"arm": State.ARMED, "start": State.RUNNING}
 
 
 class _NextTurn:
-    """Awaited in a callback: the executor works on other things first."""
+    """Lets the executor do other things before the callback that awaits it goes on."""
 
     def __await__(self) -> Generator[None, None, None]:
         yield
@@ -153,19 +153,20 @@ class ActuatorDriverNode(ManagedNode):
             session.close()
 
     def destroy_node(self) -> None:
-        """A node that is taken down leaves no plate in motion."""
+        """Stop the session, so that a node that ends leaves no plate in motion."""
         self.deactivate()
         self.release()
         super().destroy_node()
 
     def process_waiting(self, executor: SingleThreadedExecutor) -> None:
-        """Told to stop: the rig first, then the blocks that still wait."""
+        """Stop the rig first when the node is to end, then process the blocks that still wait."""
         self.deactivate()
         super().process_waiting(executor)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Limits hold from the next block on, and never beyond the hard ones; the soft start from
-        the next start on.
+        """Apply changed limits from the next block on, and a soft start from the next start on.
+
+        Limits never pass the hard ones.
         """
         wanted = limits_from(
             {p.name: values.get(p.name, self.value(p.name)) for p in LIMIT_PARAMETERS}
@@ -201,8 +202,9 @@ class ActuatorDriverNode(ManagedNode):
     async def _command_to_confirm(
         self, name: str, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        """An arming or a start is answered when the rig has confirmed it; a stop is carried out
-        meanwhile.
+        """Answer an arming or a start once the rig has confirmed it.
+
+        A stop is carried out meanwhile.
         """
         self._look_for_sources()
         response = self._command(name, request, response)
@@ -225,7 +227,7 @@ class ActuatorDriverNode(ManagedNode):
             self._session.tell_operator_alive()
 
     def _look_for_sources(self) -> None:
-        """Who publishes the reference."""
+        """Report to the session who publishes the reference."""
         found = self.get_publishers_info_by_topic(
             self.resolve_topic_name(PERTURBATION_REFERENCE.name)
         )
@@ -240,7 +242,7 @@ class ActuatorDriverNode(ManagedNode):
             self._session.refer(block.data)
 
     def _fail(self, error: Exception) -> None:
-        """In the session's thread; the executor raises it, so that the process ends."""
+        """Let the executor raise an error of the session's thread, so that the process ends."""
         self._failure = error
         self._failed.trigger()
 

@@ -21,13 +21,12 @@ from ankle_actuator_driver.safety.rig import Interruption
 from ankle_actuator_driver.safety.states import CONFIRMATION, POWERED, Answer, State
 
 POLL = 0.004
-"""[s] The line is looked at, and the watchdogs, at least so often."""
+"""[s] Longest time between two looks at the line and the watchdogs."""
 FAREWELL = 1.0
-"""[s] For the rig to confirm that it stopped before the driver falls silent."""
+"""[s] Longest wait for the rig to confirm that it stopped before the driver falls silent."""
 STOP_PATIENCE = 0.05
-"""[s] A stop waits so long for a thread that holds the bridge; then the line is cut, and the rig's
-own watchdog stops the plate.
-"""
+"""[s] Longest wait of a stop for a thread that holds the bridge; then the line is cut, and the
+rig's own watchdog stops the plate."""
 SAME_MOMENT = 50e-6
 """[s] Longest time between two readings of clocks that count as one moment."""
 CLOCK_READINGS = 5
@@ -56,8 +55,9 @@ class News:
 
 
 def both_clocks(ros_time: Callable[[], float]) -> tuple[float, float]:
-    """The steady clock and ROS time at the same moment [s], though the process may be put aside
-    between two readings.
+    """Return the steady clock and ROS time at the same moment [s].
+
+    The process may be put aside between two readings, so they are repeated where that took long.
 
     Parameters
     ----------
@@ -157,8 +157,7 @@ class RigSession:
         return answer
 
     def confirmed(self, state: State) -> Answer | None:
-        """What became of an arming or a start: an answer, or None while the rig has not confirmed
-        it yet.
+        """Return the answer to an arming or a start; None while the rig has not confirmed it yet.
 
         Parameters
         ----------
@@ -183,18 +182,18 @@ class RigSession:
             self._send()
 
     def change(self, apply: Callable[[Bridge], None]) -> None:
-        """Change something of the bridge between two looks at the line."""
+        """Change a property of the bridge between two looks at the line."""
         with self._busy:
             apply(self.bridge)
             self._send()
 
     def tell_operator_alive(self) -> None:
-        """The operator's page says that somebody watches."""
+        """Note that the operator's page is connected and watched."""
         with self._busy:
             self.bridge.operator_alive(self._clocks()[0])
 
     def tell_sources(self, names: list[str]) -> None:
-        """Who publishes the reference, by full names."""
+        """Note which nodes publish the reference, by full names."""
         with self._busy:
             self.bridge.reference_sources(names, self._clocks()[0])
             self._send()

@@ -21,8 +21,9 @@ START_PATIENCE = 120.0
 
 
 def page_addresses(graph: Graph) -> tuple[str, str] | None:
-    """Addresses of the subject's and the operator's page, without tokens; None where the graph has
-    no biofeedback node.
+    """Return the addresses of the subject's and the operator's page, without tokens.
+
+    The result is None where the graph has no biofeedback node.
     """
     for node in graph.nodes:
         if node.package == "biofeedback":
@@ -49,14 +50,14 @@ def _entrances(graph: Graph, addresses: tuple[str, str]) -> tuple[str, ...]:
 
 
 def free_port() -> int:
-    """A port of this computer that nobody serves."""
+    """Return a port of this computer that nobody serves."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def is_served(port: int) -> bool:
-    """Whether somebody answers at a port of this computer."""
+    """Return whether somebody answers at a port of this computer."""
     try:
         socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
     except OSError:

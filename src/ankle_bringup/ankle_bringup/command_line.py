@@ -25,7 +25,7 @@ _SHARED_OPTIONS = {
 
 
 def verb_names() -> dict[str, str]:
-    """The verbs: the word on the command line, and the module that has it."""
+    """Return the verbs: the word on the command line, and the module that has it."""
     modules = sorted(module.name for module in pkgutil.iter_modules(verbs.__path__))
     return {module.rstrip("_").replace("_", "-"): module for module in modules}
 
@@ -36,23 +36,23 @@ class VerbGroup(TyperGroup):
     """
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """The verbs in alphabetical order."""
+        """Return the verbs in alphabetical order."""
         return [*verb_names()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of a verb; None where there is no such verb."""
+        """Return the command of a verb; None where there is no such verb."""
         module = verb_names().get(cmd_name)
         return None if module is None else load_verb(cmd_name, module)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that the arguments name."""
+        """Return the command that the arguments name."""
         # The suggestion for a mistyped verb is made from this table; the modules fill it on demand.
         self.commands = dict.fromkeys(verb_names())  # type: ignore[assignment]
         return super().resolve_command(ctx, args)
 
 
 def load_verb(name: str, module: str) -> Any:
-    """The command that a module of `ankle_bringup.verbs` describes.
+    """Return the command that a module of `ankle_bringup.verbs` describes.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def load_verb(name: str, module: str) -> Any:
 
 
 def with_shared_options(function: Any) -> Callable[..., Any]:
-    """A verb's function with `--quiet`, and with `--json` where it returns its result."""
+    """Give a verb's function `--quiet`, and `--json` where it returns its result."""
     signature = inspect.signature(function, eval_str=True)
     names = ["quiet"] if signature.return_annotation is None else ["json", "quiet"]
     shared = [

@@ -50,11 +50,11 @@ class Result:
     passed: bool = True
 
     def add(self, what: str, value: str, meaning: str) -> None:
-        """One line of the table."""
+        """Add a line to the table."""
         self.rows.append((what, value, meaning))
 
     def require(self, passed: bool, what: str, value: str, meaning: str) -> None:
-        """One line that must hold for the demo to succeed."""
+        """Add a line that must hold for the demo to succeed."""
         self.passed = self.passed and passed
         self.add(what, value if passed else f"{value} (NOT MET)", meaning)
 
@@ -94,8 +94,9 @@ def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
 
 
 def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Console) -> None:
-    """Generator, simulated ankle, estimator and recorder as four processes at real time, with a
-    jump in K and G.
+    """Run generator, simulated ankle, estimator and recorder at real time.
+
+    They are four processes; K and G jump on the way.
     """
     scenario = resources.files("ankle_bringup") / "scenarios" / "jump.yaml"
     graph = load_graph("simulated_recorded").with_settings(
@@ -147,9 +148,7 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
 
 
 def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
-    """Estimates by replay through the node and straight from the file, against those of the live
-    run.
-    """
+    """Estimate again by replay and straight from the file; compare with the live run."""
     replayed_bag, file_bag = out / "replayed_estimates", out / "estimates_from_file"
     began = time.monotonic()
     with console.status(
@@ -231,7 +230,7 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
 
 
 def trial_bags(trials: Path, out: Path, console: Console) -> list[tuple[str, Path]]:
-    """Name and bag of each real trial in a folder; an NPZ file there is imported first."""
+    """Return name and bag of each real trial in a folder; an NPZ file there is imported first."""
     files = sorted(trials.glob("*.npz")) if trials.is_dir() else []
     if not files:
         return [(bag.name, bag) for bag in sorted(trials.glob("trial_*"))]
@@ -246,7 +245,7 @@ def trial_bags(trials: Path, out: Path, console: Console) -> list[tuple[str, Pat
 
 
 def session(out: Path, result: Result, console: Console) -> None:
-    """A scripted session on the pages, from arm to report."""
+    """Run a scripted session on the pages, from arm to report."""
     state, pictures, missing = run_session(out / "session", out / "logs" / "session", console)
     console.print(f"screenshots {pictures}")
     shares = hold_shares(state["log"])
@@ -266,7 +265,7 @@ def session(out: Path, result: Result, console: Console) -> None:
 
 
 def summary(out: Path, result: Result, console: Console) -> None:
-    """The closing table, and where everything lies."""
+    """Show the closing table, and where everything lies."""
     table = Table("what", "result", "meaning")
     for row in result.rows:
         table.add_row(*row)

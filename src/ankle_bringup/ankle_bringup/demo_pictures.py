@@ -32,8 +32,9 @@ def live_run(
     truth: np.ndarray,
     path: Path,
 ) -> None:
-    """K and G over time, as estimated live and with the paper's algorithm, against the true values
-    of the simulation; shape (n, m) each.
+    """Draw K and G over time, estimated live and with the paper's algorithm.
+
+    True values of the simulation are shown beside them; each array has the shape (n, m).
     """
     figure, axes = plt.subplots(2, 1, figsize=(9, 6), sharex=True, constrained_layout=True)
     start = truth[0, 0]
@@ -80,8 +81,9 @@ def live_run(
 
 
 def onsets(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Start times [s] of the fast movements in a position signal [rad] of shape (n,), and their
-    directions (1 dorsiflexing, -1).
+    """Return start times [s] and directions of the fast movements in a position signal [rad].
+
+    The signal has the shape (n,); a direction is 1 dorsiflexing, -1 plantarflexing.
     """
     rate = (len(time) - 1) / (time[-1] - time[0])
     window = max(int(rate * 0.005), 1)
@@ -97,8 +99,9 @@ def onsets(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def around(time: np.ndarray, signals: np.ndarray, at: np.ndarray, lags: np.ndarray) -> np.ndarray:
-    """Mean of signals (n, m) around the times `at`, each from its own value before; shape
-    (len(lags), m).
+    """Return the mean of signals (n, m) around the times `at`, shape (len(lags), m).
+
+    Each signal counts from its own value before.
     """
     before = lags < -0.01
     segments = []
@@ -113,7 +116,7 @@ def around(time: np.ndarray, signals: np.ndarray, at: np.ndarray, lags: np.ndarr
 def real_trial(
     name: str, estimates: np.ndarray, torques: np.ndarray, samples: np.ndarray, path: Path
 ) -> None:
-    """Estimates over the trial, and measured against predicted torque around the perturbations.
+    """Draw estimates over a trial, and measured against predicted torque.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ async def _photograph(pages: dict[str, Page], out: Path) -> None:
 
 
 def hold_shares(log: list[dict]) -> str:
-    """Of each hold that the pages' log has, the share of the time in the target."""
+    """Return the share of the time in the target, for each hold in the pages' log."""
     ended = [entry["details"] for entry in log if entry["event"] == "hold ended"]
     return (
         ", ".join(

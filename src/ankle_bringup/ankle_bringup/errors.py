@@ -1,4 +1,4 @@
-"""Errors that a person at the command line reads as one line."""
+"""Errors that the user reads at the command line as one line."""
 
 
 class GraphError(ValueError):

@@ -18,7 +18,7 @@ NODE_MODULE = "_node"  # the end of the name of each module that wires a node
 
 
 def executables(package: str) -> dict[str, EntryPoint]:
-    """The executables of an installed package by name.
+    """Return the executables of an installed package by name.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def executables(package: str) -> dict[str, EntryPoint]:
 
 
 def packages_with_nodes() -> list[str]:
-    """Names of the installed packages that have a node."""
+    """Return the names of the installed packages that have a node."""
     return sorted(
         {
             entry.dist.name
@@ -45,7 +45,7 @@ def packages_with_nodes() -> list[str]:
 
 
 def find_executable(package: str, executable: str) -> EntryPoint:
-    """The entry point of an executable.
+    """Return the entry point of an executable.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def find_executable(package: str, executable: str) -> EntryPoint:
 
 
 def node_command(package: str, executable: str) -> list[str]:
-    """The command that runs an executable with this Python, without the `ros2` command.
+    """Return the command that runs an executable with this Python, without the `ros2` command.
 
     Raises
     ------
@@ -79,12 +79,12 @@ def become(command: list[str]) -> None:
 
 
 def is_node(entry: EntryPoint) -> bool:
-    """Whether an executable is a node, and not a command with options of its own."""
+    """Return whether an executable is a node, and not a command with options of its own."""
     return entry.module.endswith(NODE_MODULE)
 
 
 def declared_parameters(entry: EntryPoint, values: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters that a node declares, without starting it.
+    """Return the parameters that a node declares, without starting it.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ _NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """One process of a graph."""
+    """The description of one process of a graph."""
 
     package: str
     executable: str
@@ -51,7 +51,7 @@ class NodeDescription:
         return "/" + "/".join(part for part in (self.namespace.strip("/"), self.name) if part)
 
     def ros_arguments(self) -> list[str]:
-        """What follows the executable on its command line."""
+        """Return what follows the executable on its command line."""
         arguments = ["--ros-args", "-r", f"__node:={self.name}"]
         if self.namespace:
             arguments += ["-r", f"__ns:={self.namespace}"]
@@ -94,7 +94,9 @@ class Graph:
         return self.nodes[0].namespace if self.nodes else ""
 
     def with_settings(self, settings: Iterable[str]) -> Graph:
-        """The graph with parameters replaced, each as ``node.parameter=value`` (value in YAML).
+        """Return the graph with parameters replaced.
+
+        Each setting is ``node.parameter=value`` with the value in YAML.
 
         Raises
         ------
@@ -121,7 +123,7 @@ class Graph:
         return replace(self, nodes=tuple(nodes.values()))
 
     def in_namespace(self, namespace: str) -> Graph:
-        """The graph with all of its nodes in a namespace: a laboratory of its own beside others.
+        """Return the graph with all nodes in a namespace, a laboratory of its own beside others.
 
         Raises
         ------
@@ -139,7 +141,7 @@ class Graph:
         return replace(self, nodes=tuple(replace(node, namespace=absolute) for node in self.nodes))
 
     def with_parameter_file(self, path: str | Path) -> Graph:
-        """The graph with the parameters of a ROS parameter file laid over its own.
+        """Return the graph with the parameters of a ROS parameter file laid over its own.
 
         Parameters
         ----------
@@ -167,7 +169,7 @@ class Graph:
         return replace(self, nodes=tuple(nodes))
 
     def with_options(self, options: Iterable[str]) -> Graph:
-        """The graph with the nodes of these options, and without those of others.
+        """Return the graph with the nodes of these options, and without those of others.
 
         Raises
         ------
@@ -184,12 +186,12 @@ class Graph:
         return replace(self, nodes=tuple(node for node in self.nodes if node.when in chosen))
 
     def without(self, name: str) -> Graph:
-        """The graph without one node; the same where it has none of that name."""
+        """Return the graph without one node, unchanged where it has none of that name."""
         return replace(self, nodes=tuple(node for node in self.nodes if node.name != name))
 
 
 def known_graphs() -> list[str]:
-    """Names of the graphs that come with the package."""
+    """Return the names of the graphs that come with the package."""
     folder = resources.files("ankle_bringup") / "config"
     return sorted(
         entry.name.removesuffix(".yaml")
@@ -199,7 +201,7 @@ def known_graphs() -> list[str]:
 
 
 def load_graph(name: str) -> Graph:
-    """A graph by the name of one that comes with the package, or by the path of a YAML file.
+    """Load a graph by the name of one in the package, or by the path of a YAML file.
 
     Raises
     ------
@@ -254,7 +256,7 @@ def load_graph(name: str) -> Graph:
 
 
 def read_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
-    """Parameters by the node name or pattern for which a ROS parameter file gives them.
+    """Return the parameters of a ROS parameter file by the node name or pattern they are for.
 
     Nested groups are joined by dots, as ROS does.
 
@@ -290,8 +292,9 @@ def _joined(group: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def names_node(pattern: str, full_name: str) -> bool:
-    """Whether an entry of a parameter file is for a node: its name, its name with the namespace,
-    or a pattern with ``*``.
+    """Return whether an entry of a parameter file is for a node.
+
+    It is the node's name, its name with the namespace, or a pattern with ``*``.
     """
     wanted = pattern.strip("/")
     if "*" in wanted:

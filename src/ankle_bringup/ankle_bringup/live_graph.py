@@ -32,7 +32,9 @@ ANSWER_SECONDS = 5.0
 def observer(
     name: str = "ankle_observer", own_signals: bool = False, namespace: str = ""
 ) -> Iterator[Node]:
-    """A node that only looks; discovery stays on this host unless the environment says otherwise.
+    """Make a node that only reads.
+
+    Discovery stays on this host unless the environment says otherwise.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def observer(
 
 
 def topics(node: Node) -> list[tuple[str, str, int, int]]:
-    """Every topic of the graph: name, type, number of publishers, of subscribers."""
+    """List every topic of the graph: name, type, number of publishers, of subscribers."""
     time.sleep(DISCOVERY_SECONDS)
     found = node.get_topic_names_and_types()
     return [
@@ -115,7 +117,7 @@ def echo(node: Node, topic: str, show: Callable[[str], None], count: int, second
 
 
 def block_text(block: Block) -> str:
-    """A block as a table with one row a sample."""
+    """Return a block as a table with one row a sample."""
     lines = ["  ".join(f"{name:>18}" for name in block.columns)]
     for row in block.data:
         lines.append("  ".join([f"{row[0]:18.6f}", *(f"{value:18.9g}" for value in row[1:])]))
@@ -140,7 +142,7 @@ def _plain(value: Any) -> Any:
 
 
 def describe_parameters(node: Node, name: str) -> list[tuple[ParameterDescriptor, Any]]:
-    """Descriptor and present value of every parameter of a running node.
+    """Return descriptor and present value of every parameter of a running node.
 
     Raises
     ------
@@ -201,8 +203,9 @@ def _ask(node: Node, name: str, kind: Any, service: str, request: Any) -> Any:
 
 
 def trigger(node: Node, name: str, command: str) -> tuple[bool, str]:
-    """Call a std_srvs/Trigger service of a running node: whether it was carried out, and the node's
-    sentence.
+    """Call a std_srvs/Trigger service of a running node.
+
+    The result is whether it was carried out, and the node's sentence.
 
     Raises
     ------
@@ -214,9 +217,7 @@ def trigger(node: Node, name: str, command: str) -> tuple[bool, str]:
 
 
 def latched(node: Node, topic: str, seconds: float) -> str | None:
-    """The last text that was said on a latched topic; None where nothing comes within so many
-    seconds.
-    """
+    """Return the last text on a latched topic; None where nothing comes in time."""
     heard: list[str] = []
 
     def hear(message: Any) -> None:

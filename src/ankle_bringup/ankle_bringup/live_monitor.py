@@ -91,13 +91,13 @@ class LiveMonitor:
         return receive
 
     def spin(self, seconds: float) -> None:
-        """Take what arrives during the next seconds."""
+        """Process what arrives during the next seconds."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left)
 
     def latest(self, topic: str, column: str) -> float:
-        """Last value of a column, NaN before the first block."""
+        """Return the last value of a column, NaN before the first block."""
         block = self.streams[topic].last
         return (
             float(block.column(column)[-1])
@@ -107,5 +107,5 @@ class LiveMonitor:
 
     @property
     def missing(self) -> int:
-        """Samples missing so far in the sampled topics."""
+        """The number of samples missing so far in the sampled topics."""
         return sum(stream.continuity.missing for stream in self.streams.values())

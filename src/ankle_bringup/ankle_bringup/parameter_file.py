@@ -15,7 +15,7 @@ LINE_LENGTH = 100
 
 
 def of_every_node() -> str:
-    """The file ``share/ankle_bringup/params/laboratory.yaml``: each node's defaults."""
+    """Return the file ``share/ankle_bringup/params/laboratory.yaml``: each node's defaults."""
     nodes = {}
     for entry in entry_points(group="console_scripts"):
         declared = declared_parameters(entry, {}) if is_node(entry) else None
@@ -30,7 +30,7 @@ def of_every_node() -> str:
 
 
 def of_node(name: str, parameters: Iterable[Quantity]) -> str:
-    """One node's entry.
+    """Return the entry of one node.
 
     Parameters
     ----------

@@ -49,12 +49,12 @@ _LISTENING = {"biofeedback": "tcp", "rig_emulator": "udp"}
 
 
 def require_free_ports(graph: Graph) -> None:
-    """Whether every port at which a node of a graph listens is free.
+    """Refuse a graph with a node whose port is in use.
 
     Raises
     ------
     RunError
-        One is not; names the process that holds it.
+        A port is in use; names the process that holds it.
     """
     for node in graph.nodes:
         if node.executable in _LISTENING:
@@ -124,20 +124,20 @@ class Processes:
 
     @property
     def names(self) -> list[str]:
-        """Nodes still running."""
+        """The names of the nodes that still run."""
         return [name for name, process in self._running.items() if process.poll() is None]
 
     @property
     def pids(self) -> dict[str, int]:
-        """Process ids of all nodes by name."""
+        """The process ids of all nodes by name."""
         return {name: process.pid for name, process in self._running.items()}
 
     def log(self, name: str) -> Path:
-        """The log file of a node."""
+        """Return the log file of a node."""
         return self._logs / f"{name}.log"
 
     def ended(self, name: str) -> bool:
-        """Whether a node that is meant to end has done so; every other one must still run.
+        """Return whether a node that is meant to end has done so; every other one must still run.
 
         Raises
         ------

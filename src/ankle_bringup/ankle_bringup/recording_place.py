@@ -31,7 +31,7 @@ def _recording_to(graph: Graph, out: Path) -> Graph:
 def in_study(
     graph: Graph, study: Path, subject: str, visit: int, stated: dict[str, Any] | None = None
 ) -> tuple[Graph, Path]:
-    """The graph with its recorder writing to the next run of a visit.
+    """Return the graph with its recorder writing to the next run of a visit.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def in_study(
 
 
 def with_free_place(graph: Graph, settings: Iterable[str]) -> tuple[Graph, str]:
-    """The graph with a recorder whose place is free: a second session makes a second recording.
+    """Return the graph with a recorder whose place is free, so that nothing is overwritten.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Estimates of a recorded session, made again: by replay through the node, and compared row by row."""  # noqa: E501
+"""Estimates of a recorded session, made again by replay and compared row by row."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def _bar(*columns: Any) -> Progress:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar; gives a function that takes the done share, from 0 to 1."""
+    """Show a progress bar; return a function that takes the done share, from 0 to 1."""
     with _bar(TimeRemainingColumn()) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
@@ -90,8 +90,9 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def steps() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar for work of several steps; gives a function that takes the name of the
-    step and the done share of the whole, from 0 to 1.
+    """Show a progress bar for several steps.
+
+    The returned function takes the name of the step and the done share of the whole, from 0 to 1.
     """
     with _bar() as bar:
         task = bar.add_task("starting", total=1.0)
@@ -100,13 +101,16 @@ def steps() -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def working(what: str) -> Iterator[Callable[[str], None]]:
-    """Show that work of unknown length goes on; gives a function that takes the present step."""
+    """Show that work of unknown length goes on.
+
+    The returned function takes the name of the present step.
+    """
     with Console(stderr=True, markup=False, quiet=console.quiet).status(f"{what} ...") as status:
         yield lambda step: status.update(f"{what}: {step}")
 
 
 def as_json(result: Any) -> str:
-    """The result of a verb as JSON text; numbers that are not finite become null.
+    """Return the result of a verb as JSON text; numbers that are not finite become null.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Run a graph in front of a person: what it estimates, what is missing, until they stop it."""
+"""Run a graph at a terminal: what it estimates, what is missing, until they stop it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ STOP_PATIENCE = 1.0
 def status_table(
     monitor: LiveMonitor, seconds_left: float | None, rig: Sequence[str] = ()
 ) -> Table:
-    """Latest estimate beside the true value where a simulation tells it, and the state of a rig."""
+    """Show the latest estimate, the true value where it is known, and the state of a rig."""
     table = Table("", "estimated", "true", "unit")
     for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2")):
         column = f"{symbol}[{unit}]"
@@ -135,7 +135,7 @@ def ending_by_signal() -> Iterator[None]:
 
 
 def ignore_ending_signals() -> None:
-    """From here on, bring everything to its end whoever else asks for it."""
+    """Ignore ending signals from here on, so that everything comes to its end."""
     for one in ENDING_SIGNALS:
         signal.signal(one, signal.SIG_IGN)
 

@@ -18,7 +18,7 @@ from ankle_bringup.graph import load_graph
 
 
 def nodes_of(context):
-    """The nodes of the chosen graph."""
+    """Return the nodes of the chosen graph."""
     settings = [
         text for text in LaunchConfiguration("settings").perform(context).split(";") if text.strip()
     ]
@@ -39,7 +39,7 @@ def nodes_of(context):
 
 
 def process(node):
-    """One node of the graph as a process."""
+    """Return one node of the graph as a process."""
     return Node(
         package=node.package,
         executable=node.executable,
@@ -52,7 +52,7 @@ def process(node):
 
 
 def state_publisher(namespace):
-    """robot_state_publisher with the ankle's description, where it is installed."""
+    """Return robot_state_publisher with the ankle's description, where it is installed."""
     try:
         get_package_prefix("robot_state_publisher")
     except PackageNotFoundError:
@@ -71,7 +71,7 @@ def state_publisher(namespace):
 
 
 def generate_launch_description():
-    """What `ros2 launch` asks for."""
+    """Return what `ros2 launch` asks for."""
     return LaunchDescription(
         [
             DeclareLaunchArgument(

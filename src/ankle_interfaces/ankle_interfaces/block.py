@@ -30,7 +30,7 @@ _BIG_ENDIAN = b"\x00\x00\x00\x00"
 
 @dataclass(frozen=True)
 class Block:
-    """n samples of m columns.
+    """A block of n samples of m columns.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def require_columns(
 def select_columns(
     block: Block, columns: Sequence[str], topic: str, optional: Collection[str] = ()
 ) -> tuple[Block, list[str]]:
-    """Do what `require_columns` does, and say which columns were converted.
+    """Return what `require_columns` returns, and say which columns were converted.
 
     Columns that are not wanted may have any unit.
 

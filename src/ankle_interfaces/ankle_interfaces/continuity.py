@@ -17,7 +17,7 @@ STEP_TOLERANCE = 0.5
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong between or inside blocks.
+    """A finding about the samples between or inside blocks.
 
     Attributes
     ----------
@@ -86,8 +86,9 @@ class Continuity:
         self._last: float | None = None
 
     def check(self, data: np.ndarray) -> list[Finding]:
-        """Findings for a block of shape (n, m) whose first column is time [s]; empty where all is
-        well.
+        """Return findings for a block of shape (n, m) whose first column is time [s].
+
+        The result is empty where all is well.
 
         Time running backwards is reported once: the stream is followed from its new time on.
         """

@@ -107,7 +107,7 @@ class Quantity:
         raise self.refusal(value)
 
     def refusal(self, value: object, allowed: str = "") -> QuantityError:
-        """The error that refuses a value.
+        """Return the error that refuses a value.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ def _is_number(value: object) -> bool:
 
 
 def number(default: float, unit: str, lower: float, upper: float, source: str) -> Any:
-    """A field of a settings dataclass that holds a number.
+    """Return a field of a settings dataclass that holds a number.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def number(default: float, unit: str, lower: float, upper: float, source: str) -
 
 
 def choice(default: str, choices: tuple[str, ...], source: str) -> Any:
-    """A field of a settings dataclass that holds one of a few words.
+    """Return a field of a settings dataclass that holds one of a few words.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def choice(default: str, choices: tuple[str, ...], source: str) -> Any:
 
 
 def quantities(settings: type | object) -> Mapping[str, Quantity]:
-    """The quantities of a settings dataclass (or of an instance), by field name.
+    """Return the quantities of a settings dataclass (or of an instance), by field name.
 
     Fields that were not declared with `number` or `choice` are left out.
     """
@@ -185,7 +185,7 @@ def quantities(settings: type | object) -> Mapping[str, Quantity]:
 
 
 def check_settings(settings: object) -> None:
-    """Check every quantity of a settings dataclass; for its ``__post_init__``.
+    """Check every quantity of a settings dataclass, in its ``__post_init__``.
 
     Raises
     ------

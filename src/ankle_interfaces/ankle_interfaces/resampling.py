@@ -13,7 +13,7 @@ LARGEST_FACTOR = 2048
 
 
 def resample(signals: np.ndarray, from_rate: float, to_rate: float) -> np.ndarray:
-    """Band-limited resampling of equally spaced samples, without delay.
+    """Resample equally spaced samples within their band, without delay.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def resample(signals: np.ndarray, from_rate: float, to_rate: float) -> np.ndarra
 def regular_grid(
     time: np.ndarray, values: np.ndarray, rate: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values [n, m] at irregular times [s] put onto a regular grid by linear interpolation.
+    """Put values [n, m] at irregular times [s] onto a regular grid by linear interpolation.
 
     Returns
     -------

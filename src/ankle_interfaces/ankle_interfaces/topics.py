@@ -70,7 +70,7 @@ class Topic:
 
     @property
     def required(self) -> tuple[str, ...]:
-        """Columns that every block has, without the first one."""
+        """The columns that every block has, without the first one."""
         return tuple(name for name in self.columns[1:] if name not in self.optional)
 
     @property
@@ -79,7 +79,7 @@ class Topic:
         return f"/{self.name.lstrip('/')}"
 
     def among(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Those of some absolute names that are this topic, in the root or any other namespace."""
+        """Return those of some absolute names that are this topic, in any namespace."""
         return tuple(name for name in names if f"/{name.lstrip('/')}".endswith(self.absolute))
 
 

@@ -63,7 +63,7 @@ def split_column(column: str) -> tuple[str, str]:
 
 
 def to_si(unit: str) -> tuple[str, float]:
-    """SI unit and factor of a unit: ``deg`` -> (``rad``, 0.01745...).
+    """Return SI unit and factor of a unit: ``deg`` gives (``rad``, 0.01745...).
 
     Raises
     ------

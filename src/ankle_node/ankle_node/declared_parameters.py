@@ -17,8 +17,8 @@ OF_RCLPY = ("use_sim_time", "start_type_description_service")
 clocks in one stream would contradict each other."""
 OVERRIDES_OF_RCLPY = "qos_overrides."
 SIMILARITY = 0.8
-"""Of two names, by difflib: one letter left out of five is a typing error; ``rate`` and ``lead``
-are two names."""
+"""Least similarity of two names, by difflib, with which one is suggested: one letter left out of
+five is a typing error; ``rate`` and ``lead`` are two names."""
 
 
 def declaration(quantity: Quantity) -> ParameterDescriptor:

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TextIO
 
 DOMAINS = range(1, 101)
-"""Without 0, which everybody uses; from 102 on the ports reach those that Linux hands out."""
+"""Domains to choose from, without 0, which everybody uses; from 102 on the ports reach those that
+Linux hands out."""
 PORT_BASE, PORTS_PER_DOMAIN = 7400, 250
 """UDP ports of a domain (DDS-RTPS 2.3, section 9.6.1.1)."""
 SOCKET_TABLES = ("/proc/net/udp", "/proc/net/udp6")

@@ -9,13 +9,13 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 HEALTH_SHOWN = 10.0
-"""[s] A warning stays so long, so that somebody who looks up once sees it."""
+"""[s] Shortest time for which a warning is shown, so that somebody who looks up once sees it."""
 NEWS_PERIOD = 0.1
-"""[s] Something that comes and goes with every block is reported no more often than that."""
+"""[s] Shortest time between reports of a fault that comes and goes with every block."""
 
 
 class Health:
-    """States and figures by name. Safe to use from several threads."""
+    """The states and figures of a node by name, safe to use from several threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

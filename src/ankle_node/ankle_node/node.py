@@ -37,18 +37,21 @@ from ankle_node.sources import Sources
 __all__ = ["ACKNOWLEDGED", "BLOCK_QOS", "ERROR", "LATEST_QOS", "OK", "WARN", "AnkleNode", "run"]
 
 ACKNOWLEDGED = "/_acknowledged"
-"""Behind a topic's name; the underscore hides it from ``ros2 topic list``."""
+"""Ending of the name of a topic's acknowledgements; the underscore hides it from ``ros2 topic
+list``."""
 DIAGNOSTICS_PERIOD = 1.0
-"""[s]"""
+"""[s] Time between two messages on ``/diagnostics``."""
 READERS_POLL_PERIOD = 0.05
-"""[s] Short against the start of a process, long against its cost."""
+"""[s] Time between two looks for readers: short against the start of a process, long against its
+cost."""
 STOP_POLL_PERIOD = 0.1
 """[s] Longest time from a signal to the stop of a node that nothing else wakes."""
 QUIET_TIME = 1.0
-"""[s] Without a block for so long, none is on its way; a crowded machine holds a process off for
-half a second."""
+"""[s] Time without a block after which none is on its way; a crowded machine holds a process off
+for half a second."""
 HAND_OVER_TIME = 3.0
-"""[s] Fast DDS asks after lost blocks at least that often."""
+"""[s] Longest wait for readers to confirm the last blocks; Fast DDS asks after lost blocks at least
+that often."""
 MessageInfo = dict[str, Any]
 """What rclpy hands to a callback of two arguments."""
 
@@ -89,7 +92,7 @@ class AnkleNode(Node):
             self.health("parameters", WARN, sentence)
 
     def describe_parameter(self, name: str) -> ParameterDescriptor:
-        """What ``ros2 param describe`` shows, range and ``read_only`` included."""
+        """Return what ``ros2 param describe`` shows, range and ``read_only`` included."""
         descriptor = super().describe_parameter(name)
         declared = self._declared.get(name)
         return declared_parameters.describe(descriptor, declared) if declared else descriptor
@@ -120,20 +123,21 @@ class AnkleNode(Node):
         return super().set_parameters_atomically(changes)
 
     def value(self, name: str) -> Value:
-        """The present value of a declared parameter, in its declared type."""
+        """Return the present value of a declared parameter, in its declared type."""
         return self._declared[name].check(self.get_parameter(name).value)
 
     def number(self, name: str) -> float:
-        """The present value of a float or int parameter."""
+        """Return the present value of a float or int parameter."""
         return float(self.value(name))
 
     def text(self, name: str) -> str:
-        """The present value of a text parameter."""
+        """Return the present value of a text parameter."""
         return str(self.value(name))
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Called with accepted new values before they are stored; raise `QuantityError` to refuse
-        them.
+        """React to accepted new values before they are stored.
+
+        A subclass raises `QuantityError` to refuse them.
         """
 
     def _check_parameters(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
@@ -330,7 +334,7 @@ class AnkleNode(Node):
                 )
 
     def now(self) -> float:
-        """ROS time [s]."""
+        """Return ROS time [s]."""
         return self.get_clock().now().nanoseconds * 1e-9
 
     def health(self, what: str, level: bytes, message: str) -> None:

@@ -19,10 +19,12 @@ def _reliable(
 
 
 BLOCK_QOS = _reliable(64)
-"""Of a reader of blocks: one second of blocks, so that a busy reader loses nothing."""
+"""Profile of a reader of blocks: it keeps one second of blocks, so that a busy reader loses
+nothing."""
 PUBLISHED_BLOCKS_QOS = _reliable(2048)
-"""Of a publisher of blocks: half a minute, for readers that ask again for what was dropped on the
-way. A recorder of a graph that replays at a hundred times real time lost blocks with 64."""
+"""Profile of a publisher of blocks: it keeps half a minute, for readers that ask again for what was
+dropped on the way. A recorder of a graph that replays at a hundred times real time lost blocks with
+64."""
 EVENT_QOS = _reliable(100)
 """A session has a few hundred events in all; a slow recorder may be a hundred behind."""
 LATEST_QOS = _reliable(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
@@ -39,10 +41,10 @@ _OF_READERS = {
 
 
 def reader_qos(topic: Topic) -> QoSProfile:
-    """Profile of a subscription to a topic."""
+    """Return the profile of a subscription to a topic."""
     return _OF_READERS[topic.delivery]
 
 
 def publisher_qos(topic: Topic) -> QoSProfile:
-    """Profile of a publisher of a topic."""
+    """Return the profile of a publisher of a topic."""
     return PUBLISHED_BLOCKS_QOS if topic.delivery is Delivery.BLOCKS else reader_qos(topic)

@@ -29,7 +29,7 @@ class SessionEventError(ValueError):
 
 @dataclass(frozen=True)
 class SessionEvent:
-    """One event.
+    """An event of a session.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class SessionEvent:
 
 
 def parse(line: str) -> SessionEvent:
-    """The event in a message's text.
+    """Return the event in a message's text.
 
     Raises
     ------

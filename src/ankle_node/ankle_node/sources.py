@@ -8,9 +8,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 LOOK_PERIOD = 1.0
-"""[s] A second publisher is named within two seconds; looking takes well under a millisecond."""
+"""[s] Time between two looks: a second publisher is named within two seconds; looking takes well
+under a millisecond."""
 NAME_UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""What rclpy says of a node that the discovery has not named yet."""
+"""Name that rclpy gives instead of a node that the discovery has not named yet."""
 
 
 class Sources:

@@ -1,4 +1,4 @@
-"""The subject's screen and the operator's page.
+"""The node that serves the subject's screen and the operator's page.
 
 | topic | direction | type | what |
 | --- | --- | --- | --- |

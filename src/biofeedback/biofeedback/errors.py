@@ -6,7 +6,7 @@ class ProtocolError(ValueError):
 
 
 class CommandError(ValueError):
-    """A command that is well formed but refused; says why. The sender is told."""
+    """A command that is well formed but refused; it says why, and the sender receives it."""
 
 
 class MalformedMessageError(ValueError):

@@ -9,21 +9,22 @@ from dataclasses import dataclass
 from typing import Any
 
 SILENT_AFTER = 3.0
-"""[s] Nodes speak once a second; three missed are no jitter."""
+"""[s] Time after which a node counts as silent: nodes speak once a second; three missed are no
+jitter."""
 FORGOTTEN_AFTER = 60.0
-"""[s] A node that was stopped on purpose, a recorder say, is not held against the graph for longer.
-"""
+"""[s] Time after which a silent node is forgotten: one that was stopped on purpose, such as a
+recorder, is no longer a fault of the graph."""
 LEVELS = ("ok", "warning", "error", "stale")
-"""By `diagnostic_msgs/DiagnosticStatus.level`."""
+"""Names of the levels of `diagnostic_msgs/DiagnosticStatus.level`."""
 NOT_VALID = "not valid: "
-"""How the estimator begins its reason, in its message or in a figure."""
+"""Words with which the estimator begins its reason, in its message or in a figure."""
 FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing samples", "ready"
 """Figures of the recorder, by which it is recognised whatever its name."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """A node's last word.
+    """The last status message of a node.
 
     Attributes
     ----------
@@ -53,19 +54,19 @@ class GraphHealth:
     def feed(
         self, name: str, level: int, message: str, figures: Mapping[str, str], now: float
     ) -> None:
-        """Take in one status; `now` [s], monotonic."""
+        """Process one status at a monotonic time `now` [s]."""
         before = self._nodes.get(name)
         if level == 2 and (before is None or before.level != 2):
             self._faults.append((name, message))
         self._nodes[name] = Status(level, message, figures, now)
 
     def new_faults(self) -> list[tuple[str, str]]:
-        """Nodes that went into error since the last call, with what they say."""
+        """Return the nodes that went into error since the last call, with what they say."""
         faults, self._faults = self._faults, []
         return faults
 
     def nodes(self, now: float) -> list[dict[str, Any]]:
-        """Every node, the worst first, ready for JSON."""
+        """Return every node, the worst first, ready for JSON."""
         shown = []
         for name, status in self._nodes.items():
             if now - status.heard > FORGOTTEN_AFTER:
@@ -82,8 +83,9 @@ class GraphHealth:
         return sorted(shown, key=lambda node: (order[node["level"]], node["name"]))
 
     def recording(self, now: float) -> dict[str, Any]:
-        """State of the recorder: ``on``, ``messages``, ``missing``, ``free`` [MB]; None for what is
-        not known.
+        """Return the recorder's state: ``on``, ``messages``, ``missing``, ``free`` [MB].
+
+        A value that is not known is None.
         """
         for status in self._nodes.values():
             if FREE_DISK in status.figures and MESSAGES in status.figures:
@@ -101,7 +103,7 @@ class GraphHealth:
         return {"on": False, "messages": None, "missing": None, "free": None}
 
     def reason(self) -> str:
-        """Why estimates are not valid, as the estimator says it; empty where it says nothing."""
+        """Return why estimates are not valid, in the estimator's words; empty without a reason."""
         for status in self._nodes.values():
             for text in (status.message, *status.figures.values()):
                 _, found, reason = text.partition(NOT_VALID)

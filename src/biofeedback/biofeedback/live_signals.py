@@ -1,4 +1,5 @@
-"""What has come from the graph so far: newest estimate, the subject's torque, traces, health.
+"""The signals received from the graph so far: newest estimate, the subject's torque, traces,
+health.
 
 Fed and read by different threads.
 """
@@ -18,13 +19,14 @@ from biofeedback.voluntary_torque import CUTOFF, VoluntaryTorque
 from biofeedback.web.live_traces import MinMaxTraces
 
 STALE_AFTER = 0.5
-"""[s] Older estimates or samples describe another moment than the one the subject feels."""
+"""[s] Largest age of what is shown: older estimates or samples describe another moment than the one
+the subject feels."""
 WAITING, INVALID, STALE, GOOD = "waiting", "invalid", "stale", "valid"
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The signals at a moment.
+    """The values of the signals at one moment.
 
     Attributes
     ----------
@@ -76,7 +78,7 @@ class _Arrival:
 
 
 class LiveSignals:
-    """Takes in blocks of every topic that a page shows.
+    """Collects blocks of every topic that a page shows.
 
     Parameters
     ----------
@@ -101,7 +103,10 @@ class LiveSignals:
         }
 
     def feed_estimates(self, rows: np.ndarray, heard: float) -> None:
-        """Estimates, shape (n, 4): t [s], K, G, valid. `heard`: monotonic time [s]."""
+        """Process estimates, shape (n, 4): t [s], K, G, valid.
+
+        `heard` is the monotonic time of their arrival [s].
+        """
         with self._lock:
             for time, K, G, valid in rows.tolist():
                 self._valid = valid == 1.0
@@ -112,7 +117,7 @@ class LiveSignals:
             self.traces["estimate"].feed(rows[:, 0], shown)
 
     def feed_samples(self, samples: np.ndarray, rate: float, heard: float) -> None:
-        """Take in samples of the rig.
+        """Process samples of the rig.
 
         Parameters
         ----------
@@ -134,7 +139,7 @@ class LiveSignals:
             )
 
     def feed_emg(self, samples: np.ndarray) -> None:
-        """EMG, shape (n, 1 + channels): t [s], then [V]; shown in microvolts."""
+        """Process EMG, shape (n, 1 + channels): t [s], then [V]; it is shown in microvolts."""
         with self._lock:
             if len(samples):
                 rectified = np.abs(samples[:, 1:]).mean(axis=0).tolist()
@@ -144,12 +149,12 @@ class LiveSignals:
     def feed_status(
         self, name: str, level: int, message: str, figures: Mapping[str, str], heard: float
     ) -> None:
-        """A node's status."""
+        """Process the status of a node."""
         with self._lock:
             self.health.feed(name, level, message, figures, heard)
 
     def snapshot(self, now: float, heard_now: float) -> Snapshot:
-        """The signals now; `now` in ROS time, `heard_now` monotonic [s]."""
+        """Return the signals now; `now` is ROS time and `heard_now` monotonic time [s]."""
         with self._lock:
             age = self._estimates.age(now, heard_now)
             if age == math.inf:
@@ -180,7 +185,7 @@ class LiveSignals:
             return self.health.new_faults()
 
     def describe(self, heard_now: float) -> dict[str, Any]:
-        """Health, recording and reason, ready for JSON."""
+        """Return health, recording and reason, ready for JSON."""
         with self._lock:
             return {
                 "nodes": self.health.nodes(heard_now),
@@ -189,7 +194,7 @@ class LiveSignals:
             }
 
     def traces_since(self, seen: Mapping[str, int]) -> dict[str, Any]:
-        """New bins of every group of traces; see `MinMaxTraces.since`."""
+        """Return new bins of every group of traces; see `MinMaxTraces.since`."""
         with self._lock:
             found = {name: group.since(seen.get(name)) for name, group in self.traces.items()}
         return {name: bins for name, bins in found.items() if bins is not None}

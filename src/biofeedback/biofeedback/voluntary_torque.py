@@ -1,5 +1,4 @@
-"""What the subject does with the foot: the measured torque without what the perturbation adds to
-it.
+"""The subject's own torque: the measured torque without what the perturbation adds to it.
 
     voluntary = low-pass( torque - K position - G max(velocity, 0) delayed )           [N.m]
 
@@ -22,9 +21,8 @@ import numpy as np
 from scipy import signal
 
 CUTOFF = 1.0
-"""[Hz] Second-order Butterworth: delays by 0.23 s, about a reaction time, and leaves the
-perturbation a fifth of what it adds.
-"""
+"""[Hz] Cut-off frequency of a second-order Butterworth filter: it delays by 0.23 s, about a
+reaction time, and leaves the perturbation a fifth of what it adds."""
 REFLEX_LAG = 0.116
 """[s] Mean delay of the reflex torque behind the stretch: 40 ms of nerve and 2 z / w = 76 ms of
 muscle (paper, figure 1 and section III-A: w = 21 rad/s, z = 0.8)."""
@@ -53,7 +51,7 @@ class VoluntaryTorque:
         self.value = math.nan
 
     def feed(self, samples: np.ndarray, rate: float, K: float, G: float) -> None:
-        """Take in samples.
+        """Process samples.
 
         Parameters
         ----------

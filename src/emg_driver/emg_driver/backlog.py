@@ -12,15 +12,14 @@ from collections.abc import Iterable
 import numpy as np
 
 AT_ONCE = 16
-"""Blocks that may be sent at once: a quarter of what a reader keeps."""
+"""Largest number of blocks sent at once: a quarter of what a reader keeps."""
 CATCH_UP = 128.0
-"""[1/s] Blocks per second while there is a backlog: twice as fast as they come, which readers
-manage on a busy computer too.
-"""
+"""[1/s] Rate of blocks while there is a backlog: twice as fast as they come, which readers manage
+on a busy computer too."""
 
 
 class Backlog:
-    """Gives out blocks in their order, never faster than readers take them."""
+    """A queue that hands out blocks in order, never faster than readers can process them."""
 
     def __init__(self) -> None:
         self._blocks: deque[np.ndarray] = deque()
@@ -35,7 +34,7 @@ class Backlog:
         self._blocks.extend(blocks)
 
     def due(self, now: float) -> list[np.ndarray]:
-        """Blocks that may be sent at a time of the steady clock [s]."""
+        """Return the blocks that may be sent at a time of the steady clock [s]."""
         passed = 0.0 if self._asked is None else now - self._asked
         self._asked = now
         self._allowed = min(self._allowed + CATCH_UP * passed, float(AT_ONCE))

@@ -1,5 +1,6 @@
-"""A stream's chunks become blocks of `/emg/samples`: muscles in volts, ROS time, bad channels as
-NaN.
+"""A stream's chunks become blocks of `/emg/samples`.
+
+Muscles are in volts, times are ROS times, and bad channels are NaN.
 
 Whatever is wrong becomes a sentence, and never plausible data: a stream that is not what it
 declares is refused, a channel that is flat, saturated, full of hum or too large is NaN from the
@@ -25,26 +26,23 @@ from emg_driver.stream_description import ChannelMap, StreamDescription, map_cha
 BLOCK_RATE = 64.0
 """[Hz] Blocks per second, as every sampled topic."""
 JUDGE_PERIOD = 0.25
-"""[s] Between two judgements of the electrodes."""
+"""[s] Time between two checks of the electrodes."""
 START = 2.0, 0.05
-"""[s], [1] Before anything is published, the rate is measured so long and must be declared so
-exactly; a busy computer delays by 0.1 s.
-"""
+"""[s], [1] Window and tolerance of the rate before anything is published; a busy computer delays by
+0.1 s."""
 AGREE = 10.0
-"""[s] A stream that has not come at its declared rate for `START` by then is refused; until then a
-busy computer may be the reason.
-"""
+"""[s] Time after which a stream that has not come at its declared rate for `START` is refused;
+until then a busy computer may be the reason."""
 RUNNING = 30.0, 0.003
-"""[s], [1] The same all the time, over a longer window."""
+"""[s], [1] Window and tolerance of the rate once samples are published."""
 LASTS = 2.0
-"""[s] A rate that is wrong for less than this is a computer, here or there, that was busy for a
-moment at one end of the window.
-"""
+"""[s] Time for which a wrong rate has to last: a shorter one is a computer, here or there, that was
+busy for a moment at one end of the window."""
 
 
 @dataclass
 class Bridged:
-    """What became of a chunk.
+    """The blocks that one chunk gave.
 
     Attributes
     ----------
@@ -117,16 +115,16 @@ class EmgBridge:
 
     @property
     def drift(self) -> float:
-        """Drift of the sender's stamps [1], positive when they lose time."""
+        """The drift of the sender's stamps [1], positive when they lose time."""
         return self._line.drift_filter.drift
 
     @property
     def bad(self) -> dict[str, bool]:
-        """Which electrodes are bad, by muscle."""
+        """The bad electrodes, by muscle."""
         return dict(zip(MUSCLES, self._bad.tolist(), strict=True))
 
     def feed(self, chunk: Chunk) -> Bridged:
-        """Take in a chunk.
+        """Process a chunk.
 
         Raises
         ------

@@ -1,5 +1,6 @@
-"""From the stamps of a stream to ROS time: evenly spaced, without the sender's drift, without
-jumps.
+"""The mapping from the stamps of a stream to ROS time.
+
+The times are evenly spaced, without jumps and without the sender's drift.
 
 A stamp s of the sender's clock becomes ``h = s + correction + (ROS - LSL)``, where Lab Streaming
 Layer measures the correction between the two computers and the difference of ROS and LSL clock on
@@ -23,13 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 
 DELAY_WINDOW = 4.0
-"""[s] One smallest delay per window: of 256 chunks one has not waited, also on a busy computer; a
-crystal at 100e-6 moves by 0.4 ms.
-"""
+"""[s] Window of which one smallest delay is used: of 256 chunks one has not waited, also on a busy
+computer; a crystal at 100e-6 moves by 0.4 ms."""
 SET_WINDOW = 1.0
-"""[s] The same after a clock was set: the chunk that the time was taken from may have waited, and
-is to be found out soon.
-"""
+"""[s] Window of the smallest delay after a clock was set: the chunk that the time was taken from
+may have waited, and is to be found out soon."""
 LARGEST_DRIFT = 500e-6
 """[1] Standard deviation of the drift that is expected before anything is known; crystals are
 within 100e-6.
@@ -39,16 +38,16 @@ DRIFT_WANDER = 0.1e-6
 DELAY_NOISE = 0.5e-3
 """[s] Standard deviation of the smallest delays on a computer that does other things too."""
 LATE = 3.0
-"""A smallest delay this many times `DELAY_NOISE` above expectation is a busy computer and no clock;
-it is left out.
-"""
+"""Multiple of `DELAY_NOISE` above expectation from which a smallest delay comes from a busy
+computer; it is left out."""
 PATIENCE = 5
-"""Windows left out in a row after which the latency itself has changed, and is learned anew."""
+"""Number of windows left out in a row after which the latency itself has changed, and is learned
+anew."""
 READINGS = 20
-"""Readings of two clocks that are odd in a row after which they are believed."""
+"""Number of odd readings of two clocks in a row after which they are believed."""
 LARGEST_STEP_OF_CORRECTION = 2e-3
-"""[s] Two computers' crystals move apart by less than 1 ms in the seconds between two measurements.
-"""
+"""[s] Largest step of the correction: two computers' crystals move apart by less than 1 ms in the
+seconds between two measurements."""
 LOOP = 0.02
 """[Hz] Bandwidth of the loop: 8 s, long against the jitter of USB frames, short against the wander
 of crystals.
@@ -63,30 +62,28 @@ sample.
 JITTER = 1e-3
 """[s] Jitter of the stamps before it is known: one USB frame."""
 JUMP = 8.0
-"""A chunk this many times the jitter off the line is no jitter: samples are missing, or the clock
-was set.
-"""
+"""Multiple of the jitter from which a chunk is off the line: samples are missing, or the clock was
+set."""
 SAME_DELAY = 0.2
-"""[s] A jump that leaves the delay within this is missing samples; stamps and arrival moved
-together.
-"""
+"""[s] Largest change of the delay with which a jump means missing samples; stamps and arrival moved
+together."""
 LARGEST_LATENCY = 1.0
-"""[s] Stamps older than that, or from the future, are of another clock than LSL's."""
+"""[s] Largest age of a stamp: older ones, or from the future, are of another clock than LSL's."""
 FUTURE = 5e-3
-"""[s] A stamp may lie so far in the future by the error of LSL's correction."""
+"""[s] Largest time by which a stamp may lie in the future, because LSL's correction has an error.
+"""
 
 
 LOOKS = 3
-"""Looks at a pair of clocks; the one that took the shortest time counts."""
+"""Number of readings of a pair of clocks; the one that took the shortest time counts."""
 TIGHT = 0.2e-3
-"""[s] A look that took longer was interrupted by another program and tells the difference of two
-clocks only so well.
-"""
+"""[s] Longest reading of two clocks: one that took longer was interrupted by another program."""
 
 
 class ClockDifference:
-    """Difference of two clocks of this computer, without the looks that another program
-    interrupted.
+    """The difference of two clocks of this computer.
+
+    Readings that another program interrupted are left out.
 
     Parameters
     ----------
@@ -100,7 +97,10 @@ class ClockDifference:
         self._kept = 0
 
     def __call__(self) -> float:
-        """The present difference [s]; the last one while `READINGS` looks in a row are interrupted."""  # noqa: E501
+        """Return the present difference [s].
+
+        It is the last one while `READINGS` looks in a row are interrupted.
+        """
         looks = []
         for _ in range(LOOKS):
             before, now, after = self._second(), self._first(), self._second()
@@ -113,8 +113,9 @@ class ClockDifference:
 
 
 class SteadyCorrection:
-    """LSL's time correction without its outliers: a measurement on a busy computer is off by tens
-    of milliseconds.
+    """LSL's time correction without its outliers.
+
+    A measurement on a busy computer is off by tens of milliseconds.
 
     Parameters
     ----------
@@ -127,8 +128,9 @@ class SteadyCorrection:
         self._odd = 0
 
     def measure(self, correction: float) -> None:
-        """Take in a reading [s]; one far from the last counts only after it has stayed for
-        `READINGS` readings.
+        """Process a reading [s].
+
+        One far from the last counts only after it has stayed for `READINGS` readings.
         """
         self._odd = (
             self._odd + 1 if abs(correction - self.value) > LARGEST_STEP_OF_CORRECTION else 0
@@ -138,7 +140,7 @@ class SteadyCorrection:
 
 
 class DriftFilter:
-    """Kalman filter for latency, shift and drift of a sender's clock from smallest delays.
+    """A Kalman filter for latency, shift and drift of a sender's clock from smallest delays.
 
     The state is the latency L, the shift x of the stamps against ROS time since the start, and the
     drift d with ``x' = d``. Measured is L + x.
@@ -151,12 +153,12 @@ class DriftFilter:
 
     @property
     def shift(self) -> float:
-        """How much the stamps lag behind ROS time by now [s]."""
+        """The time [s] by which the stamps lag behind ROS time by now."""
         return float(self._state[1])
 
     @property
     def drift(self) -> float:
-        """Seconds lost by the sender's clock per second [1]."""
+        """The seconds that the sender's clock loses per second [1]."""
         return float(self._state[2])
 
     @property
@@ -172,7 +174,7 @@ class DriftFilter:
         self._covariance[2, 2] += DRIFT_WANDER**2 * seconds
 
     def measure(self, delay: float) -> None:
-        """Take in the smallest delay [s] of a window."""
+        """Process the smallest delay [s] of a window."""
         look = np.array([1.0, 1.0, 0.0])
         expected = float(look @ self._covariance @ look)
         surprise = delay - self.delay
@@ -195,7 +197,7 @@ class DriftFilter:
 
 @dataclass(frozen=True)
 class Jump:
-    """What a chunk far off the line means.
+    """The meaning of a chunk far off the line.
 
     Attributes
     ----------
@@ -213,7 +215,7 @@ class Jump:
 
 
 class SampleLine:
-    """ROS times for the samples of one connection to a stream.
+    """The line that gives ROS times to the samples of one connection to a stream.
 
     Parameters
     ----------
@@ -264,7 +266,9 @@ class SampleLine:
     def place(
         self, stamps: np.ndarray, correction: float, arrival: float
     ) -> tuple[np.ndarray, list[Jump]]:
-        """Times [s] of the samples of a chunk, shape (n,), strictly increasing over all chunks.
+        """Return the times [s] of the samples of a chunk, shape (n,).
+
+        They increase strictly over all chunks.
 
         Parameters
         ----------

@@ -11,32 +11,31 @@ import numpy as np
 from emg_driver.settings import ElectrodeSettings
 
 WINDOW = 1.0
-"""[s] Length that is judged at once: 1 Hz resolution, enough to tell a mains line from EMG."""
+"""[s] Length that is checked at once: 1 Hz resolution separates a mains line from EMG."""
 SHORTEST = 0.5
-"""[s] Less tells no mains line (2 Hz resolution); such a stretch is not judged."""
+"""[s] Shortest stretch that is checked: with less, a mains line is not resolved (2 Hz)."""
 BAND = (20.0, 450.0)
-"""[Hz] Where EMG has its power (De Luca 2010: 20 to 450 Hz)."""
+"""[Hz] Band in which EMG has its power (De Luca 2010: 20 to 450 Hz)."""
 PIECE = 0.025
-"""[s] No EMG stays within `flat_range` for so long: at 20 Hz and above it would have passed through
-half a period.
-"""
+"""[s] Length of a flat piece: no EMG stays within `flat_range` for so long: at 20 Hz and above it
+would have passed through half a period."""
 SATURATED_RUN = 5
-"""Equal samples in a row at the largest or smallest value: noise of an amplifier does not repeat
-five times at its extreme.
-"""
+"""Number of equal samples in a row at the largest or smallest value: noise of an amplifier does not
+repeat five times at its extreme."""
 SATURATED_SHARE = 0.01
 """Share of equal samples at the largest or smallest value; noise reaches its extreme once or,
 coarsely sampled, a few times.
 """
 LINE = 2
-"""Bins on either side of a mains line that a Hann window spreads it to."""
+"""Number of bins on either side of a mains line that a Hann window spreads it to."""
 HARMONICS = 3
-"""Mains lines that are looked at: the first three hold nearly all the hum of a loose electrode."""
+"""Number of mains lines that are checked: the first three hold nearly all the hum of a loose
+electrode."""
 
 
 @dataclass(frozen=True)
 class Defect:
-    """What is wrong with a channel.
+    """The defect of a channel.
 
     Attributes
     ----------
@@ -51,7 +50,7 @@ class Defect:
 
 
 def defects(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> list[Defect | None]:
-    """What is wrong with each channel, None where nothing is.
+    """Return what is wrong with each channel, None where nothing is.
 
     Parameters
     ----------
@@ -102,8 +101,11 @@ def _defect(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> Defect |
 
 
 def at_extreme(emg: np.ndarray) -> tuple[int, int]:
-    """Most samples that equal the largest or the smallest value of shape (n,), and most of them in
-    a row.
+    """Return how many samples equal an extreme value of shape (n,), and how many in a row.
+
+    Each number is the larger one of those for the largest and the smallest value.
+
+    The extreme is the largest or the smallest value, whichever occurs more often.
     """
     count = longest = 0
     for extreme in (emg.max(), emg.min()):
@@ -115,8 +117,9 @@ def at_extreme(emg: np.ndarray) -> tuple[int, int]:
 
 
 def mains_power(emg: np.ndarray, rate: float, frequency: float) -> tuple[float, float]:
-    """Power of the mains lines above their surroundings, and of all of `BAND`, both [V^2]; EMG of
-    shape (n,).
+    """Return the power of the mains lines and of all of `BAND` [V^2], for EMG of shape (n,).
+
+    The power of the lines is what exceeds their surroundings.
     """
     n = len(emg)
     window = np.hanning(n)

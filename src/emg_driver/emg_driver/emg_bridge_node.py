@@ -112,11 +112,11 @@ class EmgBridgeNode(AnkleNode):
         self.when_read(EMG_SAMPLES, int(self.number("wait_for_readers")), self._begin)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Limits of electrodes hold from the next connection on."""
+        """Apply changed limits of electrodes from the next connection on."""
         self._values = {**self._values, **values}
 
     def destroy_node(self) -> None:
-        """Let go of the stream first."""
+        """Close the stream first."""
         if self._source is not None:
             self._source.stop()
         super().destroy_node()

@@ -59,7 +59,7 @@ class EmgProcessorNode(AnkleNode):
         self.when_read(EMG_RESPONSES, int(self.number(WAIT_FOR_READERS.name)), self._begin)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """The processing starts anew with new settings."""
+        """Start the processing anew with new settings."""
         changed = {**self._values, **values}
         if changed != self._values:
             self._processor = EmgProcessor(settings_from(changed))

@@ -1,4 +1,4 @@
-"""Reading one Lab Streaming Layer stream in a thread of its own: find it, read it, find it again.
+"""A thread that finds a Lab Streaming Layer stream, reads it, and finds it again.
 
 What happens comes out as events in the order in which it happened; nothing is judged here.
 Connections are not recovered by the library, because it would hide that the sender started anew
@@ -21,39 +21,38 @@ from emg_driver.clock_mapping import SteadyCorrection
 from emg_driver.stream_description import StreamDescription
 
 SEARCH = 1.0
-"""[s] One search; each ends with an event."""
+"""[s] Length of one search; each ends with an event."""
 OPEN = 5.0
-"""[s] For the stream's description and the first measurement of its clock."""
+"""[s] Longest wait for the stream's description and the first measurement of its clock."""
 WAIT = 0.2
 """[s] Longest wait for samples before looking whether to stop."""
 BUFFER = 10
-"""[s] Samples that the library keeps for us."""
+"""[s] Length of the samples that the library keeps for us."""
 CORRECTION_PERIOD = 1.0
-"""[s] Between two readings of the time correction; the library measures it every few seconds in the
-background.
-"""
+"""[s] Time between two readings of the time correction; the library measures it every few seconds
+in the background."""
 LARGEST_CHUNK = 4096
 REST = 2.0
-"""[s] Before a stream that was refused is looked at again."""
+"""[s] Time before a stream that was refused is looked at again."""
 
 
 @dataclass(frozen=True)
 class Searching:
-    """No stream fits; `predicate` says what is looked for."""
+    """An event: no stream fits; `predicate` says what is looked for."""
 
     predicate: str
 
 
 @dataclass(frozen=True)
 class Connected:
-    """Samples of this stream follow."""
+    """An event: samples of this stream follow."""
 
     stream: StreamDescription
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Samples.
+    """Samples of a stream that came together.
 
     Attributes
     ----------
@@ -75,13 +74,16 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Lost:
-    """The connection is gone."""
+    """An event: the connection is gone."""
 
     reason: str
 
 
 def predicate(name: str, kind: str, source_id: str) -> str:
-    """The search expression for a stream by name, type and source id; empty ones take any."""
+    """Return the search expression for a stream by name, type and source id.
+
+    An empty one fits any stream.
+    """
     wanted = [
         f"{key}='{value}'"
         for key, value in (("name", name), ("type", kind), ("source_id", source_id))
@@ -116,7 +118,7 @@ class LslSource:
         self._thread.start()
 
     def drop(self) -> None:
-        """Let go of the present stream and look again after `REST`."""
+        """Leave the present stream and look again after `REST`."""
         self._dropped.set()
 
     def stop(self) -> None:
@@ -165,8 +167,9 @@ class LslSource:
 
 
 def describe(info: Any) -> StreamDescription:
-    """A stream's description from its ``StreamInfo``; labels and units from ``desc/channels`` where
-    the sender gave them.
+    """Return a stream's description from its ``StreamInfo``.
+
+    Labels and units come from ``desc/channels`` where the sender gave them.
     """
     count = info.channel_count()
     labels, units = [""] * count, [""] * count

@@ -1,4 +1,4 @@
-"""Responses from a recorded bag. The numbers are those of the node fed with the same samples."""
+"""Responses from a recorded bag; the numbers are those of the node fed with the same samples."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ GROUPED = 16
 
 @dataclass(frozen=True)
 class OfflineResponses:
-    """Responses of a whole recording.
+    """The responses of a whole recording.
 
     Attributes
     ----------
@@ -87,8 +87,9 @@ def respond_bag(
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> OfflineResponses:
-    """Background and reflex activity of every onset in a bag, written as a new bag where `out` is
-    given.
+    """Compute background and reflex activity of every onset in a bag.
+
+    The result is written as a new bag where `out` is given.
 
     Parameters
     ----------
@@ -151,8 +152,9 @@ def _lag_notes(processor: EmgProcessor) -> list[str]:
 
 
 def summary(found: OfflineResponses) -> list[list[str]]:
-    """Per muscle, at the onsets that stretch it: muscle, usable onsets, mean background [uV] and
-    mean reflex [uV.s].
+    """Return onsets, mean background and mean reflex of each muscle.
+
+    Only onsets that stretch the muscle count; background is in uV and reflex in uV.s.
     """
     table = []
     for index, muscle in enumerate(MUSCLES):

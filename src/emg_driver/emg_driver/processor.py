@@ -23,28 +23,28 @@ from emg_driver.settings import Settings
 from emg_driver.stretch_onsets import REFERENCE_REST, OnsetDetector
 
 LATEST = 2.0
-"""[s] How much later than the EMG the reference may come: a replay at full speed may be 64 blocks,
-one second, out of step.
-"""
+"""[s] Largest delay of the reference behind the EMG: a replay at full speed may be 64 blocks, one
+second, out of step."""
 LOWEST_RATE = 1000.0
-"""[Hz] Below, half the sampling rate cuts into the band of EMG (up to 450 Hz)."""
+"""[Hz] Lowest sampling rate: below, half the sampling rate cuts into the band of EMG (up to 450
+Hz)."""
 MAX_LAG = 0.05
 """[s] Longest time from a command to the plate's movement. Servos lag by 4 to 10 ms; the paper's
 pulses turn round after 40 ms and more, in the other direction."""
 MAX_LEAD = 0.002
-"""[s] How much earlier than its command a movement may seem to begin: noise of the measured
+"""[s] Largest time by which a movement may seem to begin before its command: noise of the measured
 velocity crosses the limit of rest a few samples before."""
 SHOWN_LAGS = 200
-"""Onsets whose median lag is reported; the last minute or two."""
+"""Number of onsets whose median lag is reported: those of the last minute or two."""
 MEMORY = WINDOW + 2.0 * LATEST + 1.0
-"""[s] EMG that is kept."""
+"""[s] Length of the EMG that is kept."""
 RATE_SAMPLES = 256
-"""Samples whose median interval tells the sampling rate."""
+"""Number of samples whose median interval gives the sampling rate."""
 
 
 @dataclass
 class Responses:
-    """What became due.
+    """The responses that became due.
 
     Attributes
     ----------
@@ -59,8 +59,9 @@ class Responses:
 
 
 def warm_up() -> None:
-    """Go through every part of the processing once: loading compiled code takes a second, in which
-    queues of blocks overflow.
+    """Run every part of the processing once.
+
+    Loading compiled code takes a second, in which queues of blocks overflow.
     """
     time = np.arange(round(2.0 * WINDOW * LOWEST_RATE)) / LOWEST_RATE
     position = np.clip(time - WINDOW, 0.0, 0.1)
@@ -72,7 +73,7 @@ def warm_up() -> None:
 
 
 class EmgProcessor:
-    """Responses from streams of EMG, reference and motion.
+    """Computes responses from streams of EMG, reference and motion.
 
     Attributes
     ----------
@@ -107,13 +108,14 @@ class EmgProcessor:
 
     @property
     def lag(self) -> float:
-        """Median time from a command to the plate's movement [s], of the last `SHOWN_LAGS` onsets;
-        NaN before any was measured.
+        """The median time from a command to the plate's movement [s].
+
+        It is that of the last `SHOWN_LAGS` onsets; NaN before any was measured.
         """
         return float(np.median(self._lags)) if self._lags else math.nan
 
     def feed_reference(self, time: np.ndarray, position: np.ndarray) -> Responses:
-        """Take in the commanded reference: time [s] and position [rad], each of shape (n,)."""
+        """Process the commanded reference: time [s] and position [rad], each of shape (n,)."""
         if self.settings.onset_source != "velocity":
             self._from_reference.extend(
                 (float(t), float(d)) for t, d in self._reference.from_position(time, position)
@@ -121,7 +123,7 @@ class EmgProcessor:
         return self._due()
 
     def feed_motion(self, time: np.ndarray, velocity: np.ndarray) -> Responses:
-        """Take in the measured motion: time [s] and velocity [rad/s], each of shape (n,)."""
+        """Process the measured motion: time [s] and velocity [rad/s], each of shape (n,)."""
         if self.settings.onset_source != "reference":
             self._from_motion.extend(
                 (float(t), float(d)) for t, d in self._motion.from_velocity(time, velocity)
@@ -129,7 +131,7 @@ class EmgProcessor:
         return self._due()
 
     def feed_emg(self, time: np.ndarray, emg: np.ndarray) -> Responses:
-        """Take in EMG.
+        """Process EMG.
 
         Parameters
         ----------
@@ -158,12 +160,13 @@ class EmgProcessor:
         return Responses(due.rows, notes + due.notes)
 
     def finish(self) -> Responses:
-        """What is still waiting, when no further sample will come."""
+        """Return what is still waiting, when no further sample will come."""
         return self._due(final=True)
 
     def ensemble(self) -> np.ndarray:
-        """Mean rectified EMG about the last onsets that stretch each muscle, shape (L, 5), columns
-        `muscles.ENSEMBLE_COLUMNS`.
+        """Return mean rectified EMG about the last onsets that stretch each muscle, shape (L, 5).
+
+        The columns are `muscles.ENSEMBLE_COLUMNS`.
 
         NaN for a muscle without onsets so far. L is 0 before the EMG's rate is known.
         """

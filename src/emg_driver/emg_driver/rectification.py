@@ -18,7 +18,7 @@ SETTLED = 6.0
 
 
 class Rectifier:
-    """Rectified EMG of m channels; the same whatever the size of the blocks.
+    """A rectifier for EMG of m channels; the result does not depend on the size of the blocks.
 
     A channel's filter starts afresh behind a gap and behind samples that are not finite, and its
     output is NaN until it has
@@ -59,11 +59,11 @@ class Rectifier:
         self._fresh[:] = True
 
     def run(self, emg: np.ndarray) -> np.ndarray:
-        """Rectified EMG of shape (n, m) for EMG of shape (n, m), both in V."""
+        """Return rectified EMG of shape (n, m) for EMG of shape (n, m), both in V."""
         return np.abs(self.highpass(emg))
 
     def highpass(self, emg: np.ndarray) -> np.ndarray:
-        """High-passed EMG of shape (n, m), NaN where it is not known."""
+        """Return high-passed EMG of shape (n, m), NaN where it is not known."""
         if not self._fresh.any() and not self._unsettled.any() and np.isfinite(emg).all():
             whole, self._states = sosfilt(self._sections, emg, axis=0, zi=self._states)
             return np.asarray(whole)

@@ -18,7 +18,7 @@ ON_SAMPLE = 1e-7  # s
 
 
 def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | None:
-    """Samples with start <= t < end; None unless all of them are there.
+    """Return the samples with start <= t < end; None unless all of them are there.
 
     Parameters
     ----------
@@ -37,8 +37,9 @@ def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | N
 def respond(
     time: np.ndarray, rectified: np.ndarray, rate: float, onset: float, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Background [V] and reflex [V.s] of m muscles, each of shape (m,); NaN where a sample of the
-    window is missing.
+    """Return background [V] and reflex [V.s] of m muscles, each of shape (m,).
+
+    A value is NaN where a sample of its window is missing.
 
     Parameters
     ----------

@@ -208,13 +208,14 @@ class Settings:
 
 
 def electrodes_from(values: dict[str, Value]) -> ElectrodeSettings:
-    """Electrode limits from parameter values by name; others are ignored."""
+    """Return electrode limits from parameter values by name; others are ignored."""
     return ElectrodeSettings(**{parameter.name: values[parameter.name] for parameter in ELECTRODES})  # type: ignore[arg-type]
 
 
 def settings_from(values: dict[str, Value]) -> Settings:
-    """Settings from the value of every parameter in `PROCESSING` and `ELECTRODES`, by name; others
-    are ignored.
+    """Return settings from the values of `PROCESSING` and `ELECTRODES`, by name.
+
+    Other parameters are ignored.
     """
     own = {parameter.name: values[parameter.name] for parameter in PROCESSING}
     return Settings(**own, electrodes=electrodes_from(values))  # type: ignore[arg-type]

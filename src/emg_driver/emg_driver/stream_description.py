@@ -59,13 +59,13 @@ class StreamDescription:
 
     @property
     def title(self) -> str:
-        """Name for messages."""
+        """The name of the stream in messages."""
         return f"stream '{self.name}'" + (f" ({self.source_id})" if self.source_id else "")
 
 
 @dataclass(frozen=True)
 class ChannelMap:
-    """Where each muscle is.
+    """The channel of each muscle.
 
     Attributes
     ----------
@@ -79,12 +79,15 @@ class ChannelMap:
     to_volts: np.ndarray
 
     def volts(self, samples: np.ndarray) -> np.ndarray:
-        """EMG [V] of shape (n, 4), in the order of `MUSCLES`, from samples of shape (n, channels)."""  # noqa: E501
+        """Return EMG [V] of shape (n, 4), in the order of `MUSCLES`.
+
+        The samples have the shape (n, channels).
+        """
         return samples[:, self.index].astype(float) * self.to_volts
 
 
 def parse_channels(text: str) -> dict[str, str]:
-    """``SOL=soleus,TA=1`` as a mapping from muscle to channel label or index.
+    """Return ``SOL=soleus,TA=1`` as a mapping from muscle to channel label or index.
 
     Raises
     ------

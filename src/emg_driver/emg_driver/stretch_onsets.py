@@ -1,4 +1,4 @@
-"""When the ankle begins to move, from the commanded reference or from measured velocity.
+"""The onsets of movements of the ankle, from the commanded reference or measured velocity.
 
 An onset of direction d (1 dorsiflexing, -1 plantarflexing) is the last sample at rest, d v <= rest
 velocity, before a movement that reaches the onset velocity. Two velocities, because a pulse turns
@@ -19,7 +19,7 @@ REFERENCE_REST = 1e-3  # rad/s
 
 
 class OnsetDetector:
-    """Onsets in a stream of samples; the same whatever the size of the blocks.
+    """Finds onsets in a stream of samples; the result does not depend on the size of the blocks.
 
     Behind a gap, a step back in time or a sample that is not finite, a movement counts only after a
     rest: half of a movement tells no onset.
@@ -47,7 +47,7 @@ class OnsetDetector:
         self._rate: float | None = None
 
     def from_velocity(self, time: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Onsets found in further samples.
+        """Return onsets found in further samples.
 
         Parameters
         ----------
@@ -73,8 +73,9 @@ class OnsetDetector:
         return found
 
     def from_position(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Onsets by the first difference of a position [rad] without noise, as of the commanded
-        reference; see `from_velocity`.
+        """Return onsets by the first difference of a position [rad] without noise.
+
+        The commanded reference is such a position; see `from_velocity`.
         """
         if not len(time):
             return np.empty((0, 2))

@@ -19,8 +19,9 @@ from emg_driver.lsl_source import Chunk, Connected, Lost, LslSource, predicate
 from emg_driver.settings import ElectrodeSettings
 
 STREAMS = (
-    "good", "drift", "flat", "saturated", "hum", "nan", "lost_chunk", "clock_jump", "own_clock", "silent", "millivolts_as_volts",  # noqa: E501
-    "half_rate", "few_channels", "no_unit",
+    "good", "drift", "flat", "saturated", "hum",
+    "nan", "lost_chunk", "clock_jump", "own_clock", "silent",
+    "millivolts_as_volts", "half_rate", "few_channels", "no_unit",
 )  # fmt: skip
 CHANNELS = "SOL=SOL,TA=TA,GL=GL,GM=GM"
 

@@ -1,4 +1,4 @@
-"""EMG nodes as processes of their own, and a test that perturbs, measures and hears what they say."""  # noqa: E501
+"""EMG nodes as processes of their own, and a test that perturbs, measures and listens."""
 
 import signal
 import subprocess

@@ -17,7 +17,7 @@ REFLEX_LAGS = (0.040, 0.400)
 def cross_correlation(
     position: np.ndarray, velocity: np.ndarray, rate: float, first: float = -0.1, last: float = 0.5
 ) -> tuple[np.ndarray, np.ndarray]:
-    """c(τ) = 1/n Σ v₊(t) (x(t + τ) - mean x), with v₊ = max(v, 0).
+    """Return c(τ) = 1/n Σ v₊(t) (x(t + τ) - mean x), with v₊ = max(v, 0).
 
     Positive lags: position after the velocity. Only the position's mean is taken off; that
     suffices, as it makes the sum of the second factor zero.
@@ -60,8 +60,9 @@ def residual(
     first: float = REFLEX_LAGS[0],
     last: float = REFLEX_LAGS[1],
 ) -> float:
-    """Largest absolute correlation at lags from first to last [s], in per cent of the peak at all
-    lags.
+    """Return the largest absolute correlation at lags from first to last [s].
+
+    It is given in per cent of the peak at all lags.
     """
     inside = (lags >= first) & (lags <= last)
     return 100.0 * float(np.abs(correlation[inside]).max() / np.abs(correlation).max())

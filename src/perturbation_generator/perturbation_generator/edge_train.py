@@ -25,7 +25,7 @@ class _Edge:
 
 
 class EdgeTrain:
-    """Edges added in the order of their times; samples read in order.
+    """A train of edges that are added in the order of their times and sampled in order.
 
     Edges are held at their exact times, not at samples, and every sample is evaluated by itself, so
     the signal is the same whatever the rate and in whatever blocks it is read.
@@ -47,7 +47,7 @@ class EdgeTrain:
         self.level = 0.0
 
     def add(self, time: float, level: float) -> None:
-        """An edge that starts at a time [s] and goes to a level."""
+        """Add an edge that starts at a time [s] and goes to a level."""
         first = math.ceil(time * self._rate - ON_SAMPLE)
         self._moving.append(_Edge(time, first, level - self.level, level))
         self.level = level

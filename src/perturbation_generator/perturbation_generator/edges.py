@@ -36,7 +36,7 @@ class Extremes:
 
 
 class Shape(ABC):
-    """One edge of unit height.
+    """The shape of one edge of unit height.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Shape(ABC):
     def unit(
         self, age: np.ndarray, count: np.ndarray, rate: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position [1], velocity [1/s] and acceleration [1/s^2] of the edge, each of shape (n,).
+        """Return the position [1], velocity [1/s] and acceleration [1/s^2] of the edge, shape (n,).
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class Shape(ABC):
 
     @abstractmethod
     def extremes(self, step: float, spacing: float, rate: float) -> Extremes:
-        """Bounds for a train of edges.
+        """Return bounds for a train of edges.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Shape(ABC):
 
 @dataclass(frozen=True)
 class Block(Shape):
-    """An instant step.
+    """An edge that is an instant step.
 
     Its velocity is infinite in theory; sampled, the position moves by the whole step in one sample.
     Velocity and acceleration are given as that: first and second backward difference of the
@@ -123,7 +123,7 @@ class Block(Shape):
 
 @dataclass(frozen=True)
 class Filtered(Shape):
-    """A block behind a second-order low-pass.
+    """An edge that is a step behind a second-order low-pass.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class Filtered(Shape):
 
 @dataclass(frozen=True)
 class Polynomial(Shape):
-    """A 5th-order polynomial of a given duration [s]; 24 ms in the paper."""
+    """An edge that is a 5th-order polynomial of a given duration [s]; 24 ms in the paper."""
 
     name: ClassVar[str] = "polynomial"
     duration: float = 0.024
@@ -267,7 +267,7 @@ SHAPE_PARAMETERS = (SHAPE, BANDWIDTH, DAMPING, EDGE_DURATION)
 
 
 def shape_from(values: Mapping[str, Value]) -> Shape:
-    """The shape that the values of `SHAPE_PARAMETERS` describe."""
+    """Return the shape that the values of `SHAPE_PARAMETERS` describe."""
     if values[SHAPE.name] == Block.name:
         return Block()
     if values[SHAPE.name] == Filtered.name:

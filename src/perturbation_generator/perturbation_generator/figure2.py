@@ -34,8 +34,8 @@ SHOWN = 1.6  # s of the signals in the upper panel: at least three blocks
 
 
 def signal_of(shape: Shape, duration: float = DURATION, seed: int = 4) -> np.ndarray:
-    """A balanced pulse-step signal without stretch: position, velocity, acceleration, shape (n, 3),
-    at `RATE`.
+    """Return a balanced pulse-step signal without stretch: position, velocity, acceleration, shape
+    (n, 3), at `RATE`.
     """
     signal = PulseStep(Settings(rate=RATE, shape=shape, seed=seed), balanced=True, stretch=0.0)
     return signal.next(round(duration * RATE))
@@ -44,7 +44,8 @@ def signal_of(shape: Shape, duration: float = DURATION, seed: int = 4) -> np.nda
 def behind_actuator(
     signals: np.ndarray, rate: float = RATE, bandwidth: float = 30.0, damping: float = 0.7
 ) -> np.ndarray:
-    """Signals of shape (n, m) behind a second-order actuator: natural frequency [Hz], damping [1].
+    """Return signals of shape (n, m) behind a second-order actuator: natural frequency [Hz],
+    damping [1].
 
     Between samples the input is taken as straight lines (first-order hold), which gives no delay of
     half a sample.
@@ -59,8 +60,8 @@ def behind_actuator(
 def correlations(
     duration: float = DURATION, seed: int = 4
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Lags [s] and correlation [rad^2/s] of every signal of the figure, and of the polynomial
-    behind the actuator.
+    """Return lags [s] and correlation [rad^2/s] of every signal of the figure, and of the
+    polynomial behind the actuator.
     """
     signals = {name: signal_of(shape, duration, seed) for name, shape in SHAPES.items()}
     name = list(SHAPES)[-1]
@@ -72,7 +73,7 @@ def correlations(
 
 
 def figure(duration: float = DURATION, seed: int = 4) -> Figure:
-    """The picture: signals above, correlations in per cent of their peaks below."""
+    """Draw the signals above, and the correlations in per cent of their peaks below."""
     picture = Figure(figsize=(8, 7), layout="constrained")
     FigureCanvasAgg(picture)
     above, below = picture.subplots(2, 1)

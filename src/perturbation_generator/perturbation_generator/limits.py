@@ -33,12 +33,12 @@ class Limits:
     acceleration: float = 2000.0
 
     def check(self, signal: Signal, amplitude: float) -> None:
-        """Whether the signal keeps within the limits at an amplitude [rad].
+        """Refuse a signal that passes the limits at an amplitude [rad].
 
         Raises
         ------
         LimitError
-            It does not. All that it passes is named.
+            The signal passes a limit. All that it passes are named.
         """
         reach = signal.extremes(amplitude)
         passed = [
@@ -99,5 +99,5 @@ LIMIT_PARAMETERS = (AMPLITUDE_LIMIT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
 
 
 def limits_from(values: Mapping[str, Value]) -> Limits:
-    """The limits that the values of `LIMIT_PARAMETERS` describe."""
+    """Return the limits that the values of `LIMIT_PARAMETERS` describe."""
     return Limits(*(float(values[parameter.name]) for parameter in LIMIT_PARAMETERS))

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Schedule:
-    """Absolute deadlines of blocks.
+    """The absolute deadlines of blocks.
 
     Attributes
     ----------
@@ -26,19 +26,20 @@ class Schedule:
     lead: float = 0.0
 
     def times(self, first: int, n: int) -> np.ndarray:
-        """Times [s] of samples first ... first + n - 1: start + k / rate, without sums that would
-        drift.
+        """Return the times [s] of samples first ... first + n - 1: start + k / rate.
+
+        No sum of intervals is formed, because it would drift.
         """
         return self.start + np.arange(first, first + n) / self.rate
 
     def deadline(self, first: int, n: int) -> float:
-        """When the block of samples first ... first + n - 1 is due [s]."""
+        """Return when the block of samples first ... first + n - 1 is due [s]."""
         return self.start + (first + n - 1) / self.rate - self.lead
 
 
 @dataclass
 class Lateness:
-    """What is known of blocks sent.
+    """The account of how late blocks were.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class Lateness:
     worst: float = 0.0
 
     def note(self, delay: float) -> bool:
-        """Count a block that left so long after its deadline [s]; whether it was late."""
+        """Count a block that left so long after its deadline [s]; return whether it was late."""
         self.sent += 1
         self.worst = max(self.worst, delay)
         self.late += delay > self.tolerance

@@ -70,7 +70,7 @@ class PerturbationGeneratorNode(AnkleNode):
                 self._signal.set_amplitude(amplitude)
 
     def destroy_node(self) -> None:
-        """Stop the pacing first: no block leaves a node that is being taken down."""
+        """Stop the pacing first, so that no block leaves a node that ends."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join(timeout=2 * LAST_BLOCKS_TIMEOUT)

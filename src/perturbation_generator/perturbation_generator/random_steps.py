@@ -9,7 +9,7 @@ from perturbation_generator.step_sequence import Cycle, StepSequence
 
 
 class RandomSteps(StepSequence):
-    """Out to a random level, hold, back to rest, hold; each hold of uniform random length.
+    """Goes out to a random level, holds, returns to rest, holds; each hold has a random length.
 
     The defaults follow two trials of the McGill (REKLAB) stiffness identification toolbox: 238 and
     240 steps that alternate between rest and a level on a random side (``direction`` both), up to

@@ -15,20 +15,22 @@ from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Onset, Signal
 
 REST = 4.0
-"""[s] at the start: 8192 samples tell a zero to a hundredth of the noise."""
+"""[s] Rest at the start: 8192 samples give a zero to within a hundredth of the noise."""
 FAST_TIME = 60.0
-"""[s] of fast edges, about 160: a delay is then known to 0.02 ms with 0.14 N.m of torque noise."""
+"""[s] Duration of the fast edges, about 160: a delay is then known to 0.02 ms with 0.14 N.m of
+torque noise."""
 PAUSES = (0.25, 0.5)
-"""[s] between fast edges: plate and sensor have come to rest."""
+"""[s] Shortest and longest pause between fast edges: plate and sensor have come to rest."""
 LEVELS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Of the amplitude, so that steps have many sizes and both directions."""
+"""Parts of the amplitude that steps go to, so that steps have many sizes and both directions."""
 SWEEP_TIME = 5.0
-"""[s] from one end of the range to the other: 0.03 rad/s, slow against friction's velocity."""
+"""[s] Time of a sweep from one end of the range to the other: 0.03 rad/s, slow against friction's
+velocity."""
 SWEEPS = 6
 HOLD_TIME = 1.0
-"""[s] at each end of a sweep."""
+"""[s] Rest at each end of a sweep."""
 DURATION = REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + REST
-"""[s] of the whole, after which the plate rests."""
+"""[s] Duration of the whole, after which the plate rests."""
 
 
 class RigCalibration(Signal):
@@ -72,7 +74,7 @@ class RigCalibration(Signal):
         return [onset for onset in self._onsets if onset.time < self.time]
 
     def set_amplitude(self, amplitude: float) -> None:
-        """The amplitude is planned at the start; a new one holds for the next run."""
+        """Set the amplitude of the next run; the present one was planned at its start."""
         self.amplitude = amplitude
 
     def extremes(self, amplitude: float) -> Extremes:

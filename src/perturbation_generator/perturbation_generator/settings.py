@@ -14,7 +14,7 @@ SIDES: dict[str, tuple[int, ...]] = {"dorsiflexing": (1,), "plantarflexing": (-1
 
 @dataclass(frozen=True)
 class Settings:
-    """Common settings of a signal.
+    """Settings that every signal has.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ class Onset:
 
 
 class Signal(ABC):
-    """Position, velocity and acceleration, sample after sample; the state is kept between calls.
+    """A perturbation, sample after sample; its state is kept between calls.
 
     Parameters
     ----------
@@ -98,13 +98,14 @@ class Signal(ABC):
         return samples
 
     def onsets(self) -> list[Onset]:
-        """Every movement that began before the next sample, in order; empty for a signal without
-        edges.
+        """Return every movement that began before the next sample, in order.
+
+        The list is empty for a signal without edges.
         """
         return []
 
     def set_amplitude(self, amplitude: float) -> None:
-        """A new amplitude [rad], from the next movement on.
+        """Set a new amplitude [rad], which holds from the next movement on.
 
         The caller has checked `extremes` against the limits.
         """
@@ -112,9 +113,7 @@ class Signal(ABC):
 
     @abstractmethod
     def extremes(self, amplitude: float) -> Extremes:
-        """What position, velocity and acceleration can reach at most with an amplitude [rad], in
-        any run.
-        """
+        """Return bounds of position, velocity and acceleration with an amplitude, in any run."""
 
     @abstractmethod
     def _samples(self, first: int, n: int) -> np.ndarray:

@@ -30,7 +30,7 @@ SIGNAL = Quantity(
 
 
 def signal_from(values: Mapping[str, Value]) -> Signal:
-    """The signal that parameter values describe.
+    """Return the signal that parameter values describe.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Figure 2 of van 't Veld et al. 2018: which signals keep the reflex out of the intrinsic estimate."""  # noqa: E501
+"""Figure 2 of van 't Veld et al. 2018: signals that keep the reflex out of the estimate."""
 
 import numpy as np
 import pytest

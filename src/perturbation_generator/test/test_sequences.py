@@ -1,4 +1,4 @@
-"""The single signals: pulse-step timing and balance, random levels, PRBS and multisine statistics."""  # noqa: E501
+"""The single signals: pulse-step timing and balance, random levels, PRBS and multisine."""
 
 import numpy as np
 import pytest

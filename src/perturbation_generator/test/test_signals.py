@@ -1,4 +1,4 @@
-"""What holds for every signal: derivatives, block size, rate, seed, bounds, end, onsets, amplitude."""  # noqa: E501
+"""Properties of every signal: derivatives, blocks, rate, seed, bounds, end, onsets, amplitude."""
 
 import math
 

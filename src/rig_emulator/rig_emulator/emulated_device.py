@@ -41,28 +41,28 @@ from rig_emulator.faults import Faults
 from rig_emulator.reference_playback import Empty, Motion, ReferencePlayback
 
 CYCLE = 8
-"""Servo samples that the plant is simulated at once: 3.9 ms at 2048 Hz."""
+"""Number of servo samples for which the plant is simulated at once: 3.9 ms at 2048 Hz."""
 SAMPLES_IN_PACKET = 32
 STANDSTILL = 0.05
-"""[s] For which the command stands still before the drive is off: a 30 Hz servo has come to rest by
-then.
-"""
+"""[s] Time for which the command stands still before the drive is off: a 30 Hz servo has come to
+rest by then."""
 START_PATIENCE = 0.5
-"""[s] From the order to follow to the first reference; the plate is held meanwhile."""
+"""[s] Longest time from the order to follow to the first reference; the plate is held meanwhile."""
 MOST_SESSIONS = 4096
-"""Sessions of earlier drivers that are remembered: what they said is not obeyed again."""
+"""Largest number of earlier drivers' sessions that are remembered: what they said is not obeyed
+again."""
 LARGEST_FOLLOWING_ERROR = 0.08
-"""[rad] Between command and measured position: a 30 Hz servo is 0.037 rad behind at 5 rad/s; twice
-that is a broken drive.
-"""
+"""[rad] Largest difference between command and measured position: a 30 Hz servo is 0.037 rad behind
+at 5 rad/s; twice that is a broken drive."""
 
 
 class Plant(Protocol):
     """The plate with a foot on it."""
 
     def run(self, command: np.ndarray) -> np.ndarray:
-        """Measured position [rad], velocity [rad/s], torque [N.m] for further commands of shape (n,
-        3); shape (n, 3).
+        """Return measured position [rad], velocity [rad/s] and torque [N.m], shape (n, 3).
+
+        They belong to further commands of shape (n, 3).
         """
 
 
@@ -147,12 +147,13 @@ class EmulatedDevice:
 
     @property
     def host(self) -> int:
-        """Session of the driver that is obeyed, 0 for none."""
+        """Session of the driver that is obeyed; 0 for none."""
         return self._host.session
 
     def receive(self, data: bytes, now: float) -> Union[Heartbeat, Refusal]:
-        """Take in bytes from the line [s of the rig's clock]; returns the packet that is obeyed or
-        why there is none.
+        """Process bytes from the line at a time of the rig's clock [s].
+
+        The packet that is obeyed is returned, or the reason why there is none.
         """
         packet = self.read(data)
         if not isinstance(packet, Refusal):
@@ -162,7 +163,7 @@ class EmulatedDevice:
         return packet
 
     def read(self, data: bytes) -> Union[Heartbeat, Refusal]:
-        """The driver's packet in some bytes, or why there is none."""
+        """Return the driver's packet in some bytes, or why there is none."""
         packet = parse(data, self._key)
         return Refusal.DIRECTION if isinstance(packet, StateReport) else packet
 
@@ -231,7 +232,10 @@ class EmulatedDevice:
             self._referenced_until = now + START_PATIENCE
 
     def press_emergency_stop(self, pressed: bool, now: float) -> None:
-        """The button at the rig: a controlled stop, then off (stop category 1 of IEC 60204-1)."""
+        """Press the button at the rig: a controlled stop, then off.
+
+        This is stop category 1 of IEC 60204-1.
+        """
         if not pressed:
             self.status &= ~Status.EMERGENCY_STOP_PRESSED
             return
@@ -271,7 +275,7 @@ class EmulatedDevice:
         self._torque.forget()
 
     def advance(self, now: float) -> list[bytes]:
-        """Run the servo up to a time of the rig's clock [s]; the packets that leave meanwhile."""
+        """Run the servo up to a time of the rig's clock [s]; return the packets that leave."""
         leaving = []
         while self._begin + (self._ticks + CYCLE - 1) * self._interval <= now:
             self._cycle()

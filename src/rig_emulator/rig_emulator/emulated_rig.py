@@ -72,12 +72,12 @@ class EmulatedRig:
         return self._offset + (time.monotonic() - self._started) * (1.0 + self._drift)
 
     def run(self, told_to_stop: threading.Event) -> None:
-        """Work until told to stop."""
+        """Run until asked to stop."""
         while not told_to_stop.is_set():
             self.turn()
 
     def turn(self) -> None:
-        """Take what has come, run the servo up to now, send what is due."""
+        """Receive what has come, run the servo up to now, send what is due."""
         datagrams = self._line.receive(POLL)
         now = self.clock()
         for data, age, sender in datagrams:

@@ -8,11 +8,11 @@ from ankle_actuator_driver.link.protocol.transport import UdpTransport, address_
 from ankle_interfaces.errors import QuantityError
 
 PATIENCE = 3.0
-"""[s] For an answer; asked again meanwhile."""
+"""[s] Longest wait for an answer; the question is repeated meanwhile."""
 
 
 def switch_faults(switches: str, address: str, port: int) -> str:
-    """The switches that are on afterwards.
+    """Set switches of a running rig emulator, and return those that are on afterwards.
 
     Parameters
     ----------

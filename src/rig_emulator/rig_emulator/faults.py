@@ -34,7 +34,7 @@ SWITCHES = {
 
 @dataclass(frozen=True)
 class Faults:
-    """The switches; see `SWITCHES`."""
+    """The switches of the rig's faults; see `SWITCHES`."""
 
     drop: float = 0.0
     duplicate: float = 0.0
@@ -57,7 +57,9 @@ class Faults:
     emergency_stop: float = 0.0
 
     def with_switches(self, text: str) -> Faults:
-        """These, changed by ``name=value`` pairs joined by commas; ``none`` turns all off.
+        """Return the switches changed by ``name=value`` pairs, joined by commas.
+
+        The word ``none`` turns all off.
 
         Raises
         ------
@@ -88,7 +90,7 @@ class Faults:
         return replace(start, **changed)
 
     def line(self) -> str:
-        """The switches that are on, as `with_switches` takes them."""
+        """Return the switches that are on, in the form that `with_switches` reads."""
         return (
             ",".join(f"{name}={getattr(self, name):g}" for name in _NAMES if getattr(self, name))
             or "none"

@@ -12,7 +12,7 @@ from rig_emulator.faults import Faults
 OVERTAKEN = 0.03
 """[s] Delay of a packet that others overtake: two packets of 15.6 ms."""
 FLIPPED = 4
-"""Bits flipped in a damaged packet, at the most."""
+"""Largest number of bits that are flipped in a damaged packet."""
 
 
 class FaultyLine:
@@ -36,7 +36,7 @@ class FaultyLine:
         self._number = count()
 
     def send(self, data: bytes, now: float) -> None:
-        """A packet enters the line [s of any clock]."""
+        """Let a packet enter the line at a time [s of any clock]."""
         faults = self.faults
         if faults.freeze or self._happens(faults.drop):
             return
@@ -51,7 +51,7 @@ class FaultyLine:
             heapq.heappush(self._waiting, (due, next(self._number), data))
 
     def due(self, now: float) -> list[bytes]:
-        """The packets that have come through by now."""
+        """Return the packets that have come through by now."""
         out = []
         while self._waiting and self._waiting[0][0] <= now:
             out.append(heapq.heappop(self._waiting)[2])

@@ -9,15 +9,15 @@ import numpy as np
 from rig_emulator.faults import Faults
 
 TORQUE_RANGE = 100.0
-"""[N.m] End of the range of the torque sensor: beyond what a seated person's ankle can do."""
+"""[N.m] End of the range of the torque sensor: beyond what a seated subject's ankle can do."""
 TORQUE_NOISE = 0.14
 """[N.m] Standard deviation that is left of a dead torque sensor: the rig's own noise."""
 SPIKE = 0.3
-"""[rad] Of a position that spikes."""
+"""[rad] Size of a spike of the position."""
 SWING_FREQUENCY = 8.0
-"""[Hz] Of a torque that swings."""
+"""[Hz] Frequency of a torque that swings."""
 SWING_SIZE = 100.0
-"""[N.m] Amplitude for a switch at 1."""
+"""[N.m] Amplitude of a torque that swings, for a switch at 1."""
 
 
 class FaultySensors:
@@ -39,7 +39,7 @@ class FaultySensors:
         self._position = 0.0
 
     def change(self, samples: np.ndarray, faults: Faults) -> np.ndarray:
-        """What the sensors show.
+        """Return what the sensors show.
 
         Parameters
         ----------

@@ -21,14 +21,14 @@ Motion = tuple[float, float, float]
 
 
 class Empty(Enum):
-    """Why there is no motion at a time."""
+    """Reason why there is no motion at a time."""
 
     BEFORE = "the first sample is still to come"
     OVER = "the samples are over while the plate moves, or a gap is too long to bridge"
 
 
 class ReferencePlayback:
-    """Takes stretches of samples, gives the motion at any later time.
+    """Stores stretches of samples and gives the motion at any later time.
 
     Attributes
     ----------
@@ -51,8 +51,11 @@ class ReferencePlayback:
         return self._knots[-1][0] if self._knots else None
 
     def follows(self, first: float, interval: float) -> float | None:
-        """The last position [rad] if a stretch that begins at `first` [s] follows without a gap,
-        else None.
+        """Return the last position [rad] if a stretch from `first` [s] on follows without a gap.
+
+        Otherwise the result is None.
+
+        Otherwise the result is None.
         """
         if self._knots and abs(first - self._knots[-1][0] - interval) < 0.5 * interval:
             return float(self._knots[-1][1][0])
@@ -78,8 +81,9 @@ class ReferencePlayback:
                 self._knots.append((time, sample))
 
     def at(self, time: float) -> Union[Motion, Empty]:
-        """Position [rad], velocity [rad/s] and acceleration [rad/s^2] at a time [s] that never
-        decreases.
+        """Return position [rad], velocity [rad/s] and acceleration [rad/s^2] at a time [s].
+
+        The time must never decrease.
         """
         knots = self._knots
         while len(knots) > 1 and knots[1][0] <= time:

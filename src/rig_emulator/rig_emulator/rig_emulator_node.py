@@ -31,7 +31,8 @@ from rig_emulator.settings import MODEL, PARAMETERS, joint_parameters, load_mode
 NAME = "rig_emulator"
 REPORT_PERIOD = 1.0  # s
 PRIORITY = 10
-"""Of the real-time class: a rig's controller is no usual process; below the heartbeats' 20."""
+"""Priority in the real-time class: a rig's controller is no usual process; below the heartbeats'
+20."""
 
 
 def _declared_for(model: Model) -> list[Quantity]:
@@ -95,7 +96,7 @@ class RigEmulatorNode(AnkleNode):
         self.count("packets refused", sum(list(device.refusals.values())))
 
     def destroy_node(self) -> None:
-        """A rig without power."""
+        """End the emulated rig and the node."""
         self._ended.set()
         self._thread.join(timeout=2.0)
         self._rig.close()
@@ -103,7 +104,7 @@ class RigEmulatorNode(AnkleNode):
 
 
 def make() -> RigEmulatorNode:
-    """The node with the model that its parameter names."""
+    """Return the node with the model that its parameter names."""
     model, rig = (str(start_value(NAME, which)) for which in (MODEL, RIG))
     return RigEmulatorNode(load_model(model, rig))
 

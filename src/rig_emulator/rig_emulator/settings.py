@@ -115,14 +115,16 @@ class Settings:
 
     @classmethod
     def defaults(cls, key: bytes = b"") -> Settings:
-        """The paper's joint on a rig with default parameters."""
+        """Return the paper's joint on a rig with default parameters."""
         model = load_model("")
         values = {parameter.name: parameter.default for parameter in PARAMETERS}
         return settings_from(values, model, key)
 
 
 def load_model(path: str, rig: str = "") -> Model:
-    """The joint's model: of a file, or the paper's where the path is empty; on a calibrated rig.
+    """Return the joint's model from a file, on a calibrated rig.
+
+    It is the paper's model where the path is empty.
 
     Parameters
     ----------
@@ -143,7 +145,7 @@ def load_model(path: str, rig: str = "") -> Model:
 
 
 def joint_parameters(model: Model) -> ModelParameters:
-    """Parameter, term and symbol of everything in a model that can be set at the start, by name."""
+    """Return parameter, term and symbol of all values of a model that can be set, by name."""
     return {
         name: (replace(declared, start_only=True), term, symbol)
         for name, (declared, term, symbol) in model_parameters(model).items()
@@ -151,7 +153,7 @@ def joint_parameters(model: Model) -> ModelParameters:
 
 
 def settings_from(values: Mapping[str, Value], model: Model, key: bytes = b"") -> Settings:
-    """The settings that parameters describe.
+    """Return the settings that parameters describe.
 
     Parameters
     ----------

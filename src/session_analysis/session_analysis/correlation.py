@@ -13,10 +13,11 @@ import numpy as np
 from scipy import stats
 
 RESAMPLES = 9999
-"""Bootstrap samples: the ends of a 95 % interval then vary by less than 0.01 from seed to seed."""
+"""Number of bootstrap samples: the ends of a 95 % interval then vary by less than 0.01 from seed to
+seed."""
 CONFIDENCE = 0.95
 LEAST_PAIRS = 6
-"""Fewer pairs give no interval worth the name: resamples repeat too few points."""
+"""Least number of pairs: fewer give no interval worth the name: resamples repeat too few points."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Correlation:
 
 
 def z_scores(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """``(value - mean) / standard deviation`` within each group, shape (n,).
+    """Return ``(value - mean) / standard deviation`` within each group, shape (n,).
 
     Each subject has a slope and an intercept of their own (paper, figure 5). A group with fewer
     than three finite values or without variation has no z-score: NaN.
@@ -64,7 +65,7 @@ def z_scores(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
 def correlate(
     x: np.ndarray, y: np.ndarray, seed: int = 0, resamples: int = RESAMPLES
 ) -> Correlation:
-    """The correlation of two measures over the pairs in which both are finite.
+    """Correlate two measures over the pairs in which both are finite.
 
     Parameters
     ----------
@@ -82,9 +83,15 @@ def correlate(
         # time.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
         result = stats.bootstrap(
-            (x, y), _pearson, paired=True, vectorized=True, n_resamples=resamples, confidence_level=CONFIDENCE, method="BCa",  # noqa: E501
+            (x, y),
+            _pearson,
+            paired=True,
+            vectorized=True,
+            n_resamples=resamples,
+            confidence_level=CONFIDENCE,
+            method="BCa",
             rng=np.random.default_rng(seed),
-        )  # fmt: skip
+        )
     interval = result.confidence_interval
     return Correlation(float(_pearson(x, y)), float(interval.low), float(interval.high), n)
 

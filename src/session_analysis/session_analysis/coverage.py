@@ -19,7 +19,7 @@ def coverage(
     seed: int,
     progress: Callable[[float], None] | None = None,
 ) -> float:
-    """Share of synthetic studies whose 95 % interval holds the true correlation.
+    """Return the share of synthetic studies whose 95 % interval holds the true correlation.
 
     Every study draws Gaussian pairs with correlation r for each subject, gives each subject a slope
     and an intercept of their own, and is analysed as recorded ones are.

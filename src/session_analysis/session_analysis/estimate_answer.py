@@ -23,10 +23,11 @@ from session_recorder.loss import LossAccount, account_of_bag
 
 QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
 DOUBTFUL = 0.5
-"""From this doubt on an estimate is called doubtful: the model behind it is more likely wrong than
+"""Doubt from which an estimate is called doubtful: the model behind it is more likely wrong than
 right."""
 MIN_RECORDING = 10.0
-"""[s] The estimators' memories hold about 15 s; the first valid estimate comes after 5 to 10 s."""
+"""[s] Shortest recording that gives estimates: the estimators' memories hold about 15 s; the first
+valid estimate comes after 5 to 10 s."""
 MIN_MOVEMENT = 1e-3
 """[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
 below 1e-4, perturbations are above 5e-3."""
@@ -69,25 +70,26 @@ class Answer:
     no_opinion: str
 
     def column(self, name: str) -> np.ndarray:
-        """One column of the estimates, shape (n,)."""
+        """Return one column of the estimates, shape (n,)."""
         return self.rows[:, ESTIMATE_COLUMNS.index(name)]
 
     @property
     def valid(self) -> np.ndarray:
-        """Which estimates are valid, shape (n,)."""
+        """Whether each estimate is valid, shape (n,)."""
         return self.column("valid[1]") > 0
 
     @property
     def doubtful(self) -> np.ndarray:
-        """Which valid estimates are doubtful, shape (n,); none where the estimator states no
-        doubt.
+        """Whether each estimate is valid but doubtful, shape (n,).
+
+        None is doubtful where the estimator states no doubt.
         """
         if "doubt[1]" not in ESTIMATE_COLUMNS:
             return np.zeros(len(self.rows), dtype=bool)
         return self.valid & (self.column("doubt[1]") >= DOUBTFUL)
 
     def median(self, quantity: str, half: int | None = None) -> tuple[float, float]:
-        """Median over the valid estimates, and the median of their standard errors.
+        """Return the median over the valid estimates, and the median of their standard errors.
 
         Parameters
         ----------
@@ -170,7 +172,7 @@ def answer(
 
 
 def why_nothing_is_valid(bag: Path) -> str:
-    """Reasons why a recording gives no valid estimate, and what to do, in one sentence each.
+    """Return why a recording gives no valid estimate, and what to do, in one sentence each.
 
     Parameters
     ----------

@@ -23,13 +23,16 @@ from session_analysis.html_page import (
 )
 
 MAX_POINTS = 4000
-"""Points of a line on the page; more are averaged in groups, which no screen shows."""
+"""Largest number of points of a line on the page; more are averaged in groups, which no screen
+shows."""
 MAX_TORQUE_POINTS = 40_000
-"""Points of the torque that are kept, so that a single response can be looked at."""
+"""Largest number of points of the torque that are kept, so that a single response can be looked at.
+"""
 MAX_SPANS = 200
-"""Shaded times; shorter ones than the two hundred longest would be thinner than a pixel."""
+"""Largest number of shaded times; shorter ones than the two hundred longest would be thinner than a
+pixel."""
 INTERVAL = 1.96
-"""Standard errors of a 95 % interval."""
+"""Half width of a 95 % interval in standard errors."""
 BASE_VALUES = (
     "These are the values that the online estimator tracks, as medians over the recording. `ankle "
     "diagnose` fits one model to the whole recording and states K and G at its mean position and "
@@ -64,7 +67,10 @@ def write_estimates(found: Answer, folder: Path) -> Path:
 
 
 def value_rows(found: Answer) -> list[list[str]]:
-    """Median, error and second opinion of each quantity, as text; the first row names columns."""
+    """Return median, error and second opinion of each quantity, as text.
+
+    The first row names the columns.
+    """
     rows = [["", "median ± standard error", "parallel cascade, offline", "unit"]]
     for quantity in QUANTITIES:
         name, unit = quantity.rstrip("]").split("[")

@@ -1,4 +1,4 @@
-"""Signals about two holds of one session: what figures 4 and 8 of the paper show."""
+"""Signals about two holds of one session, which figures 4 and 8 of the paper show."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from session_analysis.recorded_session import RecordedSession
 from session_recorder.bag_reader import BagReader
 
 MARGIN = 30.0
-"""[s] Shown before the first and after the second hold."""
+"""[s] Time that is shown before the first and after the second hold."""
 SMOOTHING = 0.1
-"""[Hz] Low-pass of the shown torque and EMG (the paper's figure 8 is low-pass filtered, without a
-number).
-"""
+"""[Hz] Cut-off frequency of the shown torque and EMG (the paper's figure 8 is low-pass filtered,
+without a number)."""
 TORQUE_RATE = 16.0
-"""[Hz] Torque is averaged over 1/16 s before it is smoothed; nothing faster is shown."""
+"""[Hz] Rate of the shown torque: torque is averaged over 1/16 s before it is smoothed; nothing
+faster is shown."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,7 @@ def read_excerpt(
 
 
 def smoothed(series: np.ndarray) -> np.ndarray:
-    """A series of times [s] and values at uneven steps, on an even grid, low-passed at `SMOOTHING`;
-    shape (n, 2).
-    """
+    """Put times [s] and values on an even grid, low-passed at `SMOOTHING`; shape (n, 2)."""
     series = series[np.isfinite(series).all(axis=1)]
     grid = np.arange(series[0, 0], series[-1, 0], 1.0 / TORQUE_RATE)
     sections = butter(2, SMOOTHING, fs=TORQUE_RATE, output="sos")
@@ -112,7 +110,7 @@ def smoothed(series: np.ndarray) -> np.ndarray:
 
 
 def estimate_column(estimates: np.ndarray, name: str) -> np.ndarray:
-    """One column of estimates by its full name, NaN where they are not valid; shape (n,)."""
+    """Return one column of estimates by its full name, NaN where they are not valid; shape (n,)."""
     return np.where(
         estimates[:, ESTIMATE_COLUMNS.index("valid[1]")] > 0,
         estimates[:, ESTIMATE_COLUMNS.index(name)],

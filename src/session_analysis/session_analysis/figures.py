@@ -32,9 +32,7 @@ UV = 1e6
 
 
 def figure4(excerpt: Excerpt, path: Path) -> None:
-    """Ensemble average of the rectified EMG about the onset, with the windows of background and
-    reflex.
-    """
+    """Draw the ensemble average of the rectified EMG, with the windows of background and reflex."""
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     windows = Settings()
     axes = figure.subplots(2, 2, sharex=True).ravel()
@@ -63,7 +61,7 @@ def figure4(excerpt: Excerpt, path: Path) -> None:
 
 
 def figure5(cells: list[Cell], path: Path) -> None:
-    """Absolute and normalised values of every hold, for the soleus at each target."""
+    """Draw absolute and normalised values of every hold, for the soleus at each target."""
     chosen = [cell for cell in cells if cell.muscle == SHOWN_MUSCLE]
     figure = Figure(figsize=(9.0, 3.2 * len(chosen)), layout="constrained")
     rows = figure.subplots(len(chosen), 2, squeeze=False)
@@ -100,7 +98,7 @@ def _points(axis, x: np.ndarray, y: np.ndarray, colour: str, label: str) -> None
 
 
 def figure8(excerpt: Excerpt, path: Path) -> None:
-    """Torque, K, G and the soleus's background and reflex through two holds, low-pass filtered."""
+    """Draw torque, K, G and the soleus's activity through two holds, low-pass filtered."""
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
     axes = figure.subplots(5, 1, sharex=True)
     begin = excerpt.first.hold.start

@@ -23,12 +23,11 @@ from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from session_analysis.holds import Excluded, Hold
 
 LEAST_VALID = 0.9
-"""Share of a hold's estimates that must be valid; more missing and its mean is of another stretch
-of time than the EMG's.
-"""
+"""Least share of a hold's estimates that must be valid; more missing and its mean is of another
+stretch of time than the EMG's."""
 LEAST_RESPONSES = 50
-"""Responses of a muscle that a hold must have (the paper: about 100). With 50 the mean of a reflex
-that varies by 30 % from stretch to stretch is known to 4 %."""
+"""Least number of responses of a muscle in a hold (the paper: about 100). With 50 the mean of a
+reflex that varies by 30 % from stretch to stretch is known to 4 %."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class HoldMeasures:
 def measure_hold(
     subject: str, hold: Hold, estimates: np.ndarray, responses: np.ndarray
 ) -> tuple[HoldMeasures | None, list[Excluded]]:
-    """A hold's data, None where it cannot be used, and what was left out.
+    """Return a hold's data and what was left out; the data are None where it cannot be used.
 
     The background is that before dorsiflexing onsets for all muscles, the reflex that after the
     onsets that stretch the muscle (paper, section III-B.3).

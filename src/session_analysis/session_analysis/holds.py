@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
 
 SHORTEST = 50.0
-"""[s] A hold that was broken off earlier is left out: the paper's last 60 s, and with fewer than
-about 80 stretches the mean of a reflex (30 % variation from stretch to stretch) is less sure than 3
-%."""
+"""[s] Shortest hold that is used: the paper's last 60 s, and with fewer than about 80 stretches the
+mean of a reflex (30 % variation from stretch to stretch) is less sure than 3 %."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Excluded:
 
 
 def find_holds(events: Iterable[SessionEvent]) -> tuple[list[Hold], list[Excluded]]:
-    """Complete holds in the order of time, and those that are left out.
+    """Find complete holds in the order of time, and those that are left out.
 
     A hold begins with ``hold started``, which says its number and torque target, and ends with the
     next ``hold ended``.

@@ -15,7 +15,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 
 
 def page(title: str, parts: Sequence[str], interactive: bool = True) -> str:
-    """A whole document.
+    """Return a whole document.
 
     Parameters
     ----------
@@ -39,23 +39,23 @@ def page(title: str, parts: Sequence[str], interactive: bool = True) -> str:
 
 
 def figure(drawn: Any) -> str:
-    """A Plotly figure as a piece of `page`."""
+    """Return a Plotly figure as a piece of `page`."""
     drawn.update_layout(template="plotly_white", margin={"l": 70, "r": 20, "t": 40, "b": 50})
     return str(drawn.to_html(full_html=False, include_plotlyjs=False))
 
 
 def heading(text: str) -> str:
-    """A heading."""
+    """Return a heading."""
     return f"<h2>{escape(text)}</h2>"
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """A paragraph; `kind` is a class of `STYLE`."""
+    """Return a paragraph; `kind` is a class of `STYLE`."""
     return f"<p class='{kind}'>{escape(text)}</p>" if kind else f"<p>{escape(text)}</p>"
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
-    """A table; the first row names the columns."""
+    """Return a table; the first row names the columns."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:]
@@ -64,7 +64,7 @@ def table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def bullets(sentences: Sequence[str], kind: str = "", nothing: str = "Nothing.") -> str:
-    """A list of sentences, or `nothing` where there are none."""
+    """Return a list of sentences, or `nothing` where there are none."""
     if not sentences:
         return paragraph(nothing)
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)

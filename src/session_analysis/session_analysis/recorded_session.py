@@ -40,7 +40,7 @@ def _with_doubt(block: Block) -> Block:
 
 @dataclass(frozen=True)
 class RecordedSession:
-    """One bag.
+    """The analysed data of one bag.
 
     Attributes
     ----------

@@ -26,14 +26,16 @@ SHOWN_TOPICS = ("ankle/samples", "perturbation/reference", "emg/samples", "imped
 """Ends of the names of the topics that are drawn."""
 HIDDEN_PREFIXES = ("se_", "t[", "acceleration[")
 MAX_VALUES = 12_000_000
-"""Values that a page holds, 32 MB of text; beyond, pairs of smallest and largest values stand for
-groups of samples."""
+"""Largest number of values on a page, 32 MB of text; beyond, pairs of smallest and largest values
+stand for groups of samples."""
 STEPS = 65_000
-"""Steps of a 16-bit number that a signal's range is divided into; finer than any sensor's noise."""
+"""Number of steps of a 16-bit number that a signal's range is divided into; finer than any sensor's
+noise."""
 GAP = -32768
 """The number that stands for a missing sample."""
 MAX_GRID = 50_000_000
-"""Samples of a grid; a recording whose times spread further is drawn by its first part."""
+"""Largest number of samples of a grid; a recording whose times spread further is drawn by its first
+part."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = Non
 
 
 def read_tracks(bag: BagReader, losses: LossAccount) -> list[Track]:
-    """Every column that is worth a line, on an even grid with NaN in gaps."""
+    """Read every column that is worth a line, on an even grid with NaN in gaps."""
     tracks = []
     for topic in sorted(bag.topics, key=_order):
         if _order(topic) == len(SHOWN_TOPICS) or bag.topics[topic].type != MESSAGE_TYPE:
@@ -145,7 +147,9 @@ def _order(topic: str) -> int:
 
 
 def coarsened(track: Track, group: int) -> Track:
-    """Pairs of the smallest and the largest value of every `group` values; the track itself for 1.
+    """Return pairs of the smallest and the largest of every `group` values.
+
+    For a group of 1 the track itself is returned.
 
     Parameters
     ----------

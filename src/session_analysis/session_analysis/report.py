@@ -1,4 +1,4 @@
-"""The report of a validation: one HTML file with its pictures inside, readable without a network."""  # noqa: E501
+"""The report of a validation: one HTML file with its pictures inside, which needs no network."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from session_analysis.holds import SHORTEST
 from session_analysis.table3 import PAPER, as_text
 from session_analysis.validation import Validation, write_holds, write_table
 
-_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
+_STYLE = """body{
+font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
-table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""  # noqa: E501
+table{border-collapse:collapse}
+td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""
 _QUESTION = (
     "K, the intrinsic stiffness, and G, the reflex gain, were estimated from torque and motion of "
     "the ankle alone. Electrodes tell in "
@@ -52,8 +54,9 @@ _RULES = (
 
 
 def write_report(validation: Validation, folder: Path, title: str) -> Path:
-    """Write ``report.html``, the pictures, ``table3.csv`` and ``holds.csv`` into an existing
-    folder; returns the report's path.
+    """Write ``report.html``, the pictures, ``table3.csv`` and ``holds.csv``.
+
+    The folder exists already; the path of the report is returned.
     """
     pictures = [("Every hold (the paper's figure 5)", folder / "figure5.png")]
     figure5(validation.cells, pictures[0][1])
@@ -98,7 +101,7 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
 
 
 def correlation_rows(validation: Validation) -> list[list[str]]:
-    """Table III beside the paper's, as text; the first row names the columns."""
+    """Return Table III beside the paper's, as text; the first row names the columns."""
     rows = [
         ["pathway", "target", "muscle", "N", "r [95 % interval]", "paper: N", "r [95 % interval]"]
     ]

@@ -19,16 +19,16 @@ from model_discrepancy.recording.recording import Recording
 STRETCH = 10.0
 """[s] Length of a disjoint stretch; twice the shortest record that the cascade takes."""
 MIN_STRETCHES = 3
-"""Stretches from which a scatter, and so a standard error, is taken."""
+"""Least number of stretches for a scatter, and so for a standard error."""
 SEGMENT = 4.0
 """[s] Length of a segment of the spectra; resolves 0.25 Hz, and 60 s give 29 overlapping ones."""
 BAND = (0.5, 40.0)
-"""[Hz] Where the perturbation of the paper has power."""
+"""[Hz] Band in which the perturbation of the paper has power."""
 
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """From position to torque. All of shape (k,).
+    """The frequency response from position to torque; all arrays have the shape (k,).
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class FrequencyResponse:
 
 @dataclass(frozen=True)
 class SecondOpinion:
-    """What the offline method says.
+    """The result of the offline method.
 
     Attributes
     ----------

@@ -70,7 +70,7 @@ class Cell:
 
 
 def table3(measures: Sequence[HoldMeasures], seed: int = 0) -> list[Cell]:
-    """All cells, targets in descending order.
+    """Compute all cells, targets in descending order.
 
     z-scores are taken within each subject and torque target: a target changes slope and intercept
     too, and the paper correlates each target by itself.
@@ -100,7 +100,7 @@ def table3(measures: Sequence[HoldMeasures], seed: int = 0) -> list[Cell]:
 
 
 def as_text(found: Correlation) -> str:
-    """``0.93 [0.85, 0.97]``, or a dash where there is none."""
+    """Return ``0.93 [0.85, 0.97]``, or a dash where there is none."""
     if not np.isfinite(found.r):
         return "-"
     return f"{found.r:.2f} [{found.low:.2f}, {found.high:.2f}]"

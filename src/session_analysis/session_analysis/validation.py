@@ -24,7 +24,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Validation:
-    """What sessions show.
+    """The result of validating sessions.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:
 
 
 def write_table(validation: Validation, path: Path) -> None:
-    """Table III as CSV: pathway, target, n, muscle, r and its interval."""
+    """Write Table III as CSV: pathway, target, n, muscle, r and its interval."""
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(["pathway", "torque_target[N.m]", "n", "muscle", "r", "ci_low", "ci_high"])
@@ -162,7 +162,7 @@ def write_table(validation: Validation, path: Path) -> None:
 
 
 def write_holds(validation: Validation, path: Path) -> None:
-    """Every hold's paired data as CSV, in SI units."""
+    """Write every hold's paired data as CSV, in SI units."""
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
         counts = [f"responses_{muscle}" for muscle in MUSCLES]

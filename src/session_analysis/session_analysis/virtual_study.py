@@ -41,15 +41,14 @@ from session_recorder.errors import BagError
 from session_recorder.message_definitions import typestore
 
 RATE = 2048.0
-"""[Hz] of rig and EMG (paper, section III-B.1)."""
+"""[Hz] Sampling rate of rig and EMG (paper, section III-B.1)."""
 BLOCK_SAMPLES = 32
-"""Samples of a message, as the nodes send them."""
+"""Number of samples of a message, as the nodes send them."""
 STEP = 256
-"""Samples that are simulated at once: the subject's state moves in steps of 1/8 s, short against
-the 2 s in which it is reached.
-"""
+"""Number of samples that are simulated at once: the subject's state moves in steps of 1/8 s, short
+against the 2 s in which it is reached."""
 EPOCH = 1.7e9
-"""[s] Time of the first sample: any; a bag's times count from 1970."""
+"""[s] Arbitrary time of the first sample; a bag's times count from 1970."""
 TAIL = 2.0
 """[s] Perturbation after the last hold, so that its last responses are complete."""
 REFERENCE_COLUMNS = PERTURBATION_REFERENCE.columns
@@ -60,7 +59,7 @@ DESCRIPTION_KEY = "virtual_session"
 
 @dataclass(frozen=True)
 class VirtualSession:
-    """How one bag is made.
+    """The description of how one bag is made.
 
     Attributes
     ----------
@@ -85,18 +84,18 @@ class VirtualSession:
     reach: float = 60.0
 
     def described(self) -> str:
-        """One line of JSON that tells this session from others."""
+        """Return one line of JSON that distinguishes this session from others."""
         return json.dumps(vars(self))
 
     def plan(self) -> list[PlannedHold]:
-        """The holds in order."""
+        """Return the holds in order."""
         return plan(
             self.holds, 1000 * self.seed + self.subject, self.modulates, self.hold, self.reach
         )
 
 
 def paper_study(modulates: bool = True, seed: int = 1) -> list[VirtualSession]:
-    """The paper's three subjects with 33 + 22 holds."""
+    """Return the paper's three subjects with 33 + 22 holds."""
     return [
         VirtualSession(number + 1, holds, modulates, seed)
         for number, holds in enumerate(PAPER_HOLDS)

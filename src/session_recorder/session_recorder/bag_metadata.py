@@ -31,7 +31,7 @@ NO_TIME = 2**63 - 1
 
 
 def qos(depth: int, reliable: bool = True, latched: bool = False) -> Qos:
-    """Keep-last QoS without deadlines; `latched` is transient local."""
+    """Return keep-last QoS without deadlines; `latched` is transient local."""
     return Qos(
         QosHistory.KEEP_LAST,
         depth,
@@ -91,17 +91,17 @@ class Contents:
 
     @property
     def count(self) -> int:
-        """Messages of all topics."""
+        """The number of messages of all topics."""
         return sum(topic.count for topic in self.topics)
 
 
 def qos_text(profiles: Iterable[Qos]) -> str:
-    """QoS profiles as the YAML text that MCAP channels carry."""
+    """Return QoS profiles as the YAML text that MCAP channels carry."""
     return yaml.safe_dump(dump_qos_v9(list(profiles)), sort_keys=False).strip()
 
 
 def parse_qos_text(text: str) -> tuple[Qos, ...]:
-    """QoS profiles from the YAML text that MCAP channels carry.
+    """Return QoS profiles from the YAML text that MCAP channels carry.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def parse_qos_text(text: str) -> tuple[Qos, ...]:
 
 
 def information(contents: Contents) -> dict[str, Any]:
-    """The mapping under ``rosbag2_bagfile_information``."""
+    """Return the mapping under ``rosbag2_bagfile_information``."""
     duration = max(0, contents.end_ns - contents.start_ns) if contents.count else 0
     times: dict[str, Any] = {
         "duration": {"nanoseconds": duration},
@@ -151,7 +151,7 @@ def information(contents: Contents) -> dict[str, Any]:
 
 
 def metadata_text(info: Mapping[str, Any]) -> str:
-    """YAML text of a mapping, in its order and without aliases."""
+    """Return the YAML text of a mapping, in its order and without aliases."""
     dumper = yaml.SafeDumper
     return yaml.dump(
         _plain(info),
@@ -169,7 +169,7 @@ def _plain(value: Any) -> Any:
 
 
 def read_metadata(folder: Path) -> Contents:
-    """What the folder's ``metadata.yaml`` says.
+    """Read the folder's ``metadata.yaml``.
 
     Raises
     ------

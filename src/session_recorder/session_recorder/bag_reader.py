@@ -132,7 +132,7 @@ class BagReader:
 
     @property
     def count(self) -> int:
-        """Messages of all topics that can be read."""
+        """The number of messages of all topics that can be read."""
         return sum(topic.count for topic in self.topics.values())
 
     @property
@@ -146,11 +146,11 @@ class BagReader:
         return not self.problems
 
     def metadata_record(self, name: str) -> dict[str, str]:
-        """An MCAP metadata record; empty where there is none of that name."""
+        """Return an MCAP metadata record; empty where there is none of that name."""
         return next((file.metadata[name] for file in self._files if name in file.metadata), {})
 
     def topic(self, name: str, message_type: str | None = None) -> Topic:
-        """One topic.
+        """Return one topic.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class BagReader:
     def messages(
         self, topics: Collection[str] | None = None, progress: Progress | None = None
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Messages in the order of their log time.
+        """Yield messages in the order of their log time.
 
         Parameters
         ----------
@@ -207,8 +207,9 @@ class BagReader:
     def readable_messages(
         self, topics: Collection[str] | None = None
     ) -> Iterator[tuple[str, int, int, bytes]]:
-        """Every message outside damaged chunks, in the order of the file; `problems` grows on the
-        way.
+        """Yield every message outside damaged chunks, in the order of the file.
+
+        `problems` grows on the way.
 
         Parameters
         ----------
@@ -237,8 +238,7 @@ class BagReader:
         refused: Callable[[str], None] | None = None,
         progress: Progress | None = None,
     ) -> Iterator[Block]:
-        """Blocks of one topic in the order of their log time, in the units that they were recorded
-        in.
+        """Yield blocks of one topic in the order of their log time, in their recorded units.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class BagReader:
     def signal(
         self, topic: str, progress: Progress | None = None
     ) -> tuple[tuple[str, ...], np.ndarray]:
-        """All blocks of one topic in one piece.
+        """Return all blocks of one topic in one piece.
 
         Returns
         -------

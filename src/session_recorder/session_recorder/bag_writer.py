@@ -107,7 +107,7 @@ class BagWriter:
 
     @property
     def topics(self) -> Mapping[str, Topic]:
-        """Topics so far, with their counts."""
+        """The topics so far, with their counts."""
         return self._topics
 
     @property
@@ -171,7 +171,7 @@ class BagWriter:
         self._topics[topic] = about
 
     def add_qos(self, topic: str, profile: Qos) -> None:
-        """A further publisher of a known topic offers this QoS; stored in ``metadata.yaml``."""
+        """Note that a further publisher of a known topic offers this QoS, for ``metadata.yaml``."""
         about = self._topics[topic]
         if profile not in about.qos:
             about.qos = (*about.qos, profile)
@@ -258,8 +258,9 @@ class BagWriter:
         ) from None
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``. Does nothing the second time, or after the disk
-        refused.
+        """Write the index and ``metadata.yaml``.
+
+        Nothing happens the second time, or after the disk refused.
 
         Raises
         ------

@@ -19,7 +19,7 @@ WINDOW = 32
 
 
 class Flow:
-    """Messages of one topic under way to its readers. Safe to use from two threads.
+    """The messages of one topic on their way to its readers; safe to use from two threads.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ class Flow:
         return len(self._sent_at)
 
     def sending(self, now_ns: int) -> None:
-        """A message is about to be sent; its stamp will not be before `now_ns` [ns]."""
+        """Note that a message will be sent; its stamp will not be before `now_ns` [ns]."""
         with self._changed:
             self._sent_at.append(now_ns)
 
     def acknowledged(self, reader: str, stamp_ns: int) -> None:
-        """A reader is done with the message stamped `stamp_ns` [ns] and everything before it."""
+        """Note that a reader has processed the message of `stamp_ns` [ns] and all before it."""
         with self._changed:
             self._done[reader] = max(
                 self._done.get(reader, 0), bisect_right(self._sent_at, stamp_ns)
@@ -61,7 +61,12 @@ class Flow:
 
     @property
     def under_way(self) -> int:
-        """Messages that the slowest reader has not acknowledged; 0 without readers that tell."""
+        """The number of messages that the slowest reader has not acknowledged.
+
+        It is 0 without readers that report it.
+
+        It is 0 without readers that report it.
+        """
         with self._changed:
             return self._under_way()
 
@@ -104,7 +109,7 @@ class Flow:
             return True
 
     def laggards(self) -> str:
-        """Who has got how far, for an error message."""
+        """Return how far each reader is, for an error message."""
         with self._changed:
             known = [
                 f"{reader.split()[0]} acknowledged {done} of {len(self._sent_at)}"

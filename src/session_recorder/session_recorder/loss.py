@@ -24,19 +24,21 @@ from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES
 from session_recorder.bag_reader import BagReader
 
 MIN_SAMPLED_BLOCK = 4
-"""Samples. A smaller block is an event or a result (an onset, an estimate), which has no sampling
-rate to keep."""
+"""Least number of samples of a sampled block. A smaller one is an event or a result (an onset, an
+estimate), which has no sampling rate to keep."""
 MAX_LATENESS = 5.0
-"""[s] A queue of 64 blocks holds one second, so a block comes at most a few seconds late. Time that
-runs back further is a clock that was set, or a source that started again."""
+"""[s] Longest delay of a block. A queue of 64 blocks holds one second, so a block comes at most a
+few seconds late. Time that runs back further is a clock that was set, or a source that started
+again."""
 MAX_END_SPREAD = 2.0
 """[s] The nodes of a graph stop within this time. A measured signal that ends earlier than the
 others was interrupted."""
 MAX_CLOCK = 1e11
-"""[s] Times beyond are damaged: ROS counts from 1970, and this is the year 5138."""
+"""[s] Latest possible time: times beyond are damaged: ROS counts from 1970, and this is the year
+5138."""
 MAX_PAUSE = 86_400.0
-"""[s] Time that goes forward further within one recording is a clock that was set, or damage; no
-recording pauses for a day."""
+"""[s] Longest pause. Time that goes forward further within one recording is a clock that was set,
+or damage; no recording pauses for a day."""
 MEASURED = (ANKLE_SAMPLES.absolute, EMG_SAMPLES.absolute)
 """Ends of the names of the topics that a measurement cannot do without."""
 SHOWN_GAPS = 5
@@ -45,10 +47,10 @@ MIXED_SHARE = 0.05
 """Share of steps back in time per block from which two sources in one topic are likely. A busy
 network reorders fewer than one block in a hundred."""
 MIN_MIXED_STEPS = 10
-"""Fewest steps back in time that tell two sources from a few late blocks."""
+"""Least number of steps back in time that distinguish two sources from a few late blocks."""
 SETTLING_TIME = 2.0
-"""[s] How long a jump in the message numbers waits for a verdict. A second publisher is known to
-the graph within a second; the messages of both look like loss until then."""
+"""[s] Time for which a jump in the message numbers waits for a verdict. A second publisher is known
+to the graph within a second; the messages of both look like loss until then."""
 WHOLE_TOLERANCE = 0.2
 """Part of an interval by which a step may differ from a whole number of intervals."""
 MAX_IRREGULAR_SHARE = 0.01
@@ -64,7 +66,7 @@ Progress = Callable[[float], None]
 
 @dataclass
 class Gap:
-    """Samples that are missing between two others.
+    """A gap: samples that are missing between two others.
 
     Attributes
     ----------
@@ -81,7 +83,7 @@ class Gap:
 
 @dataclass
 class SampleAccount:
-    """What happened to the samples of one topic.
+    """The account of the samples of one topic.
 
     Attributes
     ----------
@@ -126,7 +128,7 @@ class SampleAccount:
 
     @property
     def irregular(self) -> bool:
-        """Whether the sampling is irregular, so that single missing samples cannot be told."""
+        """Whether the sampling is irregular, so that no single missing sample can be recognised."""
         return self.uneven > MAX_IRREGULAR_SHARE * self.samples
 
     @property
@@ -137,12 +139,12 @@ class SampleAccount:
 
     @property
     def missing(self) -> int:
-        """Samples that are missing in all gaps."""
+        """The number of samples that are missing in all gaps."""
         return sum(gap.missing for gap in self.lasting_gaps)
 
     @property
     def missing_time(self) -> float:
-        """Length of what is missing [s]."""
+        """The length of what is missing [s]."""
         return self.missing / self.rate if self.rate else 0.0
 
     @property
@@ -274,7 +276,7 @@ class SampleAccount:
         return [part for part in parts if part.missing > 0]
 
     def sentences(self, topic: str, origin: float) -> list[str]:
-        """What is wrong, with numbers and places.
+        """Return what is wrong, with numbers and places.
 
         Parameters
         ----------
@@ -319,7 +321,7 @@ class SampleAccount:
 
 
 class MessageNumbers:
-    """Messages of one topic, counted by their publisher's numbers.
+    """The account of the messages of one topic by their publisher's numbers.
 
     Numbers of several publishers cannot be told apart, so a topic that ever had more than one is
     not judged; a jump in the numbers therefore waits until the graph would show a second one.
@@ -386,7 +388,7 @@ class MessageNumbers:
 
 
 class LossAccount:
-    """What a recording lacks, over all its topics.
+    """The account of what a recording lacks, over all its topics.
 
     Attributes
     ----------
@@ -430,12 +432,12 @@ class LossAccount:
 
     @property
     def missing(self) -> int:
-        """Samples that are missing in all topics."""
+        """The number of samples that are missing in all topics."""
         return sum(account.missing for account in self.topics.values())
 
     @property
     def missing_messages(self) -> int:
-        """Messages of other topics that were lost."""
+        """The number of lost messages of other topics."""
         return sum(self.lost_messages.values())
 
     @property
@@ -447,7 +449,7 @@ class LossAccount:
         )
 
     def sentences(self) -> list[str]:
-        """What is lost, with number, topic and place; empty for a whole recording.
+        """Return what is lost, with number, topic and place; empty for a whole recording.
 
         Places are seconds after the recording's first sample. Estimates that are NaN because they
         are not valid are no loss.
@@ -478,7 +480,7 @@ class LossAccount:
         ]
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """Counts by topic, for tables and JSON."""
+        """Return counts by topic, for tables and JSON."""
         return {
             topic: {
                 "samples": account.samples,

@@ -61,7 +61,7 @@ class _Piece:
 
 
 class McapFile:
-    """Channels, counts and messages of one MCAP file.
+    """The channels, counts and messages of one MCAP file.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ class McapFile:
     def messages(
         self, channels: Collection[int], progress: Progress | None = None
     ) -> Iterator[Record]:
-        """Messages of some channels in the order of their log time.
+        """Yield messages of some channels in the order of their log time.
 
         Parameters
         ----------
@@ -308,8 +308,9 @@ class McapFile:
         return out
 
     def without_damage(self, channels: Collection[int]) -> Iterator[Record]:
-        """As `messages`, in the order of the file and over damaged chunks, each of which becomes
-        one of `problems`.
+        """Yield messages in the order of the file, without those in damaged chunks.
+
+        Each damaged chunk becomes one of `problems`.
         """
         wanted = frozenset(channels)
         with self.path.open("rb") as stream:

@@ -20,7 +20,7 @@ from session_recorder.errors import BagError
 
 @dataclass(frozen=True)
 class Definition:
-    """What a bag stores about a message type.
+    """The definition of a message type as a bag stores it.
 
     Attributes
     ----------
@@ -36,13 +36,13 @@ class Definition:
 
 @lru_cache(maxsize=1)
 def typestore() -> Typestore:
-    """Every type of ROS 2 Jazzy, and those that `definition` found elsewhere."""
+    """Return every type of ROS 2 Jazzy, and those that `definition` found elsewhere."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 @lru_cache(maxsize=256)
 def definition(message_type: str) -> Definition:
-    """Full definition of a type, as ``std_msgs/msg/Float64MultiArray``.
+    """Return the full definition of a type, as ``std_msgs/msg/Float64MultiArray``.
 
     Raises
     ------

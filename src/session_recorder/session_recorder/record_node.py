@@ -49,7 +49,7 @@ PARAMETERS = RECORDER
 
 
 class RecordNode(AnkleNode):
-    """Raw subscriptions into a `Recording`."""
+    """Hands raw messages of its subscriptions to a `Recording`."""
 
     def __init__(self) -> None:
         super().__init__("recorder", PARAMETERS)
@@ -217,7 +217,7 @@ class RecordNode(AnkleNode):
             print(recording.summary(), flush=True)
 
     def destroy_node(self) -> None:
-        """Finishes the bag first."""
+        """Finish the bag first."""
         try:
             self._close()
         except BagError as error:

@@ -1,4 +1,4 @@
-"""A recording in progress: the bag, what each topic brought, what is missing. No ROS."""
+"""A recording in progress: the bag, what each topic brought, what is missing; without ROS."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Time since the start [s]."""
+        """The time since the start [s]."""
         return time.monotonic() - self._began
 
     def add_topic(self, topic: str, message_type: str, qos: Collection[Qos]) -> None:
@@ -144,11 +144,11 @@ class Recording:
         self.warnings.append(f"{self.duration:.1f} s: {sentence}")
 
     def free_space(self) -> float:
-        """Free space on the bag's disk [MB]."""
+        """Return free space on the bag's disk [MB]."""
         return shutil.disk_usage(self.bag.path).free / 1e6
 
     def summary(self) -> str:
-        """One line: messages, topics, duration, missing samples, path."""
+        """Return one line: messages, topics, duration, missing samples, path."""
         missing = {topic: held.missing for topic, held in self.account.topics.items()}
         where = ", ".join(f"{topic} {count}" for topic, count in missing.items() if count)
         return (

@@ -13,7 +13,7 @@ from session_recorder.mcap_file import Progress
 
 @dataclass(frozen=True)
 class Recovery:
-    """Outcome of `recover`.
+    """The outcome of `recover`.
 
     Attributes
     ----------
@@ -33,8 +33,9 @@ class Recovery:
 def recover(
     path: Path | str, output: Path | str | None = None, progress: Progress | None = None
 ) -> Recovery:
-    """Copy every readable message of a damaged bag into a new, complete one. The old one stays as
-    it is.
+    """Copy every readable message of a damaged bag into a new, complete one.
+
+    The old bag stays as it is.
 
     Parameters
     ----------

@@ -125,8 +125,9 @@ class ReplayNode(AnkleNode):
         self._clock_sender.publish(ClockMessage(clock=Time(nanoseconds=now_ns).to_msg()))
 
     def delivered(self, topic: str, patience: float) -> bool:
-        """Whether the readers' queues take everything within `patience` [s]; not asked where every
-        reader tells more than that.
+        """Return whether the readers' queues take everything within `patience` [s].
+
+        The queues are not asked where every reader reports what it has processed.
         """
         if self._senders[topic].get_subscription_count() <= (
             self._flows[topic].readers if topic in self._flows else 0
@@ -233,7 +234,7 @@ class ReplayNode(AnkleNode):
             raise ExternalShutdownException
 
     def destroy_node(self) -> None:
-        """Lets the sending thread end first."""
+        """Let the sending thread end first."""
         self.context.try_shutdown()
         self._thread.join(timeout=PROGRESS_PERIOD)
         super().destroy_node()

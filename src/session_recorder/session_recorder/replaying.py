@@ -24,7 +24,7 @@ LONGEST_NAP = 0.02  # s; /clock goes on at least this often while nothing is due
 
 
 def choose_topics(reader: BagReader, wanted: str) -> list[str]:
-    """The topics to replay.
+    """Return the topics to replay.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def choose_topics(reader: BagReader, wanted: str) -> list[str]:
 
 
 class Outlet(Protocol):
-    """Where a replay sends to: the graph, or a test."""
+    """The place that a replay sends to: the graph, or a test."""
 
     def send(self, topic: str, message: bytes) -> None:
         """Publish a message."""
@@ -59,14 +59,16 @@ class Outlet(Protocol):
         """Publish the time [ns] on /clock."""
 
     def delivered(self, topic: str, patience: float) -> bool:
-        """Wait until the middleware has handed everything to the readers' queues; False after
-        `patience` [s].
+        """Wait until the middleware has handed everything to the readers' queues.
+
+        The result is False after `patience` [s].
         """
 
 
 class Replay:
-    """Sends messages of a bag in their order: each when it is due, and no further ahead than its
-    readers allow.
+    """Sends messages of a bag in order.
+
+    Each is sent when it is due, and no further ahead than its readers allow.
 
     Parameters
     ----------
@@ -113,7 +115,7 @@ class Replay:
 
     @property
     def elapsed(self) -> float:
-        """Bag time replayed so far [s]."""
+        """The bag time replayed so far [s]."""
         return 0.0 if self._begin_ns is None else (self._time_ns - self._begin_ns) * 1e-9
 
     def run(self) -> bool:

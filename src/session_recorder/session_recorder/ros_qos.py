@@ -28,7 +28,7 @@ REPLAY_DEPTH = 1000
 
 
 def from_ros(profile: QoSProfile) -> Qos:
-    """A publisher's profile as the graph tells it, as a bag stores it."""
+    """Return a publisher's profile, as the graph states it, in the form that a bag stores."""
     return Qos(
         QosHistory(int(profile.history)),
         profile.depth,
@@ -48,8 +48,9 @@ def _time(duration: Duration) -> QosTime:
 
 
 def to_record(offered: Collection[QoSProfile]) -> QoSProfile:
-    """What a subscription must ask for so that every publisher with these profiles matches, with
-    nothing overwritten.
+    """Return the QoS with which a subscription matches every publisher of these profiles.
+
+    Nothing is overwritten with it.
 
     As rosbag2 does: reliable or latched only where every publisher is.
     """
@@ -66,8 +67,9 @@ def to_record(offered: Collection[QoSProfile]) -> QoSProfile:
 
 
 def to_replay(recorded: Collection[Qos]) -> QoSProfile:
-    """What a replay offers: the reliability and durability of the recorded publishers, and room for
-    what is on its way.
+    """Return the QoS that a replay offers.
+
+    It has the recorded publishers' reliability and durability, and room for what is on its way.
 
     A latched topic keeps its recorded depth, because it is kept for readers that come late.
     """

@@ -80,12 +80,13 @@ class RigLink(ABC):
 
     @abstractmethod
     def send(self, order: Order) -> None:
-        """Tell the rig; a line that is down loses it."""
+        """Send an order to the rig; a line that is down loses it."""
 
     @abstractmethod
     def receive(self, timeout: float) -> list[Arrival]:
-        """What has come, in order, waiting up to so many seconds for the first; empty where
-        nothing came.
+        """Return what has come, in order, waiting up to so many seconds for the first.
+
+        The list is empty where nothing came.
         """
 
     @abstractmethod
@@ -97,23 +98,23 @@ class RigLink(ABC):
         """Give the line back."""
 
     def ros_time_was_set(self) -> None:
-        """ROS time has jumped: the mapping of the rig's clock begins again."""
+        """Begin the mapping of the rig's clock again, because ROS time has jumped."""
 
     def alarm(self) -> str | None:
-        """What is wrong with this end of the line, as a sentence; None where all is well."""
+        """Return what is wrong with this end of the line, as a sentence; None where all is well."""
         return None
 
     def describe(self) -> str:
-        """Both ends of the line, for the log."""
+        """Return both ends of the line in words, for the log."""
         return type(self).__module__.rpartition(".")[2]
 
     def figures(self) -> dict[str, str]:
-        """What to show on ``/diagnostics``, by name with unit."""
+        """Return what to show on ``/diagnostics``, by name with unit."""
         return {}
 
 
 def link_names() -> tuple[str, ...]:
-    """The lines that there are: modules of this folder, and what installed packages offer."""
+    """Return the names of all lines: modules of this folder, and what installed packages offer."""
     package = importlib.import_module(PACKAGE)
     found = {module.name for module in pkgutil.iter_modules(package.__path__)}
     return tuple(sorted(found.difference(_NO_LINKS) | _offered().keys()))

@@ -1,4 +1,4 @@
-"""What keeps the person safe: limits, states, stop and supervision.
+"""What keeps the subject safe: limits, states, stop and supervision.
 
 It knows neither packets nor sockets.
 """

@@ -47,34 +47,31 @@ CLOCK_STEP = 0.02
 the fastest.
 """
 BEYOND_ANGLE = 0.02
-"""[rad] How far the measured position may pass the angle limit: overshoot of the servo (5 %) and
-noise.
-"""
+"""[rad] Angle by which the measured position may pass the angle limit: overshoot of the servo (5 %)
+and noise."""
 START_PATIENCE = 0.5
-"""[s] From the start to the first block of the reference; the plate is held meanwhile."""
+"""[s] Longest time from the start to the first block of the reference; the plate is held meanwhile.
+"""
 RESERVE = 0.01
-"""[s] Before the end of what was sent at which the plate is stopped: the stop shall reach the rig
-before it has nothing to follow.
-"""
+"""[s] Time before the end of what was sent at which the plate is stopped: the stop shall reach the
+rig before it has nothing to follow."""
 NOT_FOLLOWING = 0.015
-"""[rad] Between the path that was sent and what the rig says it commands: the clocks of both are
-known to 2 ms, and the plate is told to move at up to 5 rad/s.
-"""
+"""[rad] Largest difference between the path that was sent and what the rig says it commands: the
+clocks of both are known to 2 ms, and the plate is moved at up to 5 rad/s."""
 NOT_FOLLOWING_FOR = 0.025
-"""[s] For which it lasts: two packets; a pulse of the paper lasts 40 ms."""
+"""[s] Time for which this difference has to last: two packets; a pulse of the paper lasts 40 ms."""
 BRIDGED_FOR = 0.1
-"""[s] For which a rig that has bridged a gap of the line may be on another path."""
+"""[s] Time for which a rig that has bridged a gap of the line may be on another path."""
 YIELDED_FOR = 10.0
-"""[s] For which a rig that has yielded to a torque may be elsewhere: five of its time constants of
-2 s.
-"""
+"""[s] Time for which a rig that has yielded to a torque may be elsewhere: five of its time
+constants of 2 s."""
 OPERATOR_TIMEOUT = 2.0
 """[s] The default of the time for which the operator's page may stay away: twenty of its messages,
 longer than a page needs to reload, and no longer than a person takes to look up."""
 
 
 class Bridge:
-    """One driver.
+    """The safety logic of one driver.
 
     Parameters
     ----------
@@ -142,7 +139,7 @@ class Bridge:
 
     @property
     def expectations(self) -> Expectations:
-        """What the sensors are held against; may be set at any time."""
+        """What the sensors are checked against; it may be set at any time."""
         return self.sensors.expectations
 
     @expectations.setter
@@ -152,9 +149,7 @@ class Bridge:
     # Commands
 
     def command(self, name: str, now: float, ros: float) -> Answer:
-        """Carry out ``arm``, ``start``, ``stop``, ``disarm`` or ``reset_fault``; the rig is told at
-        once.
-        """
+        """Carry out ``arm``, ``start``, ``stop``, ``disarm`` or ``reset_fault`` at once."""
         if name in ("arm", "start") and len(self._sources) > 1:
             return Answer(False, f"{name} is refused: {self._two_sources()}")
         answer: Answer = getattr(self.states, name)(now)
@@ -177,13 +172,14 @@ class Bridge:
         self._elsewhere_since = None
 
     def operator_alive(self, now: float) -> None:
-        """The operator's page says that somebody watches."""
+        """Note that the operator's page is connected and watched."""
         if self.states.state in (State.ARMED, State.RUNNING):
             self._operator = now
 
     def reference_sources(self, names: Sequence[str], now: float) -> None:
-        """Who publishes the reference: more than one is a fault while the rig is powered, and
-        refused before.
+        """Note who publishes the reference.
+
+        More than one publisher is a fault while the rig is powered, and refused before.
 
         Parameters
         ----------
@@ -204,8 +200,9 @@ class Bridge:
     # Time
 
     def advance(self, now: float, ros: float) -> bool:
-        """Let time pass: watchdogs and heartbeats. To be called every few milliseconds, by whoever
-        hears the rig.
+        """Let time pass for watchdogs and heartbeats.
+
+        Whoever hears the rig calls this every few milliseconds.
 
         Returns
         -------
@@ -266,7 +263,7 @@ class Bridge:
             self.orders.append(Order(self.states.wanted, self.states.resets, purpose))
 
     def take_orders(self, now: float) -> list[Order]:
-        """The orders to send, which are then forgotten here.
+        """Return the orders to send, and forget them here.
 
         A driver that no longer hears the rig sends nothing but a stop: what it would say is not
         founded on anything. References wait; those that are overtaken by a stop are dropped.

@@ -1,4 +1,4 @@
-"""Where the plate was told to be, at any time of the last second: the path of what was sent."""
+"""The commanded position at any time of the last second: the path of what was sent."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 from ankle_actuator_driver.safety.interpolated_path import positions_at
 
 KEPT = 1.0
-"""[s] Behind the present: longer than every window of the supervision."""
+"""[s] Time before the present that is kept: longer than every window of the supervision."""
 
 
 class CommandRecord:
-    """Follows what was sent."""
+    """Records the path of what was sent."""
 
     def __init__(self) -> None:
         self._parts: deque[tuple[np.ndarray, np.ndarray]] = deque()
         self._held = 0.0
 
     def hold(self, position: float) -> None:
-        """The plate is held here [rad] until something is sent."""
+        """Note that the plate is held at a position [rad] until a stretch is sent."""
         self._parts.clear()
         self._held = position
 
@@ -41,7 +41,7 @@ class CommandRecord:
             self._parts.popleft()
 
     def positions(self, time: np.ndarray) -> np.ndarray:
-        """Where the plate was told to be [rad] at ROS times [s], shape (n,)."""
+        """Return the commanded positions [rad] at ROS times [s], shape (n,)."""
         if not self._parts:
             return np.full(len(time), self._held)
         times = np.concatenate([part[0] for part in self._parts])

@@ -18,16 +18,16 @@ from ankle_actuator_driver.safety.interpolated_path import path_through
 from ankle_actuator_driver.safety.limits import Limits
 
 LONGEST_BRIDGE = 0.04
-"""[s] Two blocks of 15.6 ms that were lost on the way are bridged by one polynomial, whose motion
-has to keep the limits.
-"""
+"""[s] Longest gap that is bridged: two blocks of 15.6 ms that were lost on the way are replaced by
+one polynomial, whose motion has to keep the limits."""
 LONGEST_BUFFER = 2.0
-"""[s] Of samples ahead of their time: a stop acts at once all the same, so only memory counts."""
+"""[s] Longest stretch of samples ahead of their time: a stop acts at once all the same, so only
+memory counts."""
 LARGEST_BLOCK = 8192
-"""Samples in a block: two seconds at 4096 Hz. A longer one is a misunderstanding, and checking it
-would keep the driver from its line."""
+"""Largest number of samples in a block: two seconds at 4096 Hz. A longer one is a misunderstanding,
+and checking it would keep the driver from its line."""
 RESUME_MARGIN = 0.01
-"""[s] Ahead of its time that a reference has to be which begins from rest: the way to the rig."""
+"""[s] Time by which a reference that begins from rest has to be early: the way to the rig."""
 HALF_A_SAMPLE = 0.5
 """Part of the interval by which the time of a sample may be off."""
 REST_POSITION, REST_VELOCITY, REST_ACCELERATION = 2e-4, 0.02, 25.0
@@ -53,7 +53,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Decision:
-    """Of one stretch.
+    """The decision about one stretch.
 
     Attributes
     ----------
@@ -71,8 +71,9 @@ FOLLOWED = Decision(Verdict.FOLLOWED)
 
 
 def even_interval(time: np.ndarray) -> float | None:
-    """The interval between samples [s]; None where they are not evenly spaced, or one sample does
-    not tell.
+    """Return the interval between samples [s].
+
+    It is None where they are not evenly spaced, or where there is only one sample.
     """
     if len(time) < 2 or not np.isfinite(time).all():
         return None
@@ -83,7 +84,7 @@ def even_interval(time: np.ndarray) -> float | None:
 
 
 def contradiction(motion: np.ndarray, interval: float, limits: Limits) -> str | None:
-    """Where the columns of a reference contradict each other, as a sentence; None where they agree.
+    """Return where columns contradict each other, as a sentence; None where they agree.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ def contradiction(motion: np.ndarray, interval: float, limits: Limits) -> str | 
 
 
 class Continuation:
-    """Carries the last sample sent.
+    """Checks each stretch against the last sample that was sent.
 
     Attributes
     ----------
@@ -131,7 +132,7 @@ class Continuation:
         self._interval = math.nan
 
     def begin(self, held: float) -> None:
-        """The plate is held here [rad]; the next stretch starts from rest at this place."""
+        """Begin from rest at the position [rad] at which the plate is held."""
         self.end, self._last, self._interval = math.nan, np.array([held, 0.0, 0.0]), math.nan
 
     def accept(self, time: np.ndarray, motion: np.ndarray) -> None:
@@ -140,7 +141,7 @@ class Continuation:
         self._interval = float(time[-1] - time[0]) / (len(time) - 1)
 
     def order_of(self, time: np.ndarray, interval: float) -> Decision:
-        """Whether a stretch comes in its turn.
+        """Return whether a stretch comes in its turn.
 
         Parameters
         ----------
@@ -166,8 +167,9 @@ class Continuation:
         return FOLLOWED
 
     def judge(self, time: np.ndarray, motion: np.ndarray, limits: Limits, ros: float) -> Decision:
-        """Whether a stretch continues what was sent, and keeps the limits on the way there and
-        within.
+        """Decide whether a stretch continues what was sent within the limits.
+
+        The path to the stretch is checked as well as the stretch itself.
 
         Parameters
         ----------

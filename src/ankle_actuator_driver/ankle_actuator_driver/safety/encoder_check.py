@@ -1,33 +1,31 @@
-"""Whether the position sensor still follows what the plate was told."""
+"""A check whether the position sensor still follows the commanded position."""
 
 from __future__ import annotations
 
 from collections import deque
 
 COMMANDED = 1e-3
-"""[rad] A command that has moved by this much has to be seen: a fortieth of the paper's
-perturbation, four times what an encoder's noise of 4.5e-5 rad spans in a window.
-"""
+"""[rad] Movement of the command that the encoder has to show: a fortieth of the paper's
+perturbation, four times what an encoder's noise of 4.5e-5 rad spans in a window."""
 FOLLOWED = 0.3
 """Least part of the command's movement that the measured position shows. A 30 Hz servo shows all of
 it, one that gives way to the torque of a stiff ankle more than half."""
 RESPONSE = 0.03
-"""[s] After which the plate has begun to follow: twice the delay of a 30 Hz servo and of the
-sensor's filter.
-"""
+"""[s] Time after which the plate has begun to follow: twice the delay of a 30 Hz servo and of the
+sensor's filter."""
 WINDOW = 0.15
-"""[s] Looked back; short against the 200 ms within which a sensor's fault has to stop the rig."""
+"""[s] Length of the window that is compared; short against the 200 ms within which a sensor's fault
+has to stop the rig."""
 
 
 class EncoderCheck:
-    """Follows command and measurement, both at the same times."""
+    """Compares command and measurement, both at the same times."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[float, float, float]] = deque()
 
     def stuck(self, time: float, commanded: float, measured: float) -> bool:
-        """Whether the encoder does not follow what the plate was told, after a further pair of
-        positions.
+        """Return whether the encoder fails to follow the command, after another pair of positions.
 
         Parameters
         ----------

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 RESOLUTION = 30e-6
-"""[s] Between the points at which position and velocity are looked at: 16 in an interval of 2048
-Hz. Within a limit of 2000 rad/s^2 the largest velocity can then pass the looked at ones by
+"""[s] Time between the points at which position and velocity are looked at: 16 in an interval of
+2048 Hz. Within a limit of 2000 rad/s^2 the largest velocity can then pass the looked at ones by
 2000 * (30e-6 / 2) = 0.03 rad/s at the very most, and by 1e-5 rad/s for accelerations that change
 smoothly."""
 
@@ -38,7 +38,7 @@ class Path:
 
 
 def coefficients(start: np.ndarray, end: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """Coefficients of the polynomials in s, lowest power first.
+    """Return coefficients of the polynomials in s, lowest power first.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _inside(s: np.ndarray) -> np.ndarray:
 
 
 def path_through(time: np.ndarray, motion: np.ndarray) -> Path:
-    """The path that a rig follows from the first sample to the last.
+    """Return the path that a rig follows from the first sample to the last.
 
     Parameters
     ----------
@@ -113,8 +113,9 @@ def path_through(time: np.ndarray, motion: np.ndarray) -> Path:
 
 
 def positions_at(time: np.ndarray, motion: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Positions of the path [rad] at any times; before the first sample and behind the last one
-    the plate stands at that sample.
+    """Return positions of the path [rad] at any times.
+
+    Before the first sample and behind the last one the plate stands at that sample.
 
     Parameters
     ----------

@@ -17,12 +17,11 @@ from ankle_interfaces.quantity import Quantity, Value
 ROUNDING = 1e-9
 """A value at its limit is allowed whatever the rounding."""
 BETWEEN_SAMPLES = 0.02
-"""Differences of positions may pass the limits by this part: the largest velocity can lie between
-two samples.
-"""
+"""Part by which differences of positions may pass the limits: the largest velocity can lie between
+two samples."""
 
 ON_THE_PATH = 1e-6
-"""The path between samples may pass a limit by this part: the rounding of its polynomials."""
+"""Part by which the path between samples may pass a limit: the rounding of its polynomials."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,9 @@ class Limits:
     def passed_by(
         self, motion: np.ndarray, interval: float, before: float | None = None
     ) -> str | None:
-        """What a stretch of reference passes, as a sentence with value, unit and limit; None where
-        it keeps within all.
+        """Return the limit that a stretch of reference passes, as a sentence with value and unit.
+
+        It is None where the stretch keeps within all.
 
         The stated velocity and acceleration are checked, and those of the positions' differences
         too: a reference whose columns contradict each other is no less fast. A reference that
@@ -123,8 +123,9 @@ class Limits:
         return None
 
     def passed_on(self, path: Path) -> str | None:
-        """What the path that the rig makes of a reference passes between the samples; None where
-        it keeps within all.
+        """Return the limit that the rig's path passes between the samples of a reference.
+
+        It is None where the path keeps within all.
 
         Parameters
         ----------
@@ -155,12 +156,12 @@ class Limits:
         return None
 
     def require_within(self, hard: Limits) -> None:
-        """Whether every limit is at most the hard one.
+        """Refuse limits that are beyond the hard ones.
 
         Raises
         ------
         QuantityError
-            Names those that are not, with value, unit and hard limit.
+            Names those that are beyond, with value, unit and hard limit.
         """
         passed = [
             f"'{parameter.name}' = {getattr(self, field.name):g} {parameter.unit} passes the hard "
@@ -187,7 +188,8 @@ _KINDS = (
     ("step", "rad", 0.02, "Largest step between neighbouring samples of the reference."),
 )
 LEAST = 1e-3
-"""In the unit of each limit: zero would have no meaning, as a stop needs some acceleration."""
+"""Least value of a limit, in its unit: zero would have no meaning, as a stop needs some
+acceleration."""
 HARD_LIMIT_PARAMETERS = tuple(
     Quantity(
         f"hard_{name}_limit",
@@ -214,10 +216,10 @@ LIMIT_PARAMETERS = tuple(
 
 
 def limits_from(values: Mapping[str, Value]) -> Limits:
-    """The limits that the values of `LIMIT_PARAMETERS` describe."""
+    """Return the limits that the values of `LIMIT_PARAMETERS` describe."""
     return Limits(*(float(values[parameter.name]) for parameter in LIMIT_PARAMETERS))
 
 
 def hard_limits_from(values: Mapping[str, Value]) -> Limits:
-    """The limits that the values of `HARD_LIMIT_PARAMETERS` describe."""
+    """Return the limits that the values of `HARD_LIMIT_PARAMETERS` describe."""
     return Limits(*(float(values[parameter.name]) for parameter in HARD_LIMIT_PARAMETERS))

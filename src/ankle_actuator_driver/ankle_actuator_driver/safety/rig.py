@@ -55,7 +55,7 @@ UNPOWERED = (DeviceState.OFF, DeviceState.FAULT)
 
 
 class Purpose(Enum):
-    """Why an order leaves; a driver that no longer hears the rig may send a stop only."""
+    """Reason why an order leaves; a driver that no longer hears the rig may send a stop only."""
 
     HEARTBEAT = "heartbeat"
     REFERENCE = "reference"
@@ -80,7 +80,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Order:
-    """What the driver tells the rig; every order is a heartbeat as well.
+    """What the driver orders; every order is a heartbeat as well.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class RigReport:
 
 @dataclass(frozen=True)
 class Interruption:
-    """The line is not what it was: the rig has started anew, or a clock was set.
+    """An interruption of the line: the rig has started anew, or a clock was set.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ class Interruption:
 
 @dataclass(frozen=True)
 class Remark:
-    """Something that a person should know and that changes nothing.
+    """A sentence for the operator that changes nothing.
 
     Attributes
     ----------

@@ -22,22 +22,24 @@ from ankle_actuator_driver.safety.torque_check import TorqueCheck
 from ankle_interfaces.quantity import Quantity, Value
 
 WINDOW = 0.12
-"""[s] Looked back: several edges of 13 ms, and short against the 200 ms for a sensor's fault."""
+"""[s] Length of the window that is checked: several edges of 13 ms, and short against the 200 ms
+for a sensor's fault."""
 SERVO_LAG = 0.04
-"""[s] Within which the plate has gone where it was told to: a 30 Hz servo needs 25 ms to within
-1 %, its encoder's filter the rest."""
+"""[s] Time within which the plate has reached the commanded position: a 30 Hz servo needs 25 ms to
+within 1 %, its encoder's filter the rest."""
 OVERSHOOT = 0.15
 """Part of a movement by which the servo may overshoot: 5 % with a damping of 0.7, more with a
 loosely tuned one."""
 GIVES_WAY = 1000.0
-"""[N.m/rad] Softest drive: half of the 2100 N.m/rad that a geared servo of this size has."""
+"""[N.m/rad] Stiffness of the softest drive: half of the 2100 N.m/rad that a geared servo of this
+size has."""
 AWAY_SHARE = 0.5
 """Part of the newest samples that must be away from where the plate should be: a single spike is
 no fault, it is counted."""
 NEWEST = 0.03
-"""[s] Samples in which that part is counted: two packets."""
+"""[s] Length of the stretch of samples in which that part is counted: two packets."""
 INTEGRAL_TOLERANCE = 0.02
-"""[rad] By which the integral of the velocity over a window may differ from the change in
+"""[rad] Angle by which the integral of the velocity over a window may differ from the change in
 position: two filters that differ by 5 ms at 3 rad/s, and an offset of 0.04 rad/s."""
 MOVED = 0.005
 """[rad] Movement in a window from which the torque is judged: an eighth of the paper's
@@ -53,14 +55,14 @@ loses half of its stiffness, never its inertia."""
 FOUND_WINDOWS = 20
 """Moving windows after which the joint counts as known."""
 DEAD_FOR = 0.045
-"""[s] For which the torque has to look dead: three packets."""
+"""[s] Time for which the torque has to look dead: three packets."""
 SMOOTH = 8
-"""Samples over which the velocity is averaged before it is differentiated: 4 ms."""
+"""Number of samples over which the velocity is averaged before it is differentiated: 4 ms."""
 
 
 @dataclass(frozen=True)
 class Expectations:
-    """What the least joint and the worst allowed drive let expect.
+    """What the least stiff joint and the worst allowed drive let the sensors show.
 
     Attributes
     ----------
@@ -110,7 +112,7 @@ SENSOR_PARAMETERS = (FOLLOWING_TOLERANCE, LEAST_INERTIA, LEAST_STIFFNESS)
 
 
 def expectations_from(values: Mapping[str, Value]) -> Expectations:
-    """The expectations that the values of `SENSOR_PARAMETERS` describe."""
+    """Return the expectations that the values of `SENSOR_PARAMETERS` describe."""
     return Expectations(*(float(values[parameter.name]) for parameter in SENSOR_PARAMETERS))
 
 
@@ -134,7 +136,7 @@ class _Window:
 
 
 class SensorSupervision:
-    """Follows the sensors of a powered plate.
+    """Checks the sensors of a powered plate.
 
     Parameters
     ----------
@@ -157,22 +159,21 @@ class SensorSupervision:
         self._found: deque[float] = deque(maxlen=10 * FOUND_WINDOWS)
 
     def forget(self) -> None:
-        """Begin again: the plate was not powered, or begins another movement."""
+        """Begin again, because the plate was not powered or begins another movement."""
         self._torque.forget()
         self._encoder.forget()
         self._parts.clear()
         self._dead_since = None
 
     def forget_joint(self) -> None:
-        """Another joint may be on the plate."""
+        """Forget the joint's torque, because another joint may be on the plate."""
         self.forget()
         self._found.clear()
 
     def fault(
         self, time: np.ndarray, commanded: np.ndarray, samples: np.ndarray, torque_limit: float
     ) -> str | None:
-        """What is wrong with the sensors after further samples, as a sentence; None where all is
-        well.
+        """Return what is wrong with the sensors after further samples; None where all is well.
 
         Parameters
         ----------

@@ -11,7 +11,7 @@ import numpy as np
 
 
 def blend(motion: np.ndarray, since: np.ndarray, duration: float, held: float) -> np.ndarray:
-    """The motion with its soft start.
+    """Return the motion with its soft start.
 
     Parameters
     ----------

@@ -24,13 +24,12 @@ from ankle_actuator_driver.safety.rig import (
 )
 
 CONFIRMATION = 0.5
-"""[s] Within which the rig has to do what it was told. Its stop takes 0.25 s at most; the rest is
-for packets lost on the way.
-"""
+"""[s] Time within which the rig has to do what it was ordered to do. Its stop takes 0.25 s at most;
+the rest is for packets lost on the way."""
 
 
 class State(Enum):
-    """Of the driver."""
+    """State of the driver."""
 
     DISABLED = "disabled"
     READY = "ready"
@@ -47,7 +46,7 @@ _ANSWER = {Wanted.HOLD: DeviceState.HOLD, Wanted.FOLLOW: DeviceState.FOLLOW}
 
 @dataclass(frozen=True)
 class Answer:
-    """To an operator's command.
+    """Answer to an operator's command.
 
     Attributes
     ----------
@@ -62,7 +61,7 @@ class Answer:
 
 
 class SafetyStates:
-    """Follows commands and the rig.
+    """The state machine that follows commands and the rig.
 
     Parameters
     ----------
@@ -100,7 +99,7 @@ class SafetyStates:
 
     @property
     def wanted(self) -> Wanted:
-        """What the rig is told to do."""
+        """What the rig is ordered to do."""
         return _WANTED.get(self.state, Wanted.OFF)
 
     def _enter(self, state: State, now: float, reason: str = "") -> None:
@@ -120,8 +119,9 @@ class SafetyStates:
         return Answer(True, "armed: the drive holds the plate")
 
     def start(self, now: float) -> Answer:
-        """Let the plate follow the reference; from `armed` only, once the rig has confirmed that it
-        holds.
+        """Let the plate follow the reference.
+
+        This is allowed from `armed` only, once the rig has confirmed that it holds.
         """
         if self.state is not State.ARMED:
             return self._refuse("start")
@@ -156,7 +156,7 @@ class SafetyStates:
         return Answer(True, "reset; the driver is ready again once the rig confirms it")
 
     def trip(self, fault: str, now: float) -> None:
-        """Something that must not be: the plate is brought to rest, and only a reset leads on."""
+        """Enter `fault`: the plate is brought to rest, and only a reset leads on."""
         if self.state in (State.ARMED, State.RUNNING):
             self._fault = fault
             self._enter(State.STOPPING, now, fault)
@@ -166,7 +166,7 @@ class SafetyStates:
             self._enter(State.FAULT, now, fault)
 
     def lost(self, what: str, now: float, silent: bool = True) -> None:
-        """The rig is not heard (`silent`), or its clock is not known any more."""
+        """Note that the rig is not heard (`silent`), or that its clock is not known any more."""
         self._cause = f"{what}; a fault is reset when the rig is heard" if silent else None
         if self.state is State.READY:
             self._enter(State.DISABLED, now, what)
@@ -217,7 +217,7 @@ class SafetyStates:
             self._enter(State.FAULT, now, self._fault or "the rig did not confirm that it stopped")
 
     def _compare(self, report: RigReport, now: float) -> None:
-        """Whether an armed or running rig does what it was told."""
+        """Check that an armed or running rig does what it was ordered to do."""
         if not report.obeys:
             self.trip("the rig obeys another driver", now)
         elif report.state is _ANSWER[self.wanted]:
@@ -251,5 +251,5 @@ class SafetyStates:
 
 
 def describe(fault: DeviceFault) -> str:
-    """A fault of the rig in words."""
+    """Return a fault of the rig in words."""
     return fault.name.lower().replace("_", " ")

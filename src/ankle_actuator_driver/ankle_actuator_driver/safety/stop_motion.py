@@ -22,15 +22,16 @@ N.m on its foot and footplate. From the 5 rad/s of the velocity limit a stop the
 
 
 def stopping_distance(velocity: Number, deceleration: float) -> Number:
-    """How far a stop at a largest deceleration [rad/s^2] goes from a velocity [rad/s]: ``0.75 v^2 /
-    a`` [rad].
+    """Return how far [rad] a stop from a velocity [rad/s] goes: ``0.75 v^2 / a``.
+
+    Here a is the largest deceleration of the stop [rad/s^2].
     """
     return 0.75 * velocity * velocity / deceleration
 
 
 @dataclass(frozen=True)
 class StopMotion:
-    """One stop.
+    """The motion of one stop.
 
     Attributes
     ----------
@@ -50,7 +51,7 @@ class StopMotion:
     def plan(
         cls, position: float, velocity: float, angle: float, acceleration: float
     ) -> StopMotion:
-        """A gentle stop, or one that is just sharp enough to end within the angle limit.
+        """Plan a gentle stop, or one that is just sharp enough to end within the angle limit.
 
         Parameters
         ----------
@@ -71,9 +72,7 @@ class StopMotion:
         return cls(position, velocity, max(duration, 1.5 * speed / acceleration))
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Position [rad], velocity [rad/s] and acceleration [rad/s^2] so long [s] after its
-        begin.
-        """
+        """Return position [rad], velocity [rad/s] and acceleration [rad/s^2] at a time [s]."""
         if time >= self.duration:
             return self.position + 0.5 * self.velocity * self.duration, 0.0, 0.0
         s = max(time, 0.0) / self.duration

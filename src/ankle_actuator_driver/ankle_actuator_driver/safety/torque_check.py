@@ -1,15 +1,15 @@
-"""Whether the torque stays beyond its limit, or comes back to it again and again."""
+"""A check whether the torque stays beyond its limit, or comes back to it again and again."""
 
 from __future__ import annotations
 
 import numpy as np
 
 TORQUE_PATIENCE = 0.17
-"""[s] For which the torque may stay beyond its limit while the plate yields: with the packet that
-brings the news it is a fault within 200 ms."""
+"""[s] Time for which the torque may stay beyond its limit while the plate yields: with the packet
+that brings the news it is a fault within 200 ms."""
 SWING = 0.25
-"""[s] Between two excursions beyond the limit that make a swing: a plate that yields comes back
-once, and slowly."""
+"""[s] Longest time between two excursions beyond the limit that count as a swing: a plate that
+yields comes back once, and slowly."""
 CLEARLY = 0.05
 """Part of the limit by which an excursion passes it, and by which the torque falls below it in
 between; the noise of a torque sensor (0.14 N.m of 30) does neither."""
@@ -28,7 +28,7 @@ class TorqueCheck:
         self._excursion = -np.inf
 
     def passed(self, time: np.ndarray, torque: np.ndarray, limit: float) -> str | None:
-        """What is wrong with further samples, as a sentence; None where all is well.
+        """Return what is wrong with further samples, as a sentence; None where all is well.
 
         Parameters
         ----------

@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 FASTEST = 1.0
-"""[rad/s] Fastest yielding: a fifth of the velocity limit, so that reference and yielding together
-keep it.
-"""
+"""[rad/s] Largest velocity of the yielding: a fifth of the velocity limit, so that reference and
+yielding together keep it."""
 RETURN_TIME = 2.0
 """[s] Time constant of the way back to the reference: slow enough that nobody takes it for a
 perturbation.
@@ -44,18 +43,19 @@ class Admittance:
 
 
 OF_RIG = Admittance(20.0, 0.005)
-"""The rig's own: with a loop delay of 20 ms (servo 7 ms, one servo cycle, the lag) b = 20 stays
-stable, K * delay / b < 0.5, up to 500 N.m/rad, more than any contracted ankle. 10 N.m above the
-limit then yields with 0.5 rad/s."""
+"""The admittance of the rig itself: with a loop delay of 20 ms (servo 7 ms, one servo cycle, the
+lag) b = 20 stays stable, K * delay / b < 0.5, up to 500 N.m/rad, more than any contracted ankle. 10
+N.m above the limit then yields with 0.5 rad/s."""
 OF_DRIVER = Admittance(200.0, 0.05)
-"""The driver's, for a reference that leaves 0.1 s before its time: the torque comes a block later,
-a delay of 0.2 s; stable up to the same 500 N.m/rad with b = 200. It acts where the rig's own does
-not hold the limit. A reference further ahead needs more, see `TorqueYield.soften`."""
+"""The admittance of the driver, for a reference that leaves 0.1 s before its time: the torque comes
+a block later, a delay of 0.2 s; stable up to the same 500 N.m/rad with b = 200. It acts where the
+rig's own does not hold the limit. A reference further ahead needs more, see `TorqueYield.soften`.
+"""
 STIFFEST_JOINT = 500.0
-"""[N.m/rad] Up to which yielding is stable: K * delay / b < 0.5."""
+"""[N.m/rad] Largest stiffness with which yielding is stable: K * delay / b < 0.5."""
 BLOCK_DELAY = 0.1
-"""[s] From a measured torque to the next sample of reference, beside the time that the reference is
-ahead: a block each way and the servo."""
+"""[s] Delay from a measured torque to the next sample of reference, beside the time that the
+reference is ahead: a block each way and the servo."""
 
 
 class TorqueYield:
@@ -97,9 +97,7 @@ class TorqueYield:
         self._admittance = replace(OF_DRIVER, damping=max(OF_DRIVER.damping, least))
 
     def step(self, interval: float) -> tuple[float, float, float]:
-        """The offset one interval [s] later: position [rad], velocity [rad/s], acceleration
-        [rad/s^2].
-        """
+        """Return the offset one interval [s] later: position [rad], velocity, acceleration."""
         if self.excess == 0.0 and self.offset == 0.0 and self.velocity == 0.0:
             return 0.0, 0.0, 0.0
         goal = (
@@ -115,11 +113,15 @@ class TorqueYield:
         return self.offset, self.velocity, (self.velocity - before) / interval
 
     def stretch(self, count: int, interval: float) -> np.ndarray:
-        """The offset over so many samples: position, velocity, acceleration, shape (count, 3)."""
+        """Return the offset over so many samples, shape (count, 3).
+
+        The columns are position, velocity and acceleration.
+        """
         return np.array([self.step(interval) for _ in range(count)]).reshape(count, 3)
 
     def forget(self) -> None:
-        """Begin again at the present place: the plate stands still or a new reference starts from
-        here.
+        """Begin again at the present place.
+
+        The plate stands still there, or a new reference starts from there.
         """
         self.excess = self.offset = self.velocity = 0.0

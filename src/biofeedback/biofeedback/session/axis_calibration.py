@@ -15,17 +15,16 @@ import numpy as np
 from biofeedback.errors import CommandError
 
 OF_BASELINE = 2.2
-"""Upper end of the feedback axis, in baselines: protocols ask for 0.4 to 1.7 baselines, and the
-cursor must have room beyond.
-"""
+"""Upper end of the feedback axis, as a multiple of the baseline: protocols ask for 0.4 to 1.7
+baselines, and the cursor must have room beyond."""
 SPREADS = 8.0
-"""The axis has at least so many standard deviations above the baseline: noise of the estimate must
-not fill the screen.
-"""
+"""Least number of standard deviations that the axis has above the baseline: noise of the estimate
+must not fill the screen."""
 BEYOND_TARGETS = 3.0
-"""Half widths of the torque band that the torque axis shows beyond the outermost targets."""
+"""Number of half widths of the torque band that the torque axis shows beyond the outermost targets.
+"""
 LEAST_ROWS = 20
-"""Readings that a baseline needs: for fewer a median absolute deviation says nothing."""
+"""Least number of readings for a baseline: for fewer a median absolute deviation says nothing."""
 SMALLEST = {"K": 5.0, "G": 0.5}
 """[N.m/rad], [N.m.s/rad] Scale for a subject who has less (a reflex of nearly zero is common):
 levels of it would be noise.
@@ -38,7 +37,7 @@ DEFAULT_AXES = {"K": (0.0, 200.0), "G": (0.0, 20.0)}
 
 @dataclass(frozen=True)
 class Baseline:
-    """The relaxed ankle.
+    """The impedance and torque of the relaxed ankle.
 
     Attributes
     ----------
@@ -57,11 +56,11 @@ class Baseline:
     torque: float
 
     def of(self, symbol: str) -> float:
-        """What levels of ``K`` or ``G`` are parts of: the median, at least `SMALLEST`."""
+        """Return the scale of levels of ``K`` or ``G``: the median, at least `SMALLEST`."""
         return max(self.K if symbol == "K" else self.G, SMALLEST[symbol])
 
     def axis(self, symbol: str) -> tuple[float, float]:
-        """Ends of the feedback axis for ``K`` or ``G``."""
+        """Return the ends of the feedback axis for ``K`` or ``G``."""
         unit, spread = self.of(symbol), self.K_spread if symbol == "K" else self.G_spread
         return 0.0, max(OF_BASELINE * unit, unit + SPREADS * spread)
 
@@ -73,7 +72,7 @@ class BaselineCollector:
         self._rows: list[tuple[float, float, float]] = []
 
     def add(self, K: float, G: float, torque: float) -> None:
-        """One valid estimate and the subject's torque beside it."""
+        """Add one valid estimate and the subject's torque beside it."""
         if np.isfinite([K, G, torque]).all():
             self._rows.append((K, G, torque))
 
@@ -81,7 +80,7 @@ class BaselineCollector:
         return len(self._rows)
 
     def baseline(self) -> Baseline:
-        """What was gathered.
+        """Return the baseline of what was gathered.
 
         Raises
         ------
@@ -103,8 +102,9 @@ class BaselineCollector:
 
 
 def torque_axis(targets: Sequence[float], half_width: float) -> tuple[float, float]:
-    """Ends of the torque axis [N.m]: every target of the session with room, the same in all blocks
-    so that the screen does not jump.
+    """Return the ends of the torque axis [N.m], with room around every target of the session.
+
+    They are the same in all blocks, so that the screen does not jump.
     """
     return min(targets) - (1.0 + BEYOND_TARGETS) * half_width, max(targets) + (
         1.0 + BEYOND_TARGETS

@@ -26,14 +26,15 @@ LEAST_RANGE = 0.1
 and room for the servo's overshoot.
 """
 LEAST_CONTRACTION = 2.0
-"""[N.m] Below, a maximal voluntary contraction was none: the protocols ask for 5."""
+"""[N.m] Least torque of a maximal voluntary contraction: the protocols ask for 5."""
 PLATEAU = 15
-"""Readings, 0.5 s at 30 in a second: a maximum is what is held for so long, not a peak."""
+"""Number of readings of a maximum, 0.5 s at 30 in a second: a maximum is what is held for so long,
+not a peak."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One entry.
+    """One entry of the check list.
 
     Attributes
     ----------
@@ -75,7 +76,7 @@ CHECKS = {
 
 @dataclass(frozen=True)
 class BodyReading:
-    """What a check sees at a moment.
+    """The signals that a check needs, at one moment.
 
     Attributes
     ----------
@@ -93,7 +94,7 @@ class BodyReading:
 
 
 class CheckList:
-    """Follows one visit.
+    """The check list of one visit.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ class CheckList:
 
     @property
     def missing(self) -> list[str]:
-        """Titles of the checks that are neither done nor skipped."""
+        """The titles of the checks that are neither done nor skipped."""
         return [
             CHECKS[name].title
             for name, state in self.states.items()
@@ -163,13 +164,13 @@ class CheckList:
             )
 
     def remaining(self, now: float) -> float:
-        """Time that the present measurement still takes [s]; 0 where there is none."""
+        """Return how long the present measurement still takes [s]; 0 where there is none."""
         if self._running is None:
             return 0.0
         return max(CHECKS[self._running].duration - (now - self._began), 0.0)
 
     def tick(self, now: float, reading: BodyReading) -> str | None:
-        """Take in a reading; gives the name of a check that has just ended.
+        """Process a reading; return the name of a check that has just ended.
 
         Parameters
         ----------
@@ -191,7 +192,7 @@ class CheckList:
         return name
 
     def saved(self) -> dict[str, Any]:
-        """Give what a restarted node needs, ready for JSON."""
+        """Return what a restarted node needs, ready for JSON."""
         return {
             name: {"state": state, "result": self.results[name]}
             for name, state in self.states.items()
@@ -199,7 +200,7 @@ class CheckList:
         }
 
     def resume(self, saved: Mapping[str, Any]) -> None:
-        """Take what `saved` gave; checks of another protocol are left out."""
+        """Restore what `saved` returned; checks of another protocol are left out."""
         for name, entry in saved.items():
             if name in self.states and entry.get("state") in (DONE, SKIPPED):
                 self.states[name] = entry["state"]

@@ -16,9 +16,9 @@ from biofeedback.errors import CommandError, MalformedMessageError
 from biofeedback.session.check_list import CHECKS
 
 LONGEST_MESSAGE = 4096
-"""[bytes] The longest of ours, a note, has 300."""
+"""[bytes] Longest message that is read; the longest of the pages' own, a note, has 300."""
 LONGEST_NOTE = 200
-"""Characters."""
+"""Largest number of characters of a note."""
 RATE, BURST = 20.0, 40.0
 """Messages per second that a page may send for long, and at once: a slider that is dragged sends 10
 a second.
@@ -27,8 +27,9 @@ a second.
 
 @dataclass(frozen=True)
 class Number:
-    """A number within limits [unit of the key]; optional ones may be null, which takes a setting
-    back.
+    """A field with a number within limits [unit of the key].
+
+    An optional one may be null, which withdraws a setting.
     """
 
     lower: float
@@ -38,14 +39,14 @@ class Number:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of a few words."""
+    """A field with one of a few words."""
 
     words: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Text:
-    """Printable text."""
+    """A field with printable text."""
 
     longest: int
 
@@ -112,7 +113,7 @@ class Command:
 
 
 def parse(text: str) -> Command:
-    """The command in a message.
+    """Return the command in a message.
 
     Raises
     ------
@@ -183,7 +184,7 @@ class RateLimit:
         self._left, self._last = BURST, now
 
     def allows(self, now: float) -> bool:
-        """Whether one more message at time `now` [s] is within the rate."""
+        """Return whether one more message at time `now` [s] is within the rate."""
         self._left = min(BURST, self._left + RATE * (now - self._last))
         self._last = now
         if self._left < 1.0:

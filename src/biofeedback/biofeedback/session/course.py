@@ -30,9 +30,10 @@ UP, DOWN = "up", "down"
 MEASURES = {"reflex_emg": "V", "G": "N.m.s/rad"}
 MUSCLES = ("SOL", "TA", "GL", "GM")
 LEAST_TRIALS = 10
-"""Reflexes that a criterion needs: of fewer, a quantile is little better than a guess."""
+"""Least number of reflexes for a criterion: of fewer, a quantile is little better than a guess."""
 RECENT_TRIALS = 75
-"""Reflexes that a criterion uses at most, the latest: one block of the published course."""
+"""Largest number of reflexes that a criterion uses, the latest ones: one block of the published
+course."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ _BACKGROUND: dict[str, _Range] = {
 
 @dataclass(frozen=True)
 class Background:
-    """What the subject holds before a perturbation is given.
+    """The state that the subject holds before a perturbation is given.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class Background:
     duration: float
 
     def within(self, torque: float, emg: float) -> bool:
-        """Whether torque [N.m] and EMG [MVC] lie in their windows."""
+        """Return whether torque [N.m] and EMG [MVC] lie in their windows."""
         return (
             abs(torque - self.torque) <= self.torque_half_width
             and self.emg_lower <= emg <= self.emg_upper
@@ -92,7 +93,7 @@ class Background:
 
 @dataclass(frozen=True)
 class Course:
-    """A plan for one subject.
+    """A plan of a conditioning course for one subject.
 
     Attributes
     ----------
@@ -135,7 +136,7 @@ class Course:
 
     @property
     def sessions(self) -> int:
-        """Number of sessions."""
+        """The number of sessions."""
         return self.baseline_sessions + self.conditioning_sessions
 
     def criterion(self, sizes: np.ndarray) -> float:
@@ -160,13 +161,13 @@ class Course:
         return float(np.quantile(sizes, share))
 
     def success(self, size: float, criterion: float) -> bool:
-        """Whether a reflex lies beyond the criterion, in the course's direction."""
+        """Return whether a reflex lies beyond the criterion, in the course's direction."""
         return size <= criterion if self.direction == DOWN else size >= criterion
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial.
+    """One trial of a session.
 
     Attributes
     ----------
@@ -190,7 +191,9 @@ class Trial:
 
 
 class TrialGate:
-    """Says when a perturbation may be given: both windows held, and the last one long enough ago.
+    """Says when a perturbation may be given.
+
+    Both windows must be held, and the last perturbation must be long enough ago.
 
     Parameters
     ----------
@@ -211,7 +214,7 @@ class TrialGate:
         self._last: float | None = None
 
     def update(self, now: float, torque: float, emg: float) -> bool:
-        """Take in the present background; gives whether a perturbation may be given now.
+        """Process the present background; return whether a perturbation may be given now.
 
         Parameters
         ----------
@@ -259,12 +262,12 @@ class CourseSession:
 
     @property
     def conditioning(self) -> bool:
-        """Whether reflexes are conditioned in this session."""
+        """Whether this session conditions the reflex."""
         return self.number > self.course.baseline_sessions
 
     @property
     def planned(self) -> int:
-        """Number of trials of the whole session."""
+        """The number of trials of the whole session."""
         blocks = self.course.blocks * self.course.trials_per_block
         return blocks + (self.course.control_trials if self.conditioning else 0)
 
@@ -275,7 +278,7 @@ class CourseSession:
 
     @property
     def block(self) -> int:
-        """Block of the next trial, from 1; 0 before the blocks."""
+        """The block of the next trial, from 1; 0 before the blocks."""
         first = self.course.control_trials if self.conditioning else 0
         done = len(self.trials) - first
         return 0 if done < 0 else done // self.course.trials_per_block + 1
@@ -294,7 +297,7 @@ class CourseSession:
         return np.array([trial.size for trial in self.trials if trial.block == block - 1])
 
     def record(self, size: float) -> Trial:
-        """Take in the reflex of the next trial.
+        """Process the reflex of the next trial.
 
         Parameters
         ----------
@@ -321,18 +324,18 @@ class CourseSession:
 
     @property
     def success_rate(self) -> float:
-        """Share of successes so far; NaN before the first conditioned trial."""
+        """The share of successes so far; NaN before the first conditioned trial."""
         known = [trial.success for trial in self.trials if trial.success is not None]
         return sum(known) / len(known) if known else math.nan
 
     def mean(self, kind: str) -> float:
-        """Mean reflex of the trials of a kind; NaN where there is none."""
+        """Return the mean reflex of the trials of a kind; NaN where there is none."""
         sizes = [trial.size for trial in self.trials if trial.kind == kind]
         return float(np.mean(sizes)) if sizes else math.nan
 
 
 def load_course(name: str) -> Course:
-    """Give a course by the name of one that comes with the package, or by the path of a YAML file.
+    """Load a course by the name of one in the package, or by the path of a YAML file.
 
     Raises
     ------

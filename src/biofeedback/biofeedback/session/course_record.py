@@ -1,4 +1,4 @@
-"""What came of a course so far: one entry a session, on disk, and the trend with its interval.
+"""The record of a course so far: one entry a session, on disk, and the trend with its interval.
 
 The file is YAML; it is written after each session and each block, so that a course goes on after
 months, another computer, or a session that was broken off. It names a subject by a pseudonym only.
@@ -20,18 +20,17 @@ from biofeedback.errors import CommandError
 from biofeedback.session.course import CONDITIONED, CONTROL, Course, CourseSession
 
 FINAL_SESSIONS = 6
-"""Sessions at the course's end that are compared with the baseline: as many as the published course
-has baseline sessions, so that both means are equally sure.
-"""
+"""Number of sessions at the course's end that are compared with the baseline: as many as the
+published course has baseline sessions, so that both means are equally sure."""
 LEVEL = 0.95
-"""Of the intervals."""
+"""Confidence level of the intervals."""
 MEANINGFUL_TRIALS = 0.5
 """Part of the planned trials below which a session's mean is left out: it was broken off early."""
 
 
 @dataclass(frozen=True)
 class SessionResult:
-    """One session.
+    """The result of one session of a course.
 
     Attributes
     ----------
@@ -58,7 +57,7 @@ class SessionResult:
 
 @dataclass(frozen=True)
 class Trend:
-    """Change of a mean against the baseline sessions.
+    """The change of a mean against the baseline sessions.
 
     Attributes
     ----------

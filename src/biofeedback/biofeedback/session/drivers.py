@@ -15,7 +15,7 @@ NO_DRIVER = "no rig driver in this graph: arm, start and stop concern the sessio
 
 
 class Drivers:
-    """Keeps account of drivers.
+    """The account of the rig drivers in the graph.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Drivers:
         self.problem = NO_DRIVER
 
     def update(self, offered: Mapping[str, Iterable[str]]) -> None:
-        """Take in which node offers which of `ACTIONS`, as discovery says now.
+        """Process which node offers which of `ACTIONS`, as discovery says now.
 
         Parameters
         ----------

@@ -18,9 +18,8 @@ from biofeedback.session.session_program import (
 )
 
 SETTLING_TIME = 0.7
-"""[s] A hint that changes faster than a person can read and react to it (about 0.25 s to see and
-0.5 s to read three words) confuses more than it helps.
-"""
+"""[s] A hint that changes faster than a subject can read and react to it (about 0.25 s to see and
+0.5 s to read three words) confuses more than it helps."""
 
 
 def instruction(session: Session) -> str:
@@ -83,7 +82,7 @@ class Guidance:
         self._candidate, self._since = "", -math.inf
 
     def update(self, hint: str, now: float) -> str:
-        """Take in the hint of this moment and give the one to show.
+        """Process the hint of this moment; return the one to show.
 
         Parameters
         ----------

@@ -37,7 +37,7 @@ _HOLD_KEYS = ("torque_target[N.m]", "level[1]")
 
 @dataclass(frozen=True)
 class Step:
-    """One stretch of the session.
+    """One step of a session: a break or a hold.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A session.
+    """The plan of a session: blocks, breaks, holds and targets.
 
     Attributes
     ----------
@@ -110,12 +110,12 @@ class Protocol:
 
     @property
     def duration(self) -> float:
-        """Of all steps together [s]."""
+        """The duration of all steps together [s]."""
         return sum(step.duration for step in self.steps)
 
 
 def load_protocol(name: str) -> Protocol:
-    """A protocol by the name of one that comes with the package, or by the path of a YAML file.
+    """Load a protocol by the name of one in the package, or by the path of a YAML file.
 
     Raises
     ------

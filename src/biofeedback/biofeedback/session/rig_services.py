@@ -28,11 +28,10 @@ from biofeedback.session.drivers import ACTIONS, Drivers
 
 SERVICE = "std_srvs/srv/Trigger"
 LOOK_PERIOD = 1.0
-"""[s] How soon a driver that starts later is known."""
+"""[s] Time between two looks for drivers, after which one that starts later is known."""
 REPEAT_PERIOD = 0.25
-"""[s] A stop that was not confirmed is sent again: a service that was found a moment ago may not
-hear its first call, and a loaded driver confirms within 0.1 s.
-"""
+"""[s] Time after which a stop that was not confirmed is sent again: a service that was found a
+moment ago may not hear its first call, and a loaded driver confirms within 0.1 s."""
 UNCONFIRMED_AFTER = 0.5
 """[s] After this time a stop without confirmation is shown to the operator: two repetitions."""
 
@@ -101,7 +100,7 @@ class RigServices:
 
     @property
     def problem(self) -> str:
-        """Why there is none, or what is wrong with it; empty where nothing is."""
+        """Why no driver can be commanded, or what is wrong with it; empty where nothing is."""
         return self._drivers.problem
 
     @property

@@ -47,33 +47,31 @@ TICK_RATE = 30.0
 """[Hz] The estimator's rate; a hold's end is then at most 33 ms late."""
 LOG_LINES = 30
 ANSWER_TIMEOUT = 3.0
-"""[s] for the rig's answer to arm and start. A driver on a loaded machine answers within 0.1 s; an
-operator waits no longer before acting.
-"""
+"""[s] Longest wait for the rig's answer to arm and start. A driver on a loaded machine answers
+within 0.1 s; an operator waits no longer before acting."""
 RIG_PATIENCE = 1.5
-"""[s] A rig that has agreed to start reports that it runs within milliseconds; that its driver has
-died is seen within a second.
-"""
+"""[s] Longest wait for a started rig to run: a rig that has agreed to start reports that it runs
+within milliseconds; that its driver has died is seen within a second."""
 RESUME_PATIENCE = 4.0
-"""[s] A restarted node finds driver and latched state within two seconds on a loaded machine."""
+"""[s] Longest wait of a resumed session for its rig: a restarted node finds driver and latched
+state within two seconds on a loaded machine."""
 WATCH_AFTER_LOST_ANSWER = 10.0
-"""[s] A start that was not answered may still be carried out: a request waits in the driver's queue
-for as long as the driver is held up, and a rig that hangs longer is stopped by its own watchdog.
-"""
+"""[s] Time for which an unanswered start is watched: a start that was not answered may still be
+carried out: a request waits in the driver's queue for as long as the driver is held up, and a rig
+that hangs longer is stopped by its own watchdog."""
 WATCH_PERIOD = 0.5
-"""[s] Between two stops while a start whose answer was lost may still be carried out."""
+"""[s] Time between two stops while a start whose answer was lost may still be carried out."""
 OPERATOR_TIMEOUT = 2.0
-"""[s] without an operator's page after which the session stops: a page that reloads is back within
-one second, and a person at the rig must not be alone for longer than it takes to notice.
-"""
+"""[s] Time without an operator's page after which the session stops: a page that reloads is back
+within one second, and a subject at the rig must not be alone for longer than it takes to notice."""
 OPERATOR_HEARTBEAT_AGE = 0.5
 """[s] An operator's page counts as alive for this time after its last sign: it gives one for each
 frame, 30 in a second, and a busy browser may pause for 0.3 s.
 """
 ALIVE_RATE = 10.0
-"""[Hz] of the operator's heartbeat to the driver: many may be lost within its timeout."""
+"""[Hz] Rate of the operator's heartbeat to the driver: many may be lost within its timeout."""
 REPEATED_STOP = 1.0
-"""[s] Stops that follow one another within this time are recorded once; each is sent to the rig."""
+"""[s] Time within which successive stops are recorded once; each is sent to the rig."""
 _TARGET_FIELDS = {
     "feedback": "feedback",
     "torque[N.m]": "torque",
@@ -85,7 +83,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Rig(Protocol):
-    """The actuator's drivers, as far as a session commands them."""
+    """The interface to the rig's drivers, as far as a session commands them."""
 
     @property
     def present(self) -> bool:
@@ -100,7 +98,7 @@ class Rig(Protocol):
         """What is wrong with the drivers; empty where nothing is."""
 
     def describe(self) -> dict[str, Any]:
-        """Fields of `messages.RigState`."""
+        """Return the fields of `messages.RigState`."""
 
     async def call(self, action: str) -> None:
         """Carry out ``arm``, ``start`` or ``reset_fault``; raises `CommandError`."""
@@ -113,10 +111,10 @@ class Rig(Protocol):
 
 
 class Subject(Protocol):
-    """A simulated subject whose behaviour can be set."""
+    """The interface to a simulated subject whose behaviour can be set."""
 
     def describe(self) -> dict[str, float] | None:
-        """Present values; None where there is no simulated subject."""
+        """Return the present values; None where there is no simulated subject."""
 
     async def set(self, values: Mapping[str, float]) -> None:
         """Change what the subject does; raises `CommandError`."""
@@ -124,7 +122,7 @@ class Subject(Protocol):
 
 @dataclass(frozen=True)
 class SessionView:
-    """A picture of the session at a moment, for whoever shows it.
+    """The state of the session at one moment, for whoever shows it.
 
     Attributes
     ----------

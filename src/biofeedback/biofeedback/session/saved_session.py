@@ -14,13 +14,13 @@ from biofeedback.errors import CommandError
 
 
 def default_path(port: int) -> Path:
-    """Where the state of the node that serves a port is kept; two nodes never share a port."""
+    """Return where the state of the node at a port is kept; two nodes never share a port."""
     base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
     return base / "ankle" / f"biofeedback_{port}.json"
 
 
 def save(path: Path, content: Mapping[str, Any], now: float) -> None:
-    """Write a state; after a crash or a loss of power the file holds the old or the new one.
+    """Write a state so that after a crash the file holds the old or the new one.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def save(path: Path, content: Mapping[str, Any], now: float) -> None:
 
 
 def load(path: Path, now: float, longest: float) -> dict[str, Any] | None:
-    """Give the saved state; None where there is none, or it is older than `longest` [s].
+    """Return the saved state; None where there is none, or it is older than `longest` [s].
 
     An older one belongs to an earlier session.
 
@@ -105,7 +105,7 @@ class ProgressWriter:
         self._thread.start()
 
     def keep(self, content: Mapping[str, Any]) -> None:
-        """Write this as soon as the disk can; returns at once."""
+        """Hand over the progress to be written as soon as the disk can; this returns at once."""
         self._newest = content
         self._wake.set()
 
@@ -122,7 +122,7 @@ class ProgressWriter:
                 self._on_failure(f"progress is not kept: {error}")
 
     def close(self, patience: float = 3.0) -> None:
-        """Write what is left, for at most `patience` [s], and end."""
+        """Write what is left, for at most `patience` [s], and end the thread."""
         self._closing = True
         self._wake.set()
         self._thread.join(timeout=patience)

@@ -24,11 +24,11 @@ class ScreenAxes:
 
     @property
     def set_by_operator(self) -> list[str]:
-        """Names of the ends that the operator has set."""
+        """The names of the ends that the operator has set."""
         return sorted(self._set)
 
     def ends(self) -> dict[str, tuple[float, float]]:
-        """Ends of ``x`` (feedback, in its unit) and ``y`` (torque [N.m])."""
+        """Return the ends of ``x`` (feedback, in its unit) and ``y`` (torque [N.m])."""
         session, feedback = self._session, self._session.target.feedback
         x = DEFAULT_AXES[feedback] if session.baseline is None else session.baseline.axis(feedback)
         y = torque_axis(
@@ -40,7 +40,7 @@ class ScreenAxes:
         }
 
     def set(self, values: Mapping[str, float | None]) -> None:
-        """Set ends; None returns one to what protocol and baseline give.
+        """Set ends; None returns one to the value from protocol and baseline.
 
         Raises
         ------

@@ -19,16 +19,15 @@ from biofeedback.web.server import SEEN
 PUSH_CORRECTION = 0.5
 """Part of the torque's error that is corrected each second: the shown torque answers within one."""
 FEEDBACK_CORRECTION = 0.1
-"""The same for K or G: an estimate that remembers up to 20 s answers late, and who corrects faster
-swings.
-"""
+"""Part of the error of K or G that is corrected each second: an estimate that remembers up to 20 s
+answers late, and who corrects faster swings."""
 LONGEST_SILENCE = 30.0
-"""[s]"""
+"""[s] Longest wait for a message of the node."""
 LIMITS = {"excitability": (0.02, 1.0), "cocontraction": (0.0, 1.0)}
 
 
 class ScriptedSession:
-    """One session.
+    """A session that a program leads instead of an operator.
 
     Parameters
     ----------
@@ -55,7 +54,7 @@ class ScriptedSession:
         """Frames received."""
 
     async def run(self, longest: float) -> dict[str, Any]:
-        """Lead the session to its end; gives the last state.
+        """Lead the session to its end; return the last state.
 
         Parameters
         ----------

@@ -20,18 +20,16 @@ from biofeedback.session.protocol import BASELINE, BREAK, HOLD, REACH, UNITS, Pr
 
 IDLE, ARMED, RUNNING, PAUSED, FINISHED = "idle", "armed", "running", "paused", "finished"
 LONGEST_TICK = 1.0
-"""[s] A longer step of the clock (this computer slept, a replay jumped) is no time in which the
-subject did something.
-"""
+"""[s] Longest step of the clock that counts: a longer one (this computer slept, a replay jumped) is
+no time in which the subject did something."""
 HIT_SHARE = 0.5
-"""A hold is a hit when the cursor was in the target for at least this share of it: by chance alone
-a target of 0.3 baselines on an axis of 2.2 is met for a seventh of the time.
-"""
+"""Least share of a hold with the cursor in the target that makes it a hit: by chance alone a target
+of 0.3 baselines on an axis of 2.2 is met for a seventh of the time."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What the screen shows at a moment.
+    """The values that the screen shows at one moment.
 
     Attributes
     ----------
@@ -51,7 +49,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Target:
-    """Where the cursor is wanted.
+    """The place where the cursor is wanted.
 
     Attributes
     ----------
@@ -72,7 +70,7 @@ class Target:
     upper: float | None
 
     def reached(self, reading: Reading) -> bool:
-        """Whether a reading lies in band and region."""
+        """Return whether a reading lies in band and region."""
         value = reading.K if self.feedback == "K" else reading.G
         within = self.lower is None or self.upper is None or self.lower <= value <= self.upper
         return (
@@ -81,7 +79,7 @@ class Target:
 
 
 class Session:
-    """Follows a protocol.
+    """The state of a session that follows a protocol.
 
     Parameters
     ----------
@@ -132,12 +130,12 @@ class Session:
 
     @property
     def holding(self) -> bool:
-        """Whether a hold is going on."""
+        """Whether the subject is in a hold."""
         return self.state == RUNNING and self.step.kind == HOLD
 
     @property
     def remaining(self) -> float:
-        """Of the present step [s]."""
+        """The rest of the present step [s]."""
         return max(self.step.duration - self.elapsed, 0.0)
 
     @property
@@ -159,7 +157,7 @@ class Session:
         return replace(target, **self._own)
 
     def tick(self, now: float, reading: Reading) -> list[SessionEvent]:
-        """Advance to `now`; gives what happened meanwhile.
+        """Advance to `now`; return what happened meanwhile.
 
         Parameters
         ----------
@@ -340,7 +338,7 @@ class Session:
         return [self._target_event(now)]
 
     def saved(self) -> dict[str, Any]:
-        """What a restarted node needs to go on, ready for JSON."""
+        """Return what a restarted node needs to go on, ready for JSON."""
         return {
             "protocol": self.protocol.digest,
             "state": self.state,

@@ -22,20 +22,21 @@ TRIAL_SPREAD = 0.30
 is what a reflex at a steady background scatters by; the mean of 225 is then sure to 2 %.
 """
 DAY_SPREAD = 0.08
-"""The same from day to day, an assumption: four times what the mean of a session is unsure by."""
+"""Standard deviation of a reflex' logarithm from day to day, an assumption: four times what the
+mean of a session is unsure by."""
 STEP = 0.1
-"""[s] of the background's simulation; it is held for seconds."""
+"""[s] Time step of the background's simulation; it is held for seconds."""
 BACKGROUND_TIME = 1.5
 """[s] Correlation time of a held torque's slow error."""
 BACKGROUND_SPREAD = 0.5
 """Standard deviation of the held background, in half widths of its window."""
 LONGEST_WAIT = 600.0
-"""[s] of holding without one trial after which the subject gives up."""
+"""[s] Time of holding without one trial after which the subject gives up."""
 
 
 @dataclass(frozen=True)
 class Learner:
-    """What a simulated subject is like.
+    """The properties of a simulated subject.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class Learner:
     day_spread: float = DAY_SPREAD
 
     def reward_gain(self, course: Course) -> float:
-        """Part of a rewarded trial's deviation by which the subject moves.
+        """The part of a rewarded trial's deviation by which the subject moves.
 
         Of a normal distribution, the lower share p has the mean -phi(z_p) / p standard deviations;
         with n trials of which the share p is rewarded, a session moves by n phi(z_p) deviations.

@@ -34,7 +34,7 @@ class SimulatedSubject:
         self._asked = False
 
     def describe(self) -> dict[str, float] | None:
-        """Present values by name; None where there is no simulated subject."""
+        """Return present values by name; None where there is no simulated subject."""
         return None if self._values is None else dict(self._values)
 
     def look(self) -> None:

@@ -1,4 +1,4 @@
-"""Who may open which page.
+"""The rules of who may open which page.
 
 On the loopback address everybody at this computer may; what must be kept out are other web sites
 that a browser here has open: they can send requests to the loopback address, and could command the
@@ -23,19 +23,21 @@ from urllib.parse import urlsplit
 from biofeedback.errors import AccessError
 
 SHORTEST_TOKEN = 16
-"""Characters: 16 of 64 kinds are 96 bits, out of reach of guessing over a network."""
+"""Least number of characters of a token: 16 of 64 kinds are 96 bits, out of reach of guessing over
+a network."""
 COOKIE = "ankle_session"
 SUBJECT, OPERATOR = "subject", "operator"
 ROLES = (SUBJECT, OPERATOR)
 SUBJECT_TOKEN_LENGTH = 22
-"""Characters of 6 bits: 132 bits, more than the shortest token of the operator."""
+"""Number of characters of 6 bits in the subject's token: 132 bits, more than the shortest token of
+the operator."""
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 _FOREIGN = ("cross-site", "same-site")
 """Values of ``Sec-Fetch-Site`` for what another web site has started."""
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address or name belongs to this computer only."""
+    """Return whether an address or name belongs to this computer only."""
     if host == "localhost":
         return True
     try:
@@ -45,14 +47,14 @@ def is_loopback(host: str) -> bool:
 
 
 def subject_token(token: str) -> str:
-    """Give the token of the subject's screen, derived from the operator's without revealing it."""
+    """Return the subject's token, derived from the operator's without revealing it."""
     digest = hmac.new(token.encode(), b"subject's screen", hashlib.sha256).digest()
     alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
     return "".join(alphabet[byte % 64] for byte in digest)[:SUBJECT_TOKEN_LENGTH]
 
 
 def tls_context(certificate: str, key: str) -> ssl.SSLContext | None:
-    """Give what a TLS server needs; None where neither file is named.
+    """Return what a TLS server needs; None where neither file is named.
 
     Parameters
     ----------
@@ -120,18 +122,21 @@ class Access:
         return bool(self._tokens)
 
     def tokens(self) -> dict[str, str]:
-        """Give the token of each role; empty where none is needed."""
+        """Return the token of each role; empty where none is needed."""
         return dict(self._tokens)
 
     def enter(self, token: str) -> tuple[str, str] | None:
-        """Give the role that a token opens and the cookie's value; None for a wrong token."""
+        """Return the role that a token opens and the cookie's value; None for a wrong token."""
         for role in (OPERATOR, SUBJECT):
             if role in self._tokens and _equal(token, self._tokens[role]):
                 return role, self._keys[role]
         return None
 
     def roles(self, cookie: str) -> tuple[str, ...]:
-        """Give the roles that a cookie opens: an operator may also look at the subject's screen."""
+        """Return the roles that a cookie opens.
+
+        An operator may also look at the subject's screen.
+        """
         if not self._tokens:
             return ROLES
         if _equal(cookie, self._keys[OPERATOR]):
@@ -139,7 +144,7 @@ class Access:
         return (SUBJECT,) if _equal(cookie, self._keys[SUBJECT]) else ()
 
     def refusal(self, host: str, origin: str | None, fetch_site: str | None = None) -> str | None:
-        """Say why a request is refused whoever sends it; None where it is not.
+        """Return why a request is refused whoever sends it; None where it is not.
 
         Parameters
         ----------

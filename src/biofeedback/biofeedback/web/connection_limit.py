@@ -14,9 +14,9 @@ from typing import Any
 from aiohttp import web
 
 LIMIT = 64
-"""Connections: twenty pages and what they load at the start."""
+"""Largest number of connections: twenty pages and what they load at the start."""
 KEEP_ALIVE = 15.0
-"""[s] that a connection may stay without a request."""
+"""[s] Time for which a connection may stay without a request."""
 
 
 _SILENT = logging.getLogger(f"{__name__}.access")
@@ -47,16 +47,16 @@ class ConnectionLimit:
         self.closed = 0
 
     def __call__(self) -> asyncio.Protocol:
-        """The protocol of a new connection."""
+        """Return the protocol of a new connection."""
         return _Counted(self, self._server)
 
     def hold(self, transport: asyncio.BaseTransport | None) -> None:
-        """This connection is a page's: it is not closed for the sake of others."""
+        """Note that a connection is a page's, so that it is not closed for the sake of others."""
         if transport is not None:
             self._pages.add(transport)
 
     def made(self, transport: asyncio.BaseTransport) -> None:
-        """A connection was made; the oldest go where there are too many."""
+        """Note a new connection; the oldest are closed where there are too many."""
         self._open[transport] = None
         while len(self._open) > self._limit:
             # Where all are pages the newcomer goes.
@@ -66,7 +66,7 @@ class ConnectionLimit:
             oldest.abort()  # type: ignore[attr-defined]
 
     def lost(self, transport: asyncio.BaseTransport | None) -> None:
-        """A connection is gone."""
+        """Note that a connection is gone."""
         if transport is not None:
             self._open.pop(transport, None)
             self._pages.discard(transport)

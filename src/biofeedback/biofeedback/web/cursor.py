@@ -16,8 +16,9 @@ import math
 import numpy as np
 
 NATURAL_FREQUENCY = 8.0
-"""[Hz] Lag 2 / w = 40 ms, and two to three frames of 30 Hz for a step: seen as motion rather than
-as a jump, and less than half of the 100 ms that feedback may take beyond the estimator."""
+"""[Hz] Natural frequency of the follower: lag 2 / w = 40 ms, and two to three frames of 30 Hz for a
+step: seen as motion rather than as a jump, and less than half of the 100 ms that feedback may take
+beyond the estimator."""
 
 
 class Cursor:
@@ -40,7 +41,7 @@ class Cursor:
         self._velocity: np.ndarray = np.zeros(2)
 
     def advance(self, target: np.ndarray, seconds: float) -> np.ndarray:
-        """The position some time later.
+        """Return the position some time later.
 
         Parameters
         ----------

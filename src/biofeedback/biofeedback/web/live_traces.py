@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 WINDOW = 30.0
-"""[s]"""
+"""[s] Length of the traces that are shown."""
 BINS = 600
-"""About one for each pixel of the operator's page."""
+"""Number of bins: about one for each pixel of the operator's page."""
 DIGITS = 4
-"""Significant digits that are sent; a trace is 100 pixels high."""
+"""Number of significant digits that are sent; a trace is 100 pixels high."""
 
 
 class MinMaxTraces:
-    """Channels with common times.
+    """The extremes of several channels with common times.
 
     Bin number k holds the samples with ``k <= t / width < k + 1``; bins are counted from the epoch,
     so that those of different traces lie under each other. Samples that are older than the window
@@ -45,7 +45,7 @@ class MinMaxTraces:
         self.newest: int | None = None
 
     def feed(self, time: np.ndarray, values: np.ndarray) -> None:
-        """Take in samples.
+        """Process samples.
 
         Parameters
         ----------
@@ -81,8 +81,9 @@ class MinMaxTraces:
             self._high[place] = np.fmax(self._high[place], largest)
 
     def since(self, seen: int | None) -> dict[str, Any] | None:
-        """Complete bins after number `seen` (all for None), ready for JSON; None where there is
-        nothing new.
+        """Return complete bins after number `seen` (all for None), ready for JSON.
+
+        The result is None where there is nothing new.
 
         Returns
         -------

@@ -15,7 +15,7 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """What moves: sent at the frame rate.
+    """The moving part of the pages, sent at the frame rate.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Frame:
 
 @dataclasses.dataclass(frozen=True)
 class SessionState:
-    """Where the session is."""
+    """The state of the session."""
 
     state: str
     stop_reason: str
@@ -78,7 +78,7 @@ class SessionState:
 
 @dataclasses.dataclass(frozen=True)
 class TargetState:
-    """Where the cursor is wanted: feedback, its unit and region; torque and half width [N.m]."""
+    """The target of the cursor: feedback, its unit and region; torque and half width [N.m]."""
 
     feedback: str
     unit: str
@@ -108,7 +108,7 @@ class BaselineState:
 
 @dataclasses.dataclass(frozen=True)
 class RigState:
-    """The rig's driver.
+    """The state of the rig's driver.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class RigState:
 
 @dataclasses.dataclass(frozen=True)
 class SubjectState:
-    """What the simulated subject does."""
+    """The behaviour of the simulated subject."""
 
     cocontraction: float
     excitability: float
@@ -139,7 +139,7 @@ class SubjectState:
 
 @dataclasses.dataclass(frozen=True)
 class NodeState:
-    """Health of one node."""
+    """The health of one node."""
 
     name: str
     level: str
@@ -188,7 +188,7 @@ class Pages:
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """Everything that does not change with every frame; sent when it changes."""
+    """All values that do not change with every frame; sent when it changes."""
 
     version: int
     session: SessionState
@@ -227,7 +227,7 @@ class TracesMessage:
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """To one page: what became of its command."""
+    """The answer to one page about its command."""
 
     id: int
     ok: bool
@@ -237,7 +237,7 @@ class Answer:
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """To one page: whether it is the one that may command."""
+    """The message to one page that says whether it may command."""
 
     yours: bool
     type: str = "command"
@@ -247,7 +247,7 @@ MESSAGES = (Frame, State, TracesMessage, Answer, Command)
 
 
 def schemas() -> dict[str, Any]:
-    """JSON Schema of every message, by its ``type``."""
+    """Return the JSON Schema of every message, by its ``type``."""
     return {
         next(f.default for f in dataclasses.fields(kind) if f.name == "type"): _schema(kind)
         for kind in MESSAGES

@@ -45,7 +45,7 @@ class Presenter:
         self._frames = 0
 
     def frame(self, view: SessionView, now: float, monotonic: float) -> messages.Frame:
-        """Give what the screens show at this moment.
+        """Return what the screens show at this moment.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Presenter:
     def state(
         self, view: SessionView, monotonic: float, pages: messages.Pages, version: int = 0
     ) -> messages.State:
-        """Give everything else that the pages show.
+        """Return everything else that the pages show.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Presenter:
         )
 
     def traces(self, seen: dict[str, int]) -> messages.TracesMessage | None:
-        """Give the bins of every group after those in `seen`; None where there is nothing new."""
+        """Return the bins of every group after those in `seen`; None where there is nothing new."""
         found: dict[str, dict[str, Any]] = self._signals.traces_since(seen)
         if not found:
             return None

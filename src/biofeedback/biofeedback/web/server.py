@@ -57,23 +57,22 @@ from biofeedback.web.connection_limit import ConnectionLimit
 from biofeedback.web.presenter import Presenter
 
 FRAME_RATE = 30.0
-"""[Hz] The paper's screen had 20 to 30 (section III-B.1)."""
+"""[Hz] Number of frames per second: the paper's screen had 20 to 30 (section III-B.1)."""
 TRACES_EVERY, STATE_EVERY = 3, 3
 """Frames: traces and changes that nobody commanded (health, recording) ten times a second."""
 IN_FLIGHT = 3
-"""Frames: 100 ms at 30 Hz, more than a page on this computer takes for its answer unless it is
-busy.
-"""
+"""Largest number of frames without an answer: 100 ms at 30 Hz, more than a page on this computer
+takes for its answer unless it is busy."""
 SEEN = "seen"
-"""What a page answers to a frame."""
+"""Word that a page answers to a frame."""
 STOP = "stop"
-"""What a page sends to stop, besides the command of that name."""
+"""Word that a page sends to stop, besides the command of that name."""
 SLOW = 10.0
-"""[s] in which a page must take a message and acknowledge it."""
+"""[s] Time in which a page must take a message and acknowledge it."""
 PAGES = 20
-"""Pages that may be open at once: a laboratory has two operators and one subject."""
+"""Largest number of open pages: a laboratory has two operators and one subject."""
 ENTER_PAUSE = 1.0
-"""[s] after a wrong token: with 96 bits, guessing is hopeless at this rate."""
+"""[s] Pause after a wrong token: with 96 bits, guessing is hopeless at this rate."""
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; connect-src 'self'; img-src 'self' data:; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
@@ -213,7 +212,7 @@ class Server:
             await runner.cleanup()
 
     async def _make_frames(self, stopped: asyncio.Event) -> None:
-        """By absolute deadlines, so that the rate holds whatever a frame costs."""
+        """Make frames by absolute deadlines, so that the rate holds whatever a frame costs."""
         due = time.monotonic()
         while not stopped.is_set():
             late = time.monotonic() - due
@@ -285,7 +284,7 @@ class Server:
         return answer
 
     async def _stop_by_request(self, request: web.Request) -> web.Response:
-        """The other way for a stop, for a page whose WebSocket hangs."""
+        """Stop by an HTTP request, for a page whose WebSocket hangs."""
         refusal = self._refusal(request)
         if refusal is None and not self._roles(request):
             refusal = "enter the token at /enter"
@@ -325,7 +324,7 @@ class Server:
         return socket
 
     async def _send(self, page: Page) -> None:
-        """The newest of everything, whenever the page can take it."""
+        """Send the newest of everything, whenever the page can receive it."""
         try:
             while True:
                 await page.wake.wait()

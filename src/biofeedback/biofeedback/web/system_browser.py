@@ -6,10 +6,11 @@ import shutil
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ARGUMENTS = ("--no-sandbox",)
-"""Chromium refuses to start as root with its sandbox, and shows nothing but our own pages here."""
+"""Arguments of the browser: Chromium refuses to start as root with its sandbox, and shows nothing
+but our own pages here."""
 MISSING = "no Chromium on this machine (on Debian or Ubuntu: sudo apt-get install chromium)"
 
 
 def find_browser() -> str | None:
-    """Path of the executable; None where there is none."""
+    """Return the path of the browser's executable; None where there is none."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)

@@ -31,7 +31,7 @@ STUDY_FILE = "study.yaml"
 PARTICIPANTS_FILE = "participants.tsv"
 DERIVATIVES = "derivatives"
 PSEUDONYM = re.compile(r"^(?=.*\d)[A-Za-z0-9]{1,12}$")
-"""Letters and digits with at least one digit: a name of a person has none."""
+"""Letters and digits with at least one digit: the name of a human has none."""
 _RECORDING = re.compile(r"^sub-(?P<subject>[A-Za-z0-9]+)_ses-(?P<visit>\d+)_run-(?P<run>\d+)")
 NUMBERS = (
     Quantity("knee_angle", "deg", 0.0, 180.0, 60.0, description="Flexion of the knee."),
@@ -75,11 +75,11 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """As ``sub-S07_ses-03_run-01``."""
+        """The name, as ``sub-S07_ses-03_run-01``."""
         return recording_name(self.subject, self.visit, self.run)
 
     def stated(self) -> dict[str, Any]:
-        """What the sidecar says; empty where there is none.
+        """Return what the sidecar states; empty where there is none.
 
         Raises
         ------
@@ -97,12 +97,12 @@ class Entry:
 
 
 def recording_name(subject: str, visit: int, run: int) -> str:
-    """Name of a recording, as ``sub-S07_ses-03_run-01``."""
+    """Return the name of a recording, as ``sub-S07_ses-03_run-01``."""
     return f"sub-{subject}_ses-{visit:02d}_run-{run:02d}"
 
 
 def software_version() -> str:
-    """Version of this software, as sidecar files state it."""
+    """Return the version of this software, as sidecar files state it."""
     try:
         return version("session_analysis")
     except PackageNotFoundError:
@@ -191,11 +191,11 @@ class Study:
         return self.folder / DERIVATIVES / "results.parquet"
 
     def derived(self, entry: Entry) -> Path:
-        """Folder of what was computed from a recording."""
+        """Return the folder of what was computed from a recording."""
         return self.folder / DERIVATIVES / entry.name
 
     def entries(self) -> list[Entry]:
-        """All recordings, by subject, visit and run."""
+        """Return all recordings, by subject, visit and run."""
         found = {}
         for path in sorted(self.folder.glob("sub-*/ses-*/sub-*")):
             match = _RECORDING.match(path.name)
@@ -211,7 +211,7 @@ class Study:
         return sorted(found.values(), key=lambda one: (one.subject, one.visit, one.run))
 
     def next_entry(self, subject: str, visit: int) -> Entry:
-        """Where the next recording of a visit belongs; nothing is written.
+        """Return where the next recording of a visit belongs; nothing is written.
 
         Raises
         ------

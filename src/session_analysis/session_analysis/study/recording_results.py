@@ -55,7 +55,9 @@ class Row:
 
 
 def process(folder: Path, entry: Entry, diagnosed: bool) -> list[Row]:
-    """Rows of one recording: those of an earlier run where nothing has changed since.
+    """Return the rows of one recording.
+
+    They are those of an earlier run where nothing has changed since.
 
     Parameters
     ----------

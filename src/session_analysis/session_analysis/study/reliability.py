@@ -14,12 +14,13 @@ import numpy as np
 
 MIN_SUBJECTS, MIN_VISITS = 2, 2
 DETECTABLE = 1.96 * np.sqrt(2.0)
-"""Standard errors of measurement between two visits that 19 of 20 unchanged subjects stay below."""
+"""Number of standard errors of measurement between two visits that 19 of 20 unchanged subjects stay
+below."""
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """Of one quantity over visits.
+    """The reliability of one quantity over visits.
 
     Attributes
     ----------
@@ -41,7 +42,7 @@ class Reliability:
 
 
 def reliability(values: np.ndarray) -> Reliability | None:
-    """Reliability of a measure.
+    """Compute the reliability of a measure.
 
     Parameters
     ----------

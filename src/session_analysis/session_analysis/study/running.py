@@ -138,7 +138,7 @@ def write_results(rows: Sequence[Row], path: Path) -> None:
 
 
 def read_results(path: Path) -> list[Row]:
-    """Rows of a table of results.
+    """Read the rows of a table of results.
 
     Raises
     ------

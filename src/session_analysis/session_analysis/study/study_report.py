@@ -25,12 +25,12 @@ from session_analysis.study.reliability import Reliability, reliability
 SHOWN = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
 QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")
 MIN_PAIRS = 4
-"""Recordings from which a relation with the mean torque is drawn; fewer lie on a line by
-themselves."""
+"""Least number of recordings from which a relation with the mean torque is drawn; fewer lie on a
+line by themselves."""
 
 
 def visit_table(rows: Sequence[Row], quantity: str) -> tuple[list[str], list[int], np.ndarray]:
-    """Means over the runs of each visit.
+    """Return the means over the runs of each visit.
 
     Returns
     -------

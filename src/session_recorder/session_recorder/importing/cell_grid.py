@@ -18,9 +18,10 @@ MISSING = frozenset(
 )
 COMMENTS = ("#", "%", "//")
 LOOKED_AT = 400
-"""Rows from the start in which the numbers must begin."""
+"""Number of rows from the start in which the numbers must begin."""
 CONFIRMING_ROWS = 4
-"""Rows of the same kind after the first one, before it counts as the first row of numbers."""
+"""Number of rows of the same kind after the first one, before it counts as the first row of
+numbers."""
 _CLOCK = re.compile(r"^(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)$")
 _RATE = re.compile(
     r"(?:sampl\w*[\s_-]*(?:rate|freq\w*|frequenz)?|abtastrate|frame\s*rate|frequency|fs|rate)"
@@ -55,7 +56,7 @@ class Layout:
 
 
 def number(cell: Cell, decimal: str = ".") -> float | None:
-    """The number in a cell.
+    """Return the number in a cell.
 
     Parameters
     ----------

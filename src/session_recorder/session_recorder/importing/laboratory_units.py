@@ -52,7 +52,7 @@ _BEHIND = re.compile(r"^(?P<name>.+?)(?:\s*,\s*|\s*/\s*|\s+in\s+|[\s_]+)(?P<unit
 
 
 def known_unit(text: str) -> str | None:
-    """The project's spelling of a unit.
+    """Return the project's spelling of a unit.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class Proposal:
     doubts: list[str] = field(default_factory=list)
 
     def command(self, source: Path | str, out: Path | str) -> str:
-        """The line to type."""
+        """Return the command line to type."""
         parts = ["ankle", "import", str(source), "--out", str(out)]
         for name, column in self.columns.items():
             parts += ["--column", f"{name}={column}"]

@@ -51,7 +51,7 @@ TORQUE_UNITS = {"mN.m": 1e-3, "N.cm": 1e-2, "kN.m": 1e3}
 
 @dataclass(frozen=True)
 class Intrinsic:
-    """Estimates over the segments of a recording.
+    """The estimates over the segments of a recording.
 
     Attributes
     ----------
@@ -71,7 +71,10 @@ class Intrinsic:
 
 
 def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
-    """Contradictions between SI columns (by full name, shape (n,)) and what an ankle can do."""
+    """Return contradictions between SI columns and what an ankle can do.
+
+    Columns are given by full name, shape (n,).
+    """
     found = []
     columns = {
         name: values[np.isfinite(values)]
@@ -136,8 +139,9 @@ def segments(rate: float, *signals: np.ndarray) -> Iterator[tuple[np.ndarray, ..
 
 
 def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsic | None:
-    """Inertia and stiffness of a recording in SI, shape (n,) each; None where it does not tell
-    them.
+    """Estimate inertia and stiffness of a recording in SI, shape (n,) each.
+
+    The result is None where the recording does not determine them.
 
     It does not where fewer than `FEWEST_SEGMENTS` are intact, nothing moves, or movement explains
     less than `LEAST_EXPLAINED` of the torque.
@@ -205,7 +209,7 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
 def velocity_gain(
     rate: float, position: np.ndarray, velocity: np.ndarray
 ) -> tuple[float, float] | None:
-    """How a velocity follows the derivative of a position.
+    """Return how a velocity follows the derivative of a position.
 
     Parameters
     ----------
@@ -233,9 +237,7 @@ def velocity_gain(
 
 
 def check_velocity(rate: float, position: np.ndarray, velocity: np.ndarray) -> list[str]:
-    """Contradictions between a velocity [rad/s] and the derivative of position [rad], shape (n,)
-    each.
-    """
+    """Return contradictions between a velocity [rad/s] and the derivative of position [rad]."""
     found = velocity_gain(rate, position, velocity)
     if found is None:
         return []

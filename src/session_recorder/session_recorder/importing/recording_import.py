@@ -55,7 +55,7 @@ SHOWN_FINDINGS = 5
 
 @dataclass(frozen=True)
 class ImportReport:
-    """Outcome of `import_recording`.
+    """The outcome of `import_recording`.
 
     Attributes
     ----------

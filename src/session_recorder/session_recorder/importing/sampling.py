@@ -13,19 +13,20 @@ from ankle_interfaces.resampling import regular_grid
 from session_recorder.errors import ImportRefused
 
 MAX_IRREGULAR_SHARE = 0.01
-"""Share of the steps that may be off without being whole numbers of intervals; a late sample once
-in a while is a fault of the recording, more is its nature."""
+"""Largest share of the steps that may be off without being whole numbers of intervals; a late
+sample once in a while is a fault of the recording, more is its nature."""
 MAX_BRIDGED = 5.0
-"""Median intervals that resampling bridges by a line; a longer pause stays a gap."""
+"""Largest number of median intervals that resampling bridges by a line; a longer pause stays a gap.
+"""
 MAX_GRID = 200_000_000
-"""Samples of an even grid: a day at 2048 Hz. More come from damaged times."""
+"""Largest number of samples of an even grid: a day at 2048 Hz. More come from damaged times."""
 GAP_TOLERANCE = 0.2
 """Part of an interval by which a gap may differ from a whole number of intervals."""
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a column of times is spaced.
+    """The spacing of a column of times.
 
     Attributes
     ----------
@@ -111,7 +112,7 @@ def _rounded(time: np.ndarray, steps: np.ndarray) -> Sampling | None:
 def resample_columns(
     time: np.ndarray, columns: dict[str, np.ndarray], rate: float
 ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
-    """Columns on an even grid, by lines between neighbouring samples.
+    """Return columns on an even grid, by lines between neighbouring samples.
 
     Parameters
     ----------

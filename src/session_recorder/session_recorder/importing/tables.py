@@ -29,7 +29,7 @@ READERS = {
 
 @dataclass
 class Table:
-    """Columns of one file.
+    """The columns of one file.
 
     Attributes
     ----------
@@ -59,11 +59,11 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Every column, also those that are refused."""
+        """The names of every column, also of those that are refused."""
         return [*self.columns, *(name for name in self.refused if name not in self.columns)]
 
     def choose(self, wanted: Collection[str]) -> dict[str, np.ndarray]:
-        """Columns of equal length and rate.
+        """Return columns of equal length and rate.
 
         Parameters
         ----------
@@ -196,7 +196,7 @@ def read_table(path: Path | str) -> Table:
 
 
 def optional_library(name: str, source: Path, kind: str) -> object:
-    """A library that only one kind of file needs.
+    """Import a library that only one kind of file needs.
 
     Raises
     ------

@@ -1,5 +1,6 @@
-"""The rig's clock in ROS time, from packets that go both ways; the jitter of their arrival never
-reaches a sample's time.
+"""The rig's clock in ROS time, from packets that go both ways.
+
+The jitter of the packets' arrival never reaches a sample's time.
 
 Each packet from the rig carries the rig's time at sending, and the rig's time at which it received
 the driver's last packet with the driver's own time of sending it (as in NTP, RFC 5905, section 8).
@@ -23,15 +24,16 @@ from dataclasses import dataclass
 import numpy as np
 
 WINDOW = 0.5
-"""[s] 32 packets each way at 64 a second: some have not waited."""
+"""[s] Length of a window: it holds 32 packets each way at 64 a second, some of which have not
+waited."""
 MEMORY = 120
-"""Windows in the line: a minute, in which the drift of a crystal changes by less than 1e-6."""
+"""Number of windows that the line is fitted to: a minute, in which the drift of a crystal changes
+by less than 1e-6."""
 FIRST = 2
-"""Windows after which times are handed out."""
+"""Number of windows after which times are converted."""
 FLOOR = 50e-6
-"""[s] Uncertainty of a window whose delays are the shortest seen: scheduling of the receiving
-processes.
-"""
+"""[s] Uncertainty of a window whose delays are the shortest seen; it comes from the scheduling of
+the receiving processes."""
 LARGEST_DRIFT = 200e-6
 """[1] Standard deviation of the drift before anything is known: crystals are within 100e-6, NTP
 slews by up to 500e-6.
@@ -71,7 +73,7 @@ class DeviceClock:
         self.restart()
 
     def restart(self) -> None:
-        """Forget everything: the rig has started anew, or a clock was set."""
+        """Forget everything, because the rig has started anew or a clock was set."""
         self.drift = 0.0
         self.uncertainty = math.inf
         self._window: _Window | None = None
@@ -85,7 +87,7 @@ class DeviceClock:
 
     @property
     def ready(self) -> bool:
-        """Whether times are handed out."""
+        """Whether the clock is known well enough to convert times."""
         return len(self._middles) >= FIRST
 
     def exchange(
@@ -165,13 +167,13 @@ class DeviceClock:
         return self._offset + self.drift * (device - self._origin)
 
     def to_ros(self, device: float) -> float:
-        """ROS time [s] of a rig's time [s]; meaningful once `ready`."""
+        """Convert a time of the rig [s] to ROS time [s]; the result is meaningful once `ready`."""
         return device + self._anchor_offset + self._rate * (device - self._anchor)
 
     def to_device(self, ros: float) -> float:
-        """The rig's time [s] at a ROS time [s]: the inverse of `to_ros`."""
+        """Convert a ROS time [s] to the rig's time [s]; the inverse of `to_ros`."""
         return self._anchor + (ros - self._anchor - self._anchor_offset) / (1.0 + self._rate)
 
     def interval(self, device: float) -> float:
-        """ROS seconds of so many seconds of the rig's clock."""
+        """Convert a duration on the rig's clock [s] to ROS seconds."""
         return device * (1.0 + self._rate)

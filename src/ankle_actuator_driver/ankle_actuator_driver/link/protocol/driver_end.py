@@ -35,20 +35,20 @@ from ankle_actuator_driver.safety.rig import (
 from ankle_actuator_driver.safety.watchdog import Watchdog
 
 IN_PACKET = 32
-"""Reference samples in a packet: one block of 2048 Hz at 64 Hz."""
+"""Number of reference samples in a packet: one block of 2048 Hz at 64 Hz."""
 assert IN_PACKET <= LARGEST_COUNT
 SEQUENCE_STRIDE = 64
-"""From one order to the next: numbers in between are for heartbeats that another process sends
-meanwhile, at most one every 20 ms for 100 ms.
-"""
+"""Step of the sequence number from one order to the next: numbers in between are for heartbeats
+that another process sends meanwhile, at most one every 20 ms for 100 ms."""
 LARGEST_AGE = 2.0
-"""[s] Between a rig's time of sending and its first sample: more is no report but a confusion."""
+"""[s] Largest time between a report's first sample and its sending: with more it is refused."""
 CLOCK_LEAP = 1.0
-"""[s] By which the rig's clock may leave ROS time between two packets before it counts as set."""
+"""[s] Time by which the rig's clock may leave ROS time between two packets before it counts as set.
+"""
 
 
 class DriverEnd:
-    """One driver's end.
+    """The driver's end of the protocol: it makes packets of orders and reports of packets.
 
     Parameters
     ----------
@@ -87,20 +87,18 @@ class DriverEnd:
         self._next_first: float | None = None
 
     def restart_clock(self) -> None:
-        """ROS time was set: the rig's clock is to be measured anew."""
+        """Measure the rig's clock anew, because ROS time was set."""
         self.clock.restart()
         self._next_first = None
 
     def unsealed(self, order: Order, now: float, ros: float) -> list[bytes]:
-        """The packets of an order without their digests, so that whoever sends them can renumber
-        them.
-        """
+        """Return the packets of an order without digests, so that the sender can renumber them."""
         if order.stretch is None or not self.clock.ready:
             return [unsealed(Heartbeat(*self._head(order, now, ros)))]
         return self._references(order, order.stretch, now, ros)
 
     def packets(self, order: Order, now: float, ros: float) -> list[bytes]:
-        """The packets of an order."""
+        """Return the packets of an order."""
         return [sealed(data, self._key) for data in self.unsealed(order, now, ros)]
 
     def _head(
@@ -139,7 +137,10 @@ class DriverEnd:
         ]
 
     def take(self, data: bytes, now: float, ros: float) -> list[Event]:
-        """What some bytes from the line mean; empty where they are refused, which is counted."""
+        """Read bytes from the line; the result is empty where they are refused.
+
+        Refused bytes are counted.
+        """
         packet = parse(data, self._key)
         events: list[Event] = []
         if isinstance(packet, Heartbeat):

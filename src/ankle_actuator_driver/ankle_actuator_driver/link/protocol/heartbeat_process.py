@@ -1,4 +1,4 @@
-"""Sends the driver's packets, and heartbeats in between, in a process of its own.
+"""The process that sends the driver's packets, and heartbeats in between.
 
 Started by `HeartbeatProcess`; gets the line's socket and one end of a pair of sockets. The messages
 on the pair: ``K`` key and the rig's address, once; ``A`` the driver is alive; ``P`` and a packet
@@ -22,12 +22,12 @@ import time
 from ankle_actuator_driver.link.protocol.heartbeats import Heartbeats
 
 PRIORITY = 20
-"""Of the real-time class SCHED_RR, of 99: above every usual process, below the kernel's threads.
-Where the system does not allow it, the process runs as any other."""
+"""Priority in the real-time class SCHED_RR, of 99: above every usual process, below the kernel's
+threads. Where the system does not allow it, the process runs as any other."""
 LARGEST_MESSAGE = 4096
-"""[bytes] Any packet and its letter."""
+"""[bytes] Longest message to the process: any packet and the letter before it."""
 POLL = 0.005
-"""[s] A quarter of the time between heartbeats."""
+"""[s] Longest wait of the process for a message: a quarter of the time between heartbeats."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -38,7 +38,7 @@ def end_with_parent() -> None:
 
 
 def take_priority(priority: int = PRIORITY) -> bool:
-    """Run in the real-time class SCHED_RR; whether the system allowed it."""
+    """Run in the real-time class SCHED_RR; return whether the system allowed it."""
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
     except (OSError, AttributeError):
@@ -73,7 +73,7 @@ class HeartbeatProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """The process id."""
         return self._process.pid
 
     def ended(self) -> bool:
@@ -81,7 +81,7 @@ class HeartbeatProcess:
         return self._process.poll() is not None
 
     def alive(self) -> None:
-        """The driver hears its rig."""
+        """Report that the driver hears its rig."""
         self._tell(b"A")
 
     def send(self, data: bytes) -> None:

@@ -1,5 +1,4 @@
-"""Who sends when: packets of the driver as they come, and heartbeats in between, as long as the
-driver lives.
+"""The schedule of sending: packets of the driver as they come, and heartbeats in between.
 
 A pure rule in anybody's time; `heartbeat_process` gives it a process and a clock of its own, which
 nothing that happens in the driver's process can hold up.
@@ -49,11 +48,11 @@ class Heartbeats:
         self._added_to_order = 0
 
     def alive(self, now: float) -> None:
-        """The driver hears its rig [s]."""
+        """Note that the driver hears its rig, at a time [s]."""
         self._alive = now
 
     def forward(self, data: bytes, now: float, stamp: int) -> list[bytes]:
-        """A packet of the driver.
+        """Return what to send for a packet of the driver.
 
         Parameters
         ----------
@@ -80,7 +79,7 @@ class Heartbeats:
         return [sealed(renumbered(data, numbers_of(data)[0], stamp), self._key)]
 
     def due(self, now: float, stamp: int) -> list[bytes]:
-        """A heartbeat, where one is due; see `forward`."""
+        """Return a heartbeat where one is due; see `forward`."""
         if self._template is None or now < self.next_due or now - self._alive > LOST_AFTER:
             return []
         self._added_to_order += 1
@@ -91,5 +90,5 @@ class Heartbeats:
 
     @property
     def next_due(self) -> float:
-        """When the next heartbeat is due [s]."""
+        """The time at which the next heartbeat is due [s]."""
         return self._sent + HEARTBEAT_PERIOD

@@ -22,20 +22,21 @@ from ankle_actuator_driver.safety.rig import DeviceFault, DeviceState, Status, W
 MAGIC = b"ANKL"
 VERSION = 2
 LARGEST_COUNT = 48
-"""Samples in a packet: 1248 bytes then, below the 1472 that one Ethernet frame carries."""
+"""Largest number of samples in a packet: 1248 bytes then, below the 1472 that one Ethernet frame
+carries."""
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 5e-5, 0.02
-"""[s] Between samples: 20 kHz to 50 Hz; anything else is a misunderstanding."""
+"""[s] Allowed time between samples: 20 kHz to 50 Hz; anything else is a misunderstanding."""
 DIGEST_SIZE = 16
-"""[bytes] 128 bits: nobody guesses one while a rig runs."""
+"""[bytes] Size of the digest, 128 bits: nobody guesses one while a rig runs."""
 LARGEST_KEY = 32
-"""[bytes] Of BLAKE2s."""
+"""[bytes] Largest key that BLAKE2s takes."""
 SHORTEST_KEY = 16
-"""[bytes] Of a key file: 128 bits."""
+"""[bytes] Shortest key that a key file may hold: 128 bits."""
 LARGEST_SAMPLE = (np.pi, 1e3, 1e6)
-"""[rad, rad/s, rad/s^2 or N.m] No plate and no sensor gives more; squares and sums of it are
-finite."""
+"""[rad, rad/s, rad/s^2 or N.m] Largest value of a sample: no plate and no sensor gives more;
+squares and sums of it are finite."""
 LARGEST_TIME = 2**62
-"""[ns] 146 years: differences of two times fit into 64 bits."""
+"""[ns] Largest time, 146 years: differences of two times fit into 64 bits."""
 
 _HEADER = struct.Struct("<4sBBHIIq")
 _COMMAND = struct.Struct("<BBHII")
@@ -43,7 +44,7 @@ _SPACING = struct.Struct("<qd")
 _STATE = struct.Struct("<BBHIIIqqqdd")
 HEADER_SIZE = _HEADER.size
 SEQUENCE_OFFSET = 12
-"""[bytes] Where a packet's sequence is; its time of sending follows."""
+"""[bytes] Offset of a packet's sequence; its time of sending follows."""
 _SAMPLE_SIZE = 24
 _HEARTBEAT, _REFERENCE, _STATE_KIND = 1, 2, 3
 _BODY_SIZE = {
@@ -54,7 +55,7 @@ _BODY_SIZE = {
 
 
 class Refusal(Enum):
-    """Why bytes are no packet, or a packet is not obeyed."""
+    """Reason why bytes are no packet, or why a packet is not obeyed."""
 
     TOO_SHORT = "shorter than a header and a digest"
     MAGIC = "does not start with 'ANKL'"
@@ -76,7 +77,7 @@ class Refusal(Enum):
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """Driver to rig, at least every 20 ms.
+    """Packet from driver to rig that says that the driver lives; sent at least every 20 ms.
 
     Attributes
     ----------
@@ -107,7 +108,7 @@ class Heartbeat:
 
 @dataclass(frozen=True)
 class Reference(Heartbeat):
-    """Driver to rig: where the plate is to be; a heartbeat as well.
+    """Packet from driver to rig with the motion that the plate is to follow; a heartbeat as well.
 
     Attributes
     ----------
@@ -127,7 +128,7 @@ class Reference(Heartbeat):
 
 @dataclass(frozen=True)
 class StateReport:
-    """Rig to driver, at least every 20 ms.
+    """Packet from rig to driver with the rig's state and samples; sent at least every 20 ms.
 
     Attributes
     ----------
@@ -180,7 +181,7 @@ Packet = Union[Heartbeat, Reference, StateReport]
 
 
 def read_key(path: str) -> bytes:
-    """The key in a file that both ends share: its bytes, without white space at its ends.
+    """Read the key that both ends share from its file, without white space at its ends.
 
     Parameters
     ----------
@@ -206,12 +207,12 @@ def read_key(path: str) -> bytes:
 
 
 def sealed(data: bytes, key: bytes = b"") -> bytes:
-    """Header, body and samples with their digest."""
+    """Return header, body and samples with their digest."""
     return data + blake2s(data, key=key, digest_size=DIGEST_SIZE).digest()
 
 
 def build(packet: Packet, key: bytes = b"") -> bytes:
-    """The bytes of a packet.
+    """Return the bytes of a packet.
 
     Raises
     ------
@@ -222,7 +223,7 @@ def build(packet: Packet, key: bytes = b"") -> bytes:
 
 
 def unsealed(packet: Packet) -> bytes:
-    """The bytes of a packet without its digest."""
+    """Return the bytes of a packet without its digest."""
     samples = b""
     if isinstance(packet, StateReport):
         kind, count = _STATE_KIND, len(packet.samples)
@@ -252,24 +253,24 @@ def unsealed(packet: Packet) -> bytes:
 
 
 def as_heartbeat(data: bytes) -> bytes:
-    """The heartbeat that a driver's packet, without its digest, is as well."""
+    """Return the heartbeat that a driver's packet, without its digest, is as well."""
     kind_and_count = struct.pack("<BH", _HEARTBEAT, 0)
     return data[:5] + kind_and_count + data[8 : HEADER_SIZE + _COMMAND.size]
 
 
 def numbers_of(data: bytes) -> tuple[int, int]:
-    """Sequence and time of sending [ns] of a packet."""
+    """Return sequence and time of sending [ns] of a packet."""
     sequence, sent = struct.unpack_from("<Iq", data, SEQUENCE_OFFSET)
     return int(sequence), int(sent)
 
 
 def renumbered(data: bytes, sequence: int, sent: int) -> bytes:
-    """A packet without its digest, with another sequence and time of sending [ns]."""
+    """Return a packet without its digest, with another sequence and time of sending [ns]."""
     return data[:SEQUENCE_OFFSET] + struct.pack("<Iq", sequence, sent) + data[HEADER_SIZE:]
 
 
 def parse(data: bytes, key: bytes = b"") -> Union[Packet, Refusal]:
-    """The packet in some bytes, or why they are none. Never raises, whatever the bytes are."""
+    """Return the packet in some bytes, or why they are none; it never raises."""
     if reason := _misshapen(data, key):
         return reason
     _, _, kind, count, session, sequence, sent = _HEADER.unpack_from(data)
@@ -357,5 +358,5 @@ _STATUS_BITS = sum(int(bit) for bit in Status)
 
 
 def newer(sequence: int, last: int) -> bool:
-    """Whether a sequence number follows another one; they count modulo 2^32."""
+    """Return whether a sequence number follows another one; they count modulo 2^32."""
     return 0 < (sequence - last) % 2**32 < 2**31

@@ -20,13 +20,13 @@ ALIVE_PERIOD = LOST_AFTER / 10
 
 
 class Sender(Protocol):
-    """Whoever sends the packets of a driver."""
+    """What sends the packets of a driver."""
 
     def send(self, data: bytes) -> None:
         """Send a packet, given without its digest."""
 
     def alive(self) -> None:
-        """The driver hears its rig."""
+        """Report that the driver hears its rig."""
 
     def ended(self) -> bool:
         """Whether nothing is sent any more."""
@@ -67,7 +67,7 @@ class DirectSender:
 
 
 class PacketLink(RigLink):
-    """Packets over a transport.
+    """A link that sends packets over a transport.
 
     A subclass opens the transport in `open_line` and may have another process send in
     `make_sender`.

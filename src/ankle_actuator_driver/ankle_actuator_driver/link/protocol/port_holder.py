@@ -1,4 +1,4 @@
-"""Which process holds a port, as Linux tells it under /proc."""
+"""The process that holds a port, as Linux states it under /proc."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from pathlib import Path
 
 
 def holder_of(protocol: str, port: int) -> str:
-    """Words to append to "address in use": which process holds a port; empty where nobody does or
-    the system does not say.
+    """Return which process holds a port, as words to append to "address in use".
+
+    The text is empty where nobody holds it or the system does not say.
 
     Parameters
     ----------

@@ -16,11 +16,13 @@ LARGEST_PACKET = 2048
 digest.
 """
 MOST_AT_ONCE = 256
-"""Packets taken in one call, so that a flood leaves time for everything else."""
+"""Largest number of packets received in one call, so that a flood leaves time for everything else.
+"""
 _SO_TIMESTAMPNS = 35  # Linux; the socket module does not name it
 _TIMESPEC = struct.Struct("@qq")
 LONGEST_WAIT = 1.0
-"""[s] For which a packet can have waited for this process; more is a clock that was set."""
+"""[s] Longest time for which a packet can have waited for this process; more is a clock that was
+set."""
 
 
 class Datagram(NamedTuple):
@@ -49,8 +51,9 @@ class Transport(Protocol):
         """Send one packet; a line that is down loses it."""
 
     def receive(self, timeout: float) -> list[Datagram]:
-        """Packets that have come, oldest first, waiting up to so many seconds for the first; empty
-        where none came.
+        """Return packets that have come, oldest first, waiting up to so many seconds for the first.
+
+        The list is empty where none came.
         """
 
     def close(self) -> None:
@@ -58,7 +61,7 @@ class Transport(Protocol):
 
 
 def address_towards(remote: tuple[str, int]) -> str:
-    """This computer's address on the way to another one.
+    """Return this computer's address on the way to another one.
 
     Raises
     ------
@@ -74,7 +77,7 @@ def address_towards(remote: tuple[str, int]) -> str:
 
 
 class UdpTransport:
-    """UDP between two addresses; datagrams from any other address are not taken.
+    """Carries packets by UDP between two addresses; datagrams from any other address are ignored.
 
     Parameters
     ----------
