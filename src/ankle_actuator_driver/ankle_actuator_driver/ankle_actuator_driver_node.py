@@ -60,7 +60,7 @@ COMMANDS = ("arm", "start", "stop", "disarm", "reset_fault")
 REPORT_PERIOD = 1.0  # s
 SOURCES_PERIOD = 0.1  # s; between looks at who publishes the reference
 NO_SIMULATED_TIME = "use_sim_time = True is refused: a rig moves in real time"
-CONFIRMED = {"arm": State.ARMED, "start": State.RUNNING}
+CONFIRMED_STATES = {"arm": State.ARMED, "start": State.RUNNING}
 """Commands that are answered when the rig has confirmed them, and the state that they enter."""
 
 
@@ -94,7 +94,7 @@ class ActuatorDriverNode(ManagedNode):
             String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
         )
         for name in COMMANDS:
-            answer = self._command_to_confirm if name in CONFIRMED else self._command
+            answer = self._command_to_confirm if name in CONFIRMED_STATES else self._command
             self.create_service(Trigger, f"~/{name}", partial(answer, name))
         self.create_subscription(
             String, RIG_OPERATOR_ALIVE.name, self._hear_operator, reader_qos(RIG_OPERATOR_ALIVE)
@@ -212,7 +212,7 @@ class ActuatorDriverNode(ManagedNode):
         if session is None or not response.success:
             return response
         deadline = time.monotonic() + 2 * CONFIRMATION
-        while (answer := session.confirmed(CONFIRMED[name])) is None:
+        while (answer := session.confirmed(CONFIRMED_STATES[name])) is None:
             if time.monotonic() > deadline:
                 response.success = False
                 response.message = f"{name}: the rig did not confirm it within {CONFIRMATION:g} s"

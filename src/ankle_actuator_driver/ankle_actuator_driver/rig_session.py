@@ -1,8 +1,8 @@
 """One session with a rig: a `Bridge`, its link, and the thread that keeps both going at the pace of
 the line.
 
-What the bridge has to say is told by another thread, so that a slow reader of topics keeps nobody
-from the line.
+Another thread reports what the bridge has to say, so that a slow reader of topics does not block
+the line.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class News:
     blocks
         Samples: t [s], position [rad], velocity [rad/s], torque [N.m], shape (n, 4) each.
     notes
-        Sentences that a person should know.
+        Sentences for the operator.
     changes
         States entered, with their reasons.
     ros

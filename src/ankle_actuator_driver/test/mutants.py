@@ -73,13 +73,13 @@ MUTANTS = [
         ),
         (
             "velocity of the positions",
-            "if largest > self.velocity * interval * (1 + BETWEEN_SAMPLES):",
+            "if largest > self.velocity * interval * (1 + STEP_MARGIN):",
             "if False:",
             "every_limit",
         ),
         (
             "acceleration of the positions",
-            "if sharpest > self.acceleration * (1 + BETWEEN_SAMPLES):",
+            "if sharpest > self.acceleration * (1 + STEP_MARGIN):",
             "if False:",
             "zigzag",
         ),
@@ -201,7 +201,7 @@ MUTANTS = [
         ),
         (
             "measured angle",
-            "if abs(position) > self.limits.angle + BEYOND_ANGLE:",
+            "if abs(position) > self.limits.angle + ANGLE_MARGIN:",
             "if False:",
             "measured_position_beyond",
         ),
@@ -333,7 +333,12 @@ MUTANTS = [
             "elif False:",
             "200_ms and saturated",
         ),
-        ("torque that swings", "if again < SWING:", "if False:", "200_ms and torque_swings"),
+        (
+            "torque that swings",
+            "if again < LONGEST_SWING_TIME:",
+            "if False:",
+            "200_ms and torque_swings",
+        ),
     ),
     *_of(
         DRIVER + "safety/stop_motion.py",

@@ -15,7 +15,7 @@ from ankle_actuator_driver.safety.limits import (
     limits_from,
 )
 from ankle_actuator_driver.safety.soft_start import blend
-from ankle_actuator_driver.safety.stop_motion import GENTLE, StopMotion
+from ankle_actuator_driver.safety.stop_motion import GENTLE_DECELERATION, StopMotion
 from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
 from ankle_interfaces.errors import QuantityError
 from perturbation_generator.limits import Limits as GeneratorLimits
@@ -102,7 +102,7 @@ def test_every_stop_keeps_the_limits_and_ends_at_rest(position, velocity):
     assert np.abs(path[:, 2]).max() <= LIMITS.acceleration * (1 + 1e-9)
     assert path[0, :2] == pytest.approx([position, velocity], abs=1e-12)
     assert stop.at(stop.duration + 1.0)[1:] == (0.0, 0.0)
-    assert stop.duration <= 1.5 * 5.0 / GENTLE
+    assert stop.duration <= 1.5 * 5.0 / GENTLE_DECELERATION
     if len(path) and stop.duration > 0:
         differences = np.gradient(path[:, 0], stop.duration / 199)
         assert np.abs(differences - path[:, 1])[1:-1].max() < 0.01 * max(abs(velocity), 1e-3)

@@ -12,7 +12,7 @@ import numpy as np
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
 
-# Okabe and Ito's palette, told apart with any colour vision.
+# Okabe and Ito's palette, distinguished with any colour vision.
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 RESOLUTION = 130  # dots per inch
 BEFORE, AFTER = 0.1, 0.4  # s around a perturbation

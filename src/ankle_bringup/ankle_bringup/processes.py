@@ -23,7 +23,7 @@ from ankle_bringup.executables import (
 from ankle_bringup.graph import Graph, NodeDescription
 
 # A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that
-# rclpy is known to hang at times, so the process is told again more strictly.
+# rclpy is known to hang at times, so the process is asked again more strictly.
 STOP_STEPS = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 2.0))
 
 

@@ -12,7 +12,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity
 
-OF_RCLPY = ("use_sim_time", "start_type_description_service")
+RCLPY_PARAMETERS = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares itself; a running node cannot change them, because samples of two
 clocks in one stream would contradict each other."""
 OVERRIDES_OF_RCLPY = "qos_overrides."
@@ -84,7 +84,7 @@ def check_overrides(given: Iterable[str], declared: Mapping[str, Quantity]) -> l
     """
     warnings = []
     for name in given:
-        if name in declared or name in OF_RCLPY or name.startswith(OVERRIDES_OF_RCLPY):
+        if name in declared or name in RCLPY_PARAMETERS or name.startswith(OVERRIDES_OF_RCLPY):
             continue
         sentence = unknown(name, declared)
         if "did you mean" in sentence:

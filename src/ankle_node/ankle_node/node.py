@@ -116,7 +116,8 @@ class AnkleNode(Node):
                 self.get_logger().error(reason)
                 return SetParametersResult(successful=False, reason=reason)
             present = self.get_parameter(parameter.name).value
-            if parameter.name not in declared_parameters.OF_RCLPY or parameter.value != present:
+            fixed = parameter.name in declared_parameters.RCLPY_PARAMETERS
+            if not fixed or parameter.value != present:
                 changes.append(parameter)
         if not changes:
             return SetParametersResult(successful=True)
@@ -145,7 +146,7 @@ class AnkleNode(Node):
         try:
             for change in changes:
                 declared = self._declared.get(change.name)
-                if change.name in declared_parameters.OF_RCLPY:
+                if change.name in declared_parameters.RCLPY_PARAMETERS:
                     raise QuantityError(f"parameter '{change.name}' can be set at start only")
                 if declared is None:
                     continue

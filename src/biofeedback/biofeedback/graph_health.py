@@ -16,7 +16,7 @@ FORGOTTEN_AFTER = 60.0
 recorder, is no longer a fault of the graph."""
 LEVELS = ("ok", "warning", "error", "stale")
 """Names of the levels of `diagnostic_msgs/DiagnosticStatus.level`."""
-NOT_VALID = "not valid: "
+NOT_VALID_WORDS = "not valid: "
 """Words with which the estimator begins its reason, in its message or in a figure."""
 FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing samples", "ready"
 """Figures of the recorder, by which it is recognised whatever its name."""
@@ -106,7 +106,7 @@ class GraphHealth:
         """Return why estimates are not valid, in the estimator's words; empty without a reason."""
         for status in self._nodes.values():
             for text in (status.message, *status.figures.values()):
-                _, found, reason = text.partition(NOT_VALID)
+                _, found, reason = text.partition(NOT_VALID_WORDS)
                 if found:
                     return reason.partition(";")[0]
         return ""

@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, parse
 from biofeedback.errors import CommandError, ProtocolError
-from biofeedback.session.axis_calibration import SMALLEST, BaselineCollector, torque_axis
+from biofeedback.session.axis_calibration import SMALLEST_BASELINE, BaselineCollector, torque_axis
 from biofeedback.session.guidance import Guidance, direction, instruction
 from biofeedback.session.protocol import BASELINE, BREAK, HOLD, PAPER, REACH, load_protocol
 from biofeedback.session.session_program import (
@@ -114,7 +114,7 @@ def test_a_subject_without_reflex_still_gets_an_axis():
     for k in range(50):
         collector.add(40.0 + 0.1 * (k % 2), -0.05, 0.0)
     baseline = collector.baseline()
-    assert baseline.of("G") == SMALLEST["G"]
+    assert baseline.of("G") == SMALLEST_BASELINE["G"]
     assert baseline.axis("G")[1] > baseline.axis("G")[0]
     assert torque_axis([0.0, -5.0], 1.0) == (-9.0, 4.0)
 

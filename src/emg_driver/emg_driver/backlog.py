@@ -11,9 +11,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-AT_ONCE = 16
+MAX_BLOCKS_AT_ONCE = 16
 """Largest number of blocks sent at once: a quarter of what a reader keeps."""
-CATCH_UP = 128.0
+CATCH_UP_RATE = 128.0
 """[1/s] Rate of blocks while there is a backlog: twice as fast as they come, which readers manage
 on a busy computer too."""
 
@@ -23,7 +23,7 @@ class Backlog:
 
     def __init__(self) -> None:
         self._blocks: deque[np.ndarray] = deque()
-        self._allowed = float(AT_ONCE)
+        self._allowed = float(MAX_BLOCKS_AT_ONCE)
         self._asked: float | None = None
 
     def __len__(self) -> int:
@@ -37,7 +37,7 @@ class Backlog:
         """Return the blocks that may be sent at a time of the steady clock [s]."""
         passed = 0.0 if self._asked is None else now - self._asked
         self._asked = now
-        self._allowed = min(self._allowed + CATCH_UP * passed, float(AT_ONCE))
+        self._allowed = min(self._allowed + CATCH_UP_RATE * passed, float(MAX_BLOCKS_AT_ONCE))
         count = min(int(self._allowed), len(self._blocks))
         self._allowed -= count
         return [self._blocks.popleft() for _ in range(count)]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from emg_driver.clock_mapping import SampleLine
-from emg_driver.electrode_quality import SHORTEST, WINDOW, defects
+from emg_driver.electrode_quality import SHORTEST_STRETCH, WINDOW, defects
 from emg_driver.errors import StreamRefused
 from emg_driver.lsl_source import Chunk
 from emg_driver.muscles import MUSCLES
@@ -30,12 +30,12 @@ JUDGE_PERIOD = 0.25
 START = 2.0, 0.05
 """[s], [1] Window and tolerance of the rate before anything is published; a busy computer delays by
 0.1 s."""
-AGREE = 10.0
+RATE_PATIENCE = 10.0
 """[s] Time after which a stream that has not come at its declared rate for `START` is refused;
 until then a busy computer may be the reason."""
 RUNNING = 30.0, 0.003
 """[s], [1] Window and tolerance of the rate once samples are published."""
-LASTS = 2.0
+RATE_ERROR_TIME = 2.0
 """[s] Time for which a wrong rate has to last: a shorter one is a computer, here or there, that was
 busy for a moment at one end of the window."""
 
@@ -173,10 +173,10 @@ class EmgBridge:
         if abs(measured / self.stream.rate - 1.0) <= limit + self._line_missing(elapsed):
             self._odd_since = None
             return True
-        if starting and self._waiting and chunk.arrival - self._waiting[0].arrival < AGREE:
+        if starting and self._waiting and chunk.arrival - self._waiting[0].arrival < RATE_PATIENCE:
             return False
         self._odd_since = chunk.arrival if self._odd_since is None else self._odd_since
-        if not starting and chunk.arrival - self._odd_since < LASTS:
+        if not starting and chunk.arrival - self._odd_since < RATE_ERROR_TIME:
             return True
         raise StreamRefused(
             f"{self.stream.title} declares {self.stream.rate:g} Hz and sends {measured:.1f} Hz"
@@ -217,7 +217,7 @@ class EmgBridge:
         self._unjudged += len(emg)
         if (
             self._unjudged < JUDGE_PERIOD * self.stream.rate
-            or len(self._recent) < SHORTEST * self.stream.rate
+            or len(self._recent) < SHORTEST_STRETCH * self.stream.rate
         ):
             return
         self._unjudged = 0

@@ -37,7 +37,7 @@ DRIFT_WANDER = 0.1e-6
 """[1/sqrt(s)] How fast a crystal's drift changes: by 1e-6 in 100 s, while an amplifier warms up."""
 DELAY_NOISE = 0.5e-3
 """[s] Standard deviation of the smallest delays on a computer that does other things too."""
-LATE = 3.0
+LATE_DELAY_RATIO = 3.0
 """Multiple of `DELAY_NOISE` above expectation from which a smallest delay comes from a busy
 computer; it is left out."""
 PATIENCE = 5
@@ -69,14 +69,14 @@ SAME_DELAY = 0.2
 together."""
 LARGEST_LATENCY = 1.0
 """[s] Largest age of a stamp: older ones, or from the future, are of another clock than LSL's."""
-FUTURE = 5e-3
+LARGEST_LEAD = 5e-3
 """[s] Largest time by which a stamp may lie in the future, because LSL's correction has an error.
 """
 
 
 LOOKS = 3
 """Number of readings of a pair of clocks; the one that took the shortest time counts."""
-TIGHT = 0.2e-3
+LONGEST_READING_TIME = 0.2e-3
 """[s] Longest reading of two clocks: one that took longer was interrupted by another program."""
 
 
@@ -106,7 +106,7 @@ class ClockDifference:
             before, now, after = self._second(), self._first(), self._second()
             looks.append((after - before, now - 0.5 * (before + after)))
         width, value = min(looks)
-        self._kept = self._kept + 1 if width > TIGHT else 0
+        self._kept = self._kept + 1 if width > LONGEST_READING_TIME else 0
         if self._kept == 0 or self._kept >= READINGS or math.isnan(self._value):
             self._value, self._kept = value, 0
         return self._value
@@ -178,7 +178,7 @@ class DriftFilter:
         look = np.array([1.0, 1.0, 0.0])
         expected = float(look @ self._covariance @ look)
         surprise = delay - self.delay
-        likely = LATE * math.sqrt(expected + DELAY_NOISE**2)
+        likely = LATE_DELAY_RATIO * math.sqrt(expected + DELAY_NOISE**2)
         if surprise > likely:
             self._late += 1
             if self._late < PATIENCE:
@@ -251,7 +251,7 @@ class SampleLine:
             have given such stamps, samples are dated by arrival, taking the smallest delay as none.
         """
         self._smallest = min(delays)
-        if -FUTURE <= self._smallest <= LARGEST_LATENCY:
+        if -LARGEST_LEAD <= self._smallest <= LARGEST_LATENCY:
             return []
         self._foreign, self._smallest = self._smallest, 0.0
         side = "behind" if self._foreign > 0 else "ahead of"
@@ -322,7 +322,7 @@ class SampleLine:
         unexpected = delay - self.drift_filter.delay
         # Stamps that LSL's clock can still have given are believed, however late a busy computer
         # reads them.
-        believed = not self._foreign and -FUTURE <= delay <= LARGEST_LATENCY
+        believed = not self._foreign and -LARGEST_LEAD <= delay <= LARGEST_LATENCY
         if step > 0 and (believed or abs(unexpected) < SAME_DELAY):
             missing = max(round(step * self.rate), 1)
             return Jump(

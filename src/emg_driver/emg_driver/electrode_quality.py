@@ -12,11 +12,11 @@ from emg_driver.settings import ElectrodeSettings
 
 WINDOW = 1.0
 """[s] Length that is checked at once: 1 Hz resolution separates a mains line from EMG."""
-SHORTEST = 0.5
+SHORTEST_STRETCH = 0.5
 """[s] Shortest stretch that is checked: with less, a mains line is not resolved (2 Hz)."""
 BAND = (20.0, 450.0)
 """[Hz] Band in which EMG has its power (De Luca 2010: 20 to 450 Hz)."""
-PIECE = 0.025
+FLAT_PIECE_TIME = 0.025
 """[s] Length of a flat piece: no EMG stays within `flat_range` for so long: at 20 Hz and above it
 would have passed through half a period."""
 SATURATED_RUN = 5
@@ -55,7 +55,7 @@ def defects(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> list[Def
     Parameters
     ----------
     emg
-        Raw EMG [V], shape (n, m), equally spaced, at least `SHORTEST` long.
+        Raw EMG [V], shape (n, m), equally spaced, at least `SHORTEST_STRETCH` long.
     rate
         [Hz].
     """
@@ -69,11 +69,13 @@ def _defect(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> Defect |
     bad = int(np.count_nonzero(~np.isfinite(emg)))
     if bad:
         return Defect("not_finite", f"{bad} of {len(emg)} samples are NaN or infinite")
-    piece = max(round(PIECE * rate), 2)
+    piece = max(round(FLAT_PIECE_TIME * rate), 2)
     pieces = emg[: len(emg) // piece * piece].reshape(-1, piece)
     spread = float(np.ptp(pieces, axis=1).min())
     if spread < limits.flat_range:
-        return Defect("flat", f"flat line: varies by {spread * 1e6:.3g} uV in {1e3 * PIECE:g} ms")
+        return Defect(
+            "flat", f"flat line: varies by {spread * 1e6:.3g} uV in {1e3 * FLAT_PIECE_TIME:g} ms"
+        )
     count, run = at_extreme(emg)
     if run >= SATURATED_RUN or count >= SATURATED_SHARE * len(emg):
         largest = float(np.max(np.abs(emg)))

@@ -33,7 +33,7 @@ from session_recorder.errors import BagError
 REFERENCE_TOPIC, MOTION_TOPIC = PERTURBATION_REFERENCE.absolute, ANKLE_SAMPLES.absolute
 POSITION, VELOCITY = "position[rad]", "velocity[rad/s]"
 # Messages of one topic that are handed over together: fewer calls, same numbers.
-GROUPED = 16
+MAX_GROUPED_BLOCKS = 16
 
 
 @dataclass(frozen=True)
@@ -177,8 +177,9 @@ def _grouped(
     notes: dict[str, int],
     progress: Callable[[float], None] | None,
 ) -> Iterator[tuple[str, Block]]:
-    """Blocks in the order of their log time, up to `GROUPED` of a topic joined; yields (topic,
-    block).
+    """Yield topic and block in the order of log time.
+
+    Up to `MAX_GROUPED_BLOCKS` of a topic are joined.
     """
     waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
 
@@ -196,7 +197,7 @@ def _grouped(
         if waiting[topic] and waiting[topic][0].columns != block.columns:
             yield joined(topic)
         waiting[topic].append(block)
-        if len(waiting[topic]) >= GROUPED:
+        if len(waiting[topic]) >= MAX_GROUPED_BLOCKS:
             yield joined(topic)
     for topic in topics:
         if waiting[topic]:

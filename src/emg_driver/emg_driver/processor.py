@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
-from emg_driver.electrode_quality import SHORTEST, WINDOW, defects
+from emg_driver.electrode_quality import SHORTEST_STRETCH, WINDOW, defects
 from emg_driver.emg_memory import EmgMemory
 from emg_driver.muscles import MUSCLES, STRETCHED_BY
 from emg_driver.rectification import Rectifier
@@ -22,7 +22,7 @@ from emg_driver.reflex_response import respond
 from emg_driver.settings import Settings
 from emg_driver.stretch_onsets import REFERENCE_REST, OnsetDetector
 
-LATEST = 2.0
+LARGEST_REFERENCE_DELAY = 2.0
 """[s] Largest delay of the reference behind the EMG: a replay at full speed may be 64 blocks, one
 second, out of step."""
 LOWEST_RATE = 1000.0
@@ -36,7 +36,7 @@ MAX_LEAD = 0.002
 velocity crosses the limit of rest a few samples before."""
 SHOWN_LAGS = 200
 """Number of onsets whose median lag is reported: those of the last minute or two."""
-MEMORY = WINDOW + 2.0 * LATEST + 1.0
+MEMORY = WINDOW + 2.0 * LARGEST_REFERENCE_DELAY + 1.0
 """[s] Length of the EMG that is kept."""
 RATE_SAMPLES = 256
 """Number of samples whose median interval gives the sampling rate."""
@@ -143,7 +143,7 @@ class EmgProcessor:
         Raises
         ------
         ValueError
-            A sampling rate below `LOWEST_RATE`, or times that tell none.
+            A sampling rate below `LOWEST_RATE`, or times that give none.
         """
         notes: list[str] = []
         samples = np.column_stack([time, emg])
@@ -264,8 +264,8 @@ class EmgProcessor:
             else:
                 self.unconfirmed += 1
             return onset
-        # Without a reference for that time after `LATEST` there will be none.
-        wait = end if self.settings.onset_source == "velocity" else LATEST
+        # Without a reference for that time after `LARGEST_REFERENCE_DELAY` there will be none.
+        wait = end if self.settings.onset_source == "velocity" else LARGEST_REFERENCE_DELAY
         while self._from_motion and self._from_motion[0][0] + wait <= known:
             onset = self._from_motion.popleft()
             if not self._reference.first <= onset[0] <= self._reference.last:
@@ -292,7 +292,7 @@ class EmgProcessor:
         if moved is not None:
             return moved, direction
         measured_past = self._motion.last >= commanded + MAX_LAG
-        if not measured_past and commanded + LATEST > known:
+        if not measured_past and commanded + LARGEST_REFERENCE_DELAY > known:
             return None
         lag = self.lag
         return commanded + (0.0 if math.isnan(lag) else lag), direction
@@ -317,9 +317,10 @@ class EmgProcessor:
         steps = np.diff(self._memory.time[start:stop])
         jumps = np.flatnonzero(np.abs(steps * self.rate - 1.0) > STEP_TOLERANCE)
         start += int(jumps[-1]) + 1 if len(jumps) else 0
-        if stop - start < SHORTEST * self.rate:
+        if stop - start < SHORTEST_STRETCH * self.rate:
             notes.append(
-                f"EMG: less than {SHORTEST:g} s without a gap before t = {end:.3f} s, no response"
+                f"EMG: less than {SHORTEST_STRETCH:g} s without a gap before t = {end:.3f} s, "
+                "no response"
             )
             return np.full(len(MUSCLES), True)
         found = defects(self._memory.raw[start:stop], self.rate, self.settings.electrodes)

@@ -22,7 +22,7 @@ class OnsetDetector:
     """Finds onsets in a stream of samples; the result does not depend on the size of the blocks.
 
     Behind a gap, a step back in time or a sample that is not finite, a movement counts only after a
-    rest: half of a movement tells no onset.
+    rest: half of a movement gives no onset.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class EmulatedAnkle:
     noisy
         Whether the samples have sensor noise.
     tell
-        Called with a sentence when something happens that a person should know.
+        Called with a sentence when something happens that the operator should know.
 
     Attributes
     ----------

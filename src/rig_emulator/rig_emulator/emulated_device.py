@@ -25,7 +25,7 @@ from ankle_actuator_driver.link.protocol.packet import (
 )
 from ankle_actuator_driver.safety.continuation import LONGEST_BUFFER
 from ankle_actuator_driver.safety.encoder_check import EncoderCheck
-from ankle_actuator_driver.safety.limits import BETWEEN_SAMPLES, ROUNDING, Limits
+from ankle_actuator_driver.safety.limits import ROUNDING, STEP_MARGIN, Limits
 from ankle_actuator_driver.safety.rig import (
     UNPOWERED,
     DeviceFault,
@@ -105,7 +105,7 @@ class EmulatedDevice:
     refusals
         Packets refused, by reason.
     command
-        Position, velocity, acceleration that the servo is told now.
+        Position, velocity, acceleration that the servo is given now.
     faults
         Switches; those of the controller count here.
     """
@@ -349,10 +349,9 @@ class EmulatedDevice:
             and abs(position) <= limits.angle * (1 + ROUNDING)
             and abs(velocity) <= limits.velocity * (1 + ROUNDING)
             and abs(acceleration) <= limits.acceleration * (1 + ROUNDING)
-            and abs(step)
-            <= min(limits.step, limits.velocity * self._interval * (1 + BETWEEN_SAMPLES))
+            and abs(step) <= min(limits.step, limits.velocity * self._interval * (1 + STEP_MARGIN))
             and abs(step - self._last_step)
-            <= limits.acceleration * self._interval**2 * (1 + BETWEEN_SAMPLES)
+            <= limits.acceleration * self._interval**2 * (1 + STEP_MARGIN)
         )
 
     def _look(self, samples: np.ndarray, now: float) -> None:

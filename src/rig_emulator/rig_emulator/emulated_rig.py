@@ -38,7 +38,7 @@ class EmulatedRig:
     switches
         Where fault switches come in, or None.
     say
-        Called with a sentence when something happens that a person should know.
+        Called with a sentence when something happens that the operator should know.
     """
 
     def __init__(
@@ -71,9 +71,9 @@ class EmulatedRig:
         """The rig's clock [s]."""
         return self._offset + (time.monotonic() - self._started) * (1.0 + self._drift)
 
-    def run(self, told_to_stop: threading.Event) -> None:
+    def run(self, stop_requested: threading.Event) -> None:
         """Run until asked to stop."""
-        while not told_to_stop.is_set():
+        while not stop_requested.is_set():
             self.turn()
 
     def turn(self) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from rig_emulator.faults import Faults
 
-OVERTAKEN = 0.03
+OVERTAKING_DELAY = 0.03
 """[s] Delay of a packet that others overtake: two packets of 15.6 ms."""
-FLIPPED = 4
+MAX_FLIPPED_BITS = 4
 """Largest number of bits that are flipped in a damaged packet."""
 
 
@@ -46,7 +46,7 @@ class FaultyLine:
         if now % 1.0 < faults.burst:
             due = now - now % 1.0 + faults.burst
         if self._happens(faults.reorder):
-            due += OVERTAKEN
+            due += OVERTAKING_DELAY
         for _ in range(1 + self._happens(faults.duplicate)):
             heapq.heappush(self._waiting, (due, next(self._number), data))
 
@@ -63,7 +63,7 @@ class FaultyLine:
     def _damaged(self, data: bytes) -> bytes:
         damaged = bytearray(data)
         for place in self._random.integers(
-            8 * len(damaged), size=self._random.integers(1, FLIPPED + 1)
+            8 * len(damaged), size=self._random.integers(1, MAX_FLIPPED_BITS + 1)
         ):
             damaged[place // 8] ^= 1 << (place % 8)
         return bytes(damaged)

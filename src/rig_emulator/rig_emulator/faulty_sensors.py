@@ -12,7 +12,7 @@ TORQUE_RANGE = 100.0
 """[N.m] End of the range of the torque sensor: beyond what a seated subject's ankle can do."""
 TORQUE_NOISE = 0.14
 """[N.m] Standard deviation that is left of a dead torque sensor: the rig's own noise."""
-SPIKE = 0.3
+SPIKE_SIZE = 0.3
 """[rad] Size of a spike of the position."""
 SWING_FREQUENCY = 8.0
 """[Hz] Frequency of a torque that swings."""
@@ -64,7 +64,7 @@ class FaultySensors:
             shown[:, 0], shown[:, 1] = self._stuck_at, 0.0
         shown[:, 0] += faults.encoder_slip
         spikes = self._random.random(len(shown)) < faults.encoder_spikes
-        shown[spikes, 0] += SPIKE
+        shown[spikes, 0] += SPIKE_SIZE
         if faults.velocity_stuck:
             shown[:, 1] = 0.0
         if faults.torque_dead:

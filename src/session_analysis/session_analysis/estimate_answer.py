@@ -22,7 +22,7 @@ from session_recorder.importing.sampling import judge_times
 from session_recorder.loss import LossAccount, account_of_bag
 
 QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
-DOUBTFUL = 0.5
+DOUBT_THRESHOLD = 0.5
 """Doubt from which an estimate is called doubtful: the model behind it is more likely wrong than
 right."""
 MIN_RECORDING = 10.0
@@ -86,7 +86,7 @@ class Answer:
         """
         if "doubt[1]" not in ESTIMATE_COLUMNS:
             return np.zeros(len(self.rows), dtype=bool)
-        return self.valid & (self.column("doubt[1]") >= DOUBTFUL)
+        return self.valid & (self.column("doubt[1]") >= DOUBT_THRESHOLD)
 
     def median(self, quantity: str, half: int | None = None) -> tuple[float, float]:
         """Return the median over the valid estimates, and the median of their standard errors.

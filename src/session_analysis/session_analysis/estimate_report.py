@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
-from session_analysis.estimate_answer import DOUBTFUL, QUANTITIES, Answer
+from session_analysis.estimate_answer import DOUBT_THRESHOLD, QUANTITIES, Answer
 from session_analysis.html_page import (
     COLOURS,
     bullets,
@@ -90,7 +90,7 @@ def _parts(found: Answer) -> list[str]:
     valid, doubtful = found.valid, found.doubtful
     share = f"{valid.sum()} of {len(valid)} estimates are valid"
     if "doubt[1]" in ESTIMATE_COLUMNS:
-        share += f", {doubtful.sum()} of them doubtful (doubt of {DOUBTFUL:g} and more)"
+        share += f", {doubtful.sum()} of them doubtful (doubt of {DOUBT_THRESHOLD:g} and more)"
     parts = [
         paragraph(f"{share}. Estimator: {found.algorithm}.", "answer"),
         table(value_rows(found)),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
 
-SHORTEST = 50.0
+SHORTEST_HOLD = 50.0
 """[s] Shortest hold that is used: the paper's last 60 s, and with fewer than about 80 stretches the
 mean of a reflex (30 % variation from stretch to stretch) is less sure than 3 %."""
 
@@ -73,8 +73,10 @@ def find_holds(events: Iterable[SessionEvent]) -> tuple[list[Hold], list[Exclude
         length = event.time - begun.time
         if isinstance(target, bool) or not isinstance(target, (int, float)):
             excluded.append(Excluded(what, f"its event says no {TORQUE_TARGET}"))
-        elif length < SHORTEST:
-            excluded.append(Excluded(what, f"it lasted {length:.1f} s, less than {SHORTEST:g} s"))
+        elif length < SHORTEST_HOLD:
+            excluded.append(
+                Excluded(what, f"it lasted {length:.1f} s, less than {SHORTEST_HOLD:g} s")
+            )
         else:
             holds.append(Hold(int(number), begun.time, event.time, float(target)))
         begun = None

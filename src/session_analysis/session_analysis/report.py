@@ -11,7 +11,7 @@ import numpy as np
 from session_analysis.correlation import CONFIDENCE, LEAST_PAIRS, RESAMPLES
 from session_analysis.figures import figure4, figure5, figure8
 from session_analysis.hold_measures import LEAST_RESPONSES, LEAST_VALID
-from session_analysis.holds import SHORTEST
+from session_analysis.holds import SHORTEST_HOLD
 from session_analysis.table3 import PAPER, as_text
 from session_analysis.validation import Validation, write_holds, write_table
 
@@ -43,7 +43,7 @@ _CAPTIONS = {
     "within half a minute, EMG at once. " + _SIGN,
 }
 _RULES = (
-    f"A hold is used when it lasted {SHORTEST:g} s or more and {100 * LEAST_VALID:g} % of its "
+    f"A hold is used when it lasted {SHORTEST_HOLD:g} s or more and {100 * LEAST_VALID:g} % of its "
     "estimates are valid; a muscle in it when "
     f"{LEAST_RESPONSES} or more of its responses could be measured. Values are z-scored within "
     "subject and torque target; "

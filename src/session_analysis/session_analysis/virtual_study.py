@@ -156,21 +156,21 @@ def record_session(
     BagError
         Something is at `bag` already.
     """
-    person, holds = draw_subject(session.subject), session.plan()
+    subject, holds = draw_subject(session.subject), session.plan()
     seed = 1000 * session.seed + session.subject
     setup = Setup(
-        subject_model(person),
+        subject_model(subject),
         Servo(),
         SignalToNoise(),
         Scenario([]),
         PerturbationSettings().amplitude,
         seed,
     )
-    live = LiveSubject(setup, person, holds, lambda sentence: None, steady=not session.modulates)
+    live = LiveSubject(setup, subject, holds, lambda sentence: None, steady=not session.modulates)
     cycle = round((BLOCK + BREAK) * RATE)
     end = holds[-1].end + TAIL
     with BagWriter(bag) as writer:
-        writer.custom_data = {SUBJECT_KEY: person.name, DESCRIPTION_KEY: session.described()}
+        writer.custom_data = {SUBJECT_KEY: subject.name, DESCRIPTION_KEY: session.described()}
         recorder = _Recorder(writer)
         for first in range(0, round(end * RATE), STEP):
             since = np.arange(first, first + STEP) / RATE

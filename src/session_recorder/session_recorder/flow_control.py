@@ -24,7 +24,7 @@ class Flow:
     Parameters
     ----------
     readers
-        How many readers tell what they have acknowledged.
+        How many readers report what they have acknowledged.
     window
         Messages that may be under way.
 

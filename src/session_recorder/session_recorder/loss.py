@@ -39,7 +39,7 @@ MAX_CLOCK = 1e11
 MAX_PAUSE = 86_400.0
 """[s] Longest pause. Time that goes forward further within one recording is a clock that was set,
 or damage; no recording pauses for a day."""
-MEASURED = (ANKLE_SAMPLES.absolute, EMG_SAMPLES.absolute)
+MEASURED_TOPICS = (ANKLE_SAMPLES.absolute, EMG_SAMPLES.absolute)
 """Ends of the names of the topics that a measurement cannot do without."""
 SHOWN_GAPS = 5
 """Gaps that a sentence names one by one; the longest ones."""
@@ -285,45 +285,45 @@ class SampleAccount:
         origin
             Time [s] from which places are counted.
         """
-        told = []
+        found = []
         gaps = sorted(self.lasting_gaps, key=lambda gap: -gap.missing)
         if gaps:
             places = "; ".join(
                 f"{gap.missing} at {gap.start - origin:.3f} s" for gap in gaps[:SHOWN_GAPS]
             )
             more = f"; and {len(gaps) - SHOWN_GAPS} shorter ones" if len(gaps) > SHOWN_GAPS else ""
-            told.append(
+            found.append(
                 f"{topic}: {self.missing} samples ({self.missing_time:.3f} s) are missing in "
                 f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}: {places}{more}"
             )
         if self.irregular:
-            told.append(
+            found.append(
                 f"{topic}: the sampling is irregular: {self.uneven} steps are no whole number of "
                 "intervals, so single missing samples cannot be told"
             )
         if self.late:
-            told.append(f"{topic}: {self.late} samples came late and are in their place")
+            found.append(f"{topic}: {self.late} samples came late and are in their place")
         if self.repeated:
-            told.append(f"{topic}: {self.repeated} samples have a time that is there already")
+            found.append(f"{topic}: {self.repeated} samples have a time that is there already")
         for at, back in self.clock_steps[:SHOWN_GAPS]:
             way = "back" if back > 0 else "forward"
-            told.append(f"{topic}: time was set {way} by {abs(back):.3f} s at {at - origin:.3f} s")
+            found.append(f"{topic}: time was set {way} by {abs(back):.3f} s at {at - origin:.3f} s")
         if self.undated:
-            told.append(f"{topic}: {self.undated} samples have no possible time")
+            found.append(f"{topic}: {self.undated} samples have no possible time")
         for column, count in self.not_finite.items():
-            told.append(f"{topic}: {count} samples of {column} are NaN or infinite")
+            found.append(f"{topic}: {count} samples of {column} are NaN or infinite")
         if self.mixed:
-            told.append(
+            found.append(
                 f"{topic}: time runs back {self._steps_back} times in {self.blocks} blocks, as "
                 "when two nodes publish the topic"
             )
-        return told
+        return found
 
 
 class MessageNumbers:
     """The account of the messages of one topic by their publisher's numbers.
 
-    Numbers of several publishers cannot be told apart, so a topic that ever had more than one is
+    Numbers of several publishers cannot be distinguished, so a topic that ever had more than one is
     not judged; a jump in the numbers therefore waits until the graph would show a second one.
 
     Attributes
@@ -454,20 +454,20 @@ class LossAccount:
         Places are seconds after the recording's first sample. Estimates that are NaN because they
         are not valid are no loss.
         """
-        told = list(self.problems)
+        found = list(self.problems)
         for topic, account in self.topics.items():
-            told += [
+            found += [
                 sentence
                 for sentence in account.sentences(topic, self.origin)
                 if "impedance/" not in topic or "NaN" not in sentence
             ]
-        told += self._early_ends()
-        told += [
+        found += self._early_ends()
+        found += [
             f"{topic}: {count} message(s) were lost on the way to the recorder"
             for topic, count in self.lost_messages.items()
             if count
         ]
-        return told
+        return found
 
     def _early_ends(self) -> list[str]:
         if not self._last_log:
@@ -476,7 +476,7 @@ class LossAccount:
         return [
             f"{topic}: ends {(end - log) * 1e-9:.1f} s before the recording's last sample"
             for topic, log in self._last_log.items()
-            if topic.endswith(MEASURED) and (end - log) * 1e-9 > MAX_END_SPREAD
+            if topic.endswith(MEASURED_TOPICS) and (end - log) * 1e-9 > MAX_END_SPREAD
         ]
 
     def figures(self) -> dict[str, dict[str, float]]:

@@ -10,7 +10,7 @@
 Parameters: `session_recorder.parameters`. Rename topics with ROS's own remapping (``-r
 /ankle/samples:=/old/samples``). At any `rate` at most `flow_control.WINDOW` blocks of a topic are
 ahead of the slowest reader made by `AnkleNode.block_subscription`, so that nothing is lost; of
-other readers DDS tells only that their queue has the message, so give them a rate that they follow.
+other readers DDS reports only that their queue has the message, so give them a rate that they follow.
 Ends with 0 when every reader acknowledged everything.
 """  # noqa: E501
 

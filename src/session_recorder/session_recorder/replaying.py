@@ -75,7 +75,7 @@ class Replay:
     rate
         Bag seconds per second; 0 is as fast as the readers follow.
     flows
-        Of the topics whose readers tell how far they are.
+        Of the topics whose readers report how far they are.
     patience
         Time [s] that a reader may take for one message.
     going_on

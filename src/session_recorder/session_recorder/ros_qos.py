@@ -17,7 +17,7 @@ from rosbags.interfaces import (
 
 from session_recorder.bag_metadata import INFINITE
 
-# Of a latched topic whose depth the graph did not tell: one second of blocks.
+# Of a latched topic whose depth the graph did not state: one second of blocks.
 LATCHED_DEPTH = 64
 # A minute of blocks. KEEP_ALL instead of a deep KEEP_LAST lost messages of a graph replayed at full
 # speed.

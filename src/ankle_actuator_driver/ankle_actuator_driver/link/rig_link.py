@@ -18,7 +18,7 @@ from ankle_actuator_driver.safety.rig import Event, Order
 from ankle_interfaces.quantity import Value
 
 PACKAGE = __name__.rpartition(".")[0]
-OFFERED = "ankle_actuator_driver.links"
+ENTRY_POINT_GROUP = "ankle_actuator_driver.links"
 """Group of entry points by which another package offers a line."""
 _NO_LINKS = ("rig_link", "protocol")
 DEVICE_PORT = 20480
@@ -122,7 +122,7 @@ def link_names() -> tuple[str, ...]:
 
 def _offered() -> dict[str, EntryPoint]:
     """Lines of other packages by name."""
-    return {entry.name: entry for entry in entry_points(group=OFFERED)}
+    return {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
 
 
 def open_link(name: str, values: Mapping[str, Value], clocks: Clocks) -> RigLink:

@@ -46,28 +46,28 @@ CLOCK_STEP = 0.02
 """[s] A change of ROS time against the steady clock that is no slewing: NTP slews 20 ms in 40 s at
 the fastest.
 """
-BEYOND_ANGLE = 0.02
+ANGLE_MARGIN = 0.02
 """[rad] Angle by which the measured position may pass the angle limit: overshoot of the servo (5 %)
 and noise."""
 START_PATIENCE = 0.5
 """[s] Longest time from the start to the first block of the reference; the plate is held meanwhile.
 """
-RESERVE = 0.01
+STOP_LEAD_TIME = 0.01
 """[s] Time before the end of what was sent at which the plate is stopped: the stop shall reach the
 rig before it has nothing to follow."""
-NOT_FOLLOWING = 0.015
+LARGEST_PATH_DIFFERENCE = 0.015
 """[rad] Largest difference between the path that was sent and what the rig says it commands: the
 clocks of both are known to 2 ms, and the plate is moved at up to 5 rad/s."""
-NOT_FOLLOWING_FOR = 0.025
+PATH_DIFFERENCE_TIME = 0.025
 """[s] Time for which this difference has to last: two packets; a pulse of the paper lasts 40 ms."""
-BRIDGED_FOR = 0.1
+BRIDGE_TIME = 0.1
 """[s] Time for which a rig that has bridged a gap of the line may be on another path."""
-YIELDED_FOR = 10.0
+YIELD_TIME = 10.0
 """[s] Time for which a rig that has yielded to a torque may be elsewhere: five of its time
 constants of 2 s."""
 OPERATOR_TIMEOUT = 2.0
 """[s] The default of the time for which the operator's page may stay away: twenty of its messages,
-longer than a page needs to reload, and no longer than a person takes to look up."""
+longer than a page needs to reload, and no longer than an operator takes to look up."""
 
 
 class Bridge:
@@ -97,7 +97,7 @@ class Bridge:
     samples
         Blocks to publish: t [s], position [rad], velocity [rad/s], torque [N.m], shape (n, 4).
     notes
-        Sentences that a person should know.
+        Sentences for the operator.
     unused
         Reference samples that came while nothing followed them.
     left_out
@@ -233,7 +233,7 @@ class Bridge:
             lost = now - self._started > START_PATIENCE
             reason = f"no valid reference came within {START_PATIENCE:g} s of the start"
         else:
-            lost = ros > end - RESERVE
+            lost = ros > end - STOP_LEAD_TIME
             reason = "no further reference came in time: what was sent is over"
         if lost:
             self.states.stop(now, reason)
@@ -387,9 +387,9 @@ class Bridge:
     def _supervise(self, report: RigReport, now: float) -> None:
         """What the rig and its sensors say of a powered plate, seen from here."""
         if report.status & Status.YIELDING:
-            self._elsewhere_until = now + YIELDED_FOR
+            self._elsewhere_until = now + YIELD_TIME
         elif report.status & Status.REFERENCE_BRIDGED:
-            self._elsewhere_until = max(self._elsewhere_until, now + BRIDGED_FOR)
+            self._elsewhere_until = max(self._elsewhere_until, now + BRIDGE_TIME)
         settled = (
             self.states.state in (State.ARMED, State.RUNNING)
             and self.states.confirmed
@@ -413,11 +413,11 @@ class Bridge:
 
     def _elsewhere(self, difference: float, now: float) -> str | None:
         """Whether the rig commands something else than what it was sent."""
-        if abs(difference) <= NOT_FOLLOWING or now < self._elsewhere_until:
+        if abs(difference) <= LARGEST_PATH_DIFFERENCE or now < self._elsewhere_until:
             self._elsewhere_since = None
         elif self._elsewhere_since is None:
             self._elsewhere_since = now
-        elif now - self._elsewhere_since > NOT_FOLLOWING_FOR:
+        elif now - self._elsewhere_since > PATH_DIFFERENCE_TIME:
             return (
                 f"the rig commands a position that is {difference:+.3g} rad from the reference "
                 "that it was sent"
@@ -426,7 +426,7 @@ class Bridge:
 
     def _beyond_angle(self, report: RigReport) -> str | None:
         position = float(report.samples[-1, 0])
-        if abs(position) > self.limits.angle + BEYOND_ANGLE:
+        if abs(position) > self.limits.angle + ANGLE_MARGIN:
             return (
                 f"measured position of {position:.3g} rad passes the limit of "
                 f"{self.limits.angle:g} rad"

@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_actuator_driver.safety.interpolated_path import positions_at
 
-KEPT = 1.0
+KEPT_TIME = 1.0
 """[s] Time before the present that is kept: longer than every window of the supervision."""
 
 
@@ -37,7 +37,7 @@ class CommandRecord:
             ROS time now [s].
         """
         self._parts.append((time, motion))
-        while len(self._parts) > 1 and self._parts[1][0][0] < ros - KEPT:
+        while len(self._parts) > 1 and self._parts[1][0][0] < ros - KEPT_TIME:
             self._parts.popleft()
 
     def positions(self, time: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ RESUME_MARGIN = 0.01
 HALF_A_SAMPLE = 0.5
 """Part of the interval by which the time of a sample may be off."""
 REST_POSITION, REST_VELOCITY, REST_ACCELERATION = 2e-4, 0.02, 25.0
-"""[rad, rad/s, rad/s^2] Two samples that differ by less join without a movement that a person
+"""[rad, rad/s, rad/s^2] Two samples that differ by less join without a movement that a subject
 feels: a hundredth of the paper's perturbation, 0.4 % of the velocity limit, and the 0.3 N.m that
 the paper's foot and footplate need for that acceleration."""
 VELOCITY_MISMATCH = 0.02

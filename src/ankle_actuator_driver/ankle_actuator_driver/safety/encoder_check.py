@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 
-COMMANDED = 1e-3
+LEAST_COMMANDED_MOVEMENT = 1e-3
 """[rad] Movement of the command that the encoder has to show: a fortieth of the paper's
 perturbation, four times what an encoder's noise of 4.5e-5 rad spans in a window."""
-FOLLOWED = 0.3
+LEAST_FOLLOWED_SHARE = 0.3
 """Least part of the command's movement that the measured position shows. A 30 Hz servo shows all of
 it, one that gives way to the torque of a stiff ankle more than half."""
 RESPONSE = 0.03
@@ -43,7 +43,10 @@ class EncoderCheck:
             return False
         asked = max(wanted) - min(wanted)
         seen = [entry[2] for entry in entries]
-        return asked > COMMANDED and max(seen) - min(seen) < FOLLOWED * asked
+        return (
+            asked > LEAST_COMMANDED_MOVEMENT
+            and max(seen) - min(seen) < LEAST_FOLLOWED_SHARE * asked
+        )
 
     def forget(self) -> None:
         """Begin again."""

@@ -16,11 +16,11 @@ from ankle_interfaces.quantity import Quantity, Value
 
 ROUNDING = 1e-9
 """A value at its limit is allowed whatever the rounding."""
-BETWEEN_SAMPLES = 0.02
+STEP_MARGIN = 0.02
 """Part by which differences of positions may pass the limits: the largest velocity can lie between
 two samples."""
 
-ON_THE_PATH = 1e-6
+PATH_MARGIN = 1e-6
 """Part by which the path between samples may pass a limit: the rounding of its polynomials."""
 
 
@@ -108,14 +108,14 @@ class Limits:
             return (
                 f"step of {largest:.4g} rad between samples passes the limit of {self.step:g} rad"
             )
-        if largest > self.velocity * interval * (1 + BETWEEN_SAMPLES):
+        if largest > self.velocity * interval * (1 + STEP_MARGIN):
             return (
                 f"positions that move at {largest / interval:.4g} rad/s pass the limit of "
                 f"{self.velocity:g} rad/s"
             )
         if len(steps) > 1:
             sharpest = float(np.abs(np.diff(steps)).max()) / interval**2
-            if sharpest > self.acceleration * (1 + BETWEEN_SAMPLES):
+            if sharpest > self.acceleration * (1 + STEP_MARGIN):
                 return (
                     f"positions that accelerate at {sharpest:.4g} rad/s^2 pass the limit of "
                     f"{self.acceleration:g} rad/s^2"
@@ -132,7 +132,7 @@ class Limits:
         path
             Interpolated, as `interpolated_path.path_through` gives it.
         """
-        slack = 1 + ON_THE_PATH
+        slack = 1 + PATH_MARGIN
         position = float(np.abs(path.position).max())
         if position > self.angle * slack:
             return f"the path reaches {position:.4g} rad, beyond the limit of {self.angle:g} rad"
@@ -187,14 +187,14 @@ _KINDS = (
     ("torque", "N.m", 80.0, "Torque beyond which the plate yields."),
     ("step", "rad", 0.02, "Largest step between neighbouring samples of the reference."),
 )
-LEAST = 1e-3
+LEAST_LIMIT = 1e-3
 """Least value of a limit, in its unit: zero would have no meaning, as a stop needs some
 acceleration."""
 HARD_LIMIT_PARAMETERS = tuple(
     Quantity(
         f"hard_{name}_limit",
         unit,
-        LEAST,
+        LEAST_LIMIT,
         most,
         getattr(Limits, name),
         description=f"{text} No other setting passes it.",
@@ -206,7 +206,7 @@ LIMIT_PARAMETERS = tuple(
     Quantity(
         f"{name}_limit",
         unit,
-        LEAST,
+        LEAST_LIMIT,
         most,
         getattr(Limits, name),
         description=f"{text} At most 'hard_{name}_limit'.",

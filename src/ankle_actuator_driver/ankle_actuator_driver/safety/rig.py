@@ -113,9 +113,9 @@ class RigReport:
     answered
         Whether the rig had heard the driver's last change of `Order.wanted` when it reported.
     clock_ready
-        Whether the rig's time can be told in ROS time.
+        Whether the rig's time can be given in ROS time.
     commanded
-        Position that the servo was told at the last sample [rad].
+        Position that the servo was given at the last sample [rad].
     time
         ROS times of the samples [s], shape (n,); empty where they cannot be dated.
     samples

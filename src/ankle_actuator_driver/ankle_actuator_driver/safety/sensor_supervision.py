@@ -1,9 +1,8 @@
-"""Whether position, velocity and torque of a powered plate fit each other and what the plate was
-told, as far as the joint on it allows.
+"""Checks whether position, velocity and torque of a powered plate fit each other and the command.
 
 Nothing here is a model of the ankle. What is compared holds for every joint:
 
-- the plate is where it was told to be, within the servo's lag, its overshoot and what it gives way;
+- the plate is at the commanded position, within the servo's lag, overshoot and compliance;
 - the velocity is the position's derivative;
 - whoever accelerates a footplate and bends an ankle needs torque: at least that of the footplate
   alone, and no less than a fifth of what this joint needed so far.
@@ -30,18 +29,18 @@ within 1 %, its encoder's filter the rest."""
 OVERSHOOT = 0.15
 """Part of a movement by which the servo may overshoot: 5 % with a damping of 0.7, more with a
 loosely tuned one."""
-GIVES_WAY = 1000.0
+LEAST_SERVO_STIFFNESS = 1000.0
 """[N.m/rad] Stiffness of the softest drive: half of the 2100 N.m/rad that a geared servo of this
 size has."""
 AWAY_SHARE = 0.5
 """Part of the newest samples that must be away from where the plate should be: a single spike is
 no fault, it is counted."""
-NEWEST = 0.03
+AWAY_WINDOW = 0.03
 """[s] Length of the stretch of samples in which that part is counted: two packets."""
 INTEGRAL_TOLERANCE = 0.02
 """[rad] Angle by which the integral of the velocity over a window may differ from the change in
 position: two filters that differ by 5 ms at 3 rad/s, and an offset of 0.04 rad/s."""
-MOVED = 0.005
+LEAST_MOVEMENT = 0.005
 """[rad] Movement in a window from which the torque is judged: an eighth of the paper's
 perturbation."""
 LEAST_RESPONSE = 0.1
@@ -54,9 +53,9 @@ FOUND_SHARE = 0.2
 loses half of its stiffness, never its inertia."""
 FOUND_WINDOWS = 20
 """Moving windows after which the joint counts as known."""
-DEAD_FOR = 0.045
+DEAD_TORQUE_TIME = 0.045
 """[s] Time for which the torque has to look dead: three packets."""
-SMOOTH = 8
+VELOCITY_AVERAGE_SAMPLES = 8
 """Number of samples over which the velocity is averaged before it is differentiated: 4 ms."""
 
 
@@ -67,7 +66,7 @@ class Expectations:
     Attributes
     ----------
     following
-        How far the plate may be from where it was told to be, apart from lag, overshoot and giving
+        How far the plate may be from the commanded position, apart from lag, overshoot and giving
         way [rad].
     inertia
         Inertia in front of the torque sensor that is always there [kg.m^2].
@@ -180,7 +179,7 @@ class SensorSupervision:
         time
             [s], increasing, shape (n,), n of at least 1.
         commanded
-            Position that the plate was told at these times [rad], shape (n,).
+            Commanded position at these times [rad], shape (n,).
         samples
             Measured position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
         torque_limit
@@ -204,8 +203,8 @@ class SensorSupervision:
         )
 
     def _not_following(self, window: _Window) -> str | None:
-        position, told = float(window.position[-1]), float(window.commanded[-1])
-        if self._encoder.stuck(float(window.time[-1]), told, position):
+        position, commanded = float(window.position[-1]), float(window.commanded[-1])
+        if self._encoder.stuck(float(window.time[-1]), commanded, position):
             return (
                 "the measured position does not follow though the plate was told to move: encoder "
                 "stuck, slipping or disconnected"
@@ -213,16 +212,16 @@ class SensorSupervision:
         return None
 
     def _away(self, window: _Window, new: int) -> str | None:
-        """Whether the plate is away from all places where it was told to be within the lag."""
+        """Whether the plate is away from all positions that were commanded within the lag."""
         if window.length < SERVO_LAG:
             return None
-        newest = window.since(window.time[-1] - NEWEST)
-        lag = window.since(window.time[-1] - NEWEST - SERVO_LAG)
+        newest = window.since(window.time[-1] - AWAY_WINDOW)
+        lag = window.since(window.time[-1] - AWAY_WINDOW - SERVO_LAG)
         low, high = float(lag.commanded.min()), float(lag.commanded.max())
         tolerance = (
             self.expectations.following
             + OVERSHOOT * (high - low)
-            + np.abs(newest.torque) / GIVES_WAY
+            + np.abs(newest.torque) / LEAST_SERVO_STIFFNESS
         )
         beyond = np.maximum(low - newest.position, newest.position - high) - tolerance
         away = beyond > 0
@@ -254,16 +253,20 @@ class SensorSupervision:
             self._dead_since = None
         elif self._dead_since is None:
             self._dead_since = now
-        elif now - self._dead_since >= DEAD_FOR:
+        elif now - self._dead_since >= DEAD_TORQUE_TIME:
             return dead
         return None
 
     def _looks_dead(self, window: _Window) -> str | None:
-        if window.length < 0.5 * WINDOW or np.ptp(window.position) < MOVED:
+        if window.length < 0.5 * WINDOW or np.ptp(window.position) < LEAST_MOVEMENT:
             return None
         interval = window.length / (len(window.time) - 1)
-        smooth = np.convolve(window.velocity, np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
-        inside = slice(SMOOTH // 2, SMOOTH // 2 + len(smooth))
+        smooth = np.convolve(
+            window.velocity,
+            np.full(VELOCITY_AVERAGE_SAMPLES, 1.0 / VELOCITY_AVERAGE_SAMPLES),
+            mode="valid",
+        )
+        inside = slice(VELOCITY_AVERAGE_SAMPLES // 2, VELOCITY_AVERAGE_SAMPLES // 2 + len(smooth))
         motion = np.column_stack([window.position[inside], smooth, np.gradient(smooth, interval)])
         motion = motion - motion.mean(axis=0)
         torque = window.torque[inside] - window.torque[inside].mean()

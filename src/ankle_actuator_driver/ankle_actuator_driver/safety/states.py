@@ -1,4 +1,4 @@
-"""The states of the driver: what may follow what, who may ask for it, and what the rig is told
+"""The states of the driver: what may follow what, who may ask for it, and what the rig is ordered
 meanwhile.
 
     disabled --rig heard, its clock known--> ready --arm--> armed --start--> running
@@ -6,7 +6,7 @@ meanwhile.
     any state --fault--> fault (through stopping, while the plate may move)
     fault --reset_fault--> disabled
 
-A pure state machine: it is told the time [s] of any steadily running clock and has none of its own.
+A pure state machine: it receives the time [s] of any steady clock and has no clock of its own.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class SafetyStates:
         Whether the rig gets no heartbeats because it does not switch off: its own watchdog is to
         stop it.
     resets
-        Number of fault resets, modulo 256, which the rig is told.
+        Number of fault resets, modulo 256, which is sent to the rig.
     changes
         Every (state, reason) entered since the caller last emptied the list.
     """

@@ -16,7 +16,7 @@ import numpy as np
 
 Number = TypeVar("Number", float, np.ndarray)
 
-GENTLE = 400.0
+GENTLE_DECELERATION = 400.0
 """[rad/s^2] Deceleration of a stop where there is room: what the paper's own perturbation has, 5.5
 N.m on its foot and footplate. From the 5 rad/s of the velocity limit a stop then takes 19 ms."""
 
@@ -65,7 +65,7 @@ class StopMotion:
         speed = abs(velocity)
         if speed == 0.0:
             return cls(position, 0.0, 0.0)
-        duration = 1.5 * speed / min(GENTLE, acceleration)
+        duration = 1.5 * speed / min(GENTLE_DECELERATION, acceleration)
         room = angle - position * (1.0 if velocity > 0 else -1.0)
         if 0.5 * speed * duration > room:
             duration = 2.0 * max(room, 0.0) / speed

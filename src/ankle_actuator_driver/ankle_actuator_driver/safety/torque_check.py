@@ -7,10 +7,10 @@ import numpy as np
 TORQUE_PATIENCE = 0.17
 """[s] Time for which the torque may stay beyond its limit while the plate yields: with the packet
 that brings the news it is a fault within 200 ms."""
-SWING = 0.25
+LONGEST_SWING_TIME = 0.25
 """[s] Longest time between two excursions beyond the limit that count as a swing: a plate that
 yields comes back once, and slowly."""
-CLEARLY = 0.05
+EXCURSION_SHARE = 0.05
 """Part of the limit by which an excursion passes it, and by which the torque falls below it in
 between; the noise of a torque sensor (0.14 N.m of 30) does neither."""
 
@@ -46,11 +46,11 @@ class TorqueCheck:
                 self._beyond_since = at
             elif at - self._beyond_since > TORQUE_PATIENCE:
                 return f"torque of {size:.3g} N.m stays beyond the limit of {limit:g} N.m"
-            if size < limit * (1.0 - CLEARLY):
+            if size < limit * (1.0 - EXCURSION_SHARE):
                 self._outside = False
-            elif size > limit * (1.0 + CLEARLY) and not self._outside:
+            elif size > limit * (1.0 + EXCURSION_SHARE) and not self._outside:
                 again, self._outside, self._excursion = at - self._excursion, True, at
-                if again < SWING:
+                if again < LONGEST_SWING_TIME:
                     return (
                         f"torque of {size:.3g} N.m swings beyond the limit of {limit:g} N.m, "
                         f"twice within {1e3 * again:.0f} ms"

@@ -2,8 +2,9 @@
 pushing on.
 
     e = torque - limit (above the limit), torque + limit (below -limit), 0 between       [N.m]
-    u = -e / b, at most `FASTEST`;  where e = 0: u = -y / `RETURN_TIME`                   velocity
-    towards which y goes y'' = (u - y') / lag
+    u = -e / b, at most `LARGEST_YIELD_VELOCITY`;  where e = 0: u = -y / `RETURN_TIME`
+             u is the velocity towards which y goes
+    y'' = (u - y') / lag
              y is added to the reference
 
 Torque is what is needed to move the ankle: torque above the limit falls when the plate goes back,
@@ -17,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-FASTEST = 1.0
+LARGEST_YIELD_VELOCITY = 1.0
 """[rad/s] Largest velocity of the yielding: a fifth of the velocity limit, so that reference and
 yielding together keep it."""
 RETURN_TIME = 2.0
@@ -103,7 +104,7 @@ class TorqueYield:
         goal = (
             -self.excess / self._admittance.damping if self.excess else -self.offset / RETURN_TIME
         )
-        goal = min(max(goal, -FASTEST), FASTEST)
+        goal = min(max(goal, -LARGEST_YIELD_VELOCITY), LARGEST_YIELD_VELOCITY)
         share = 1.0 - math.exp(-interval / self._admittance.lag)
         before = self.velocity
         self.velocity += share * (goal - before)

@@ -1,4 +1,4 @@
-// Acts that move a person's foot, or end a hold, must be meant: a button that is held, or two keys that are held together.
+// Acts that move a subject's foot, or end a hold, must be meant: a button that is held, or two keys that are held together.
 
 export const HOLD_TIME = 1000; // ms; nobody rests a finger on a button for so long by accident, and a typed letter takes 100
 

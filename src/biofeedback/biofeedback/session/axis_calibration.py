@@ -14,18 +14,18 @@ import numpy as np
 
 from biofeedback.errors import CommandError
 
-OF_BASELINE = 2.2
+AXIS_END_RATIO = 2.2
 """Upper end of the feedback axis, as a multiple of the baseline: protocols ask for 0.4 to 1.7
 baselines, and the cursor must have room beyond."""
-SPREADS = 8.0
+MIN_AXIS_DEVIATIONS = 8.0
 """Least number of standard deviations that the axis has above the baseline: noise of the estimate
 must not fill the screen."""
-BEYOND_TARGETS = 3.0
+TORQUE_AXIS_HALF_WIDTHS = 3.0
 """Number of half widths of the torque band that the torque axis shows beyond the outermost targets.
 """
 LEAST_ROWS = 20
 """Least number of readings for a baseline: for fewer a median absolute deviation says nothing."""
-SMALLEST = {"K": 5.0, "G": 0.5}
+SMALLEST_BASELINE = {"K": 5.0, "G": 0.5}
 """[N.m/rad], [N.m.s/rad] Scale for a subject who has less (a reflex of nearly zero is common):
 levels of it would be noise.
 """
@@ -56,13 +56,13 @@ class Baseline:
     torque: float
 
     def of(self, symbol: str) -> float:
-        """Return the scale of levels of ``K`` or ``G``: the median, at least `SMALLEST`."""
-        return max(self.K if symbol == "K" else self.G, SMALLEST[symbol])
+        """Return the scale of ``K`` or ``G``: the median, at least `SMALLEST_BASELINE`."""
+        return max(self.K if symbol == "K" else self.G, SMALLEST_BASELINE[symbol])
 
     def axis(self, symbol: str) -> tuple[float, float]:
         """Return the ends of the feedback axis for ``K`` or ``G``."""
         unit, spread = self.of(symbol), self.K_spread if symbol == "K" else self.G_spread
-        return 0.0, max(OF_BASELINE * unit, unit + SPREADS * spread)
+        return 0.0, max(AXIS_END_RATIO * unit, unit + MIN_AXIS_DEVIATIONS * spread)
 
 
 class BaselineCollector:
@@ -106,6 +106,6 @@ def torque_axis(targets: Sequence[float], half_width: float) -> tuple[float, flo
 
     They are the same in all blocks, so that the screen does not jump.
     """
-    return min(targets) - (1.0 + BEYOND_TARGETS) * half_width, max(targets) + (
-        1.0 + BEYOND_TARGETS
+    return min(targets) - (1.0 + TORQUE_AXIS_HALF_WIDTHS) * half_width, max(targets) + (
+        1.0 + TORQUE_AXIS_HALF_WIDTHS
     ) * half_width

@@ -19,9 +19,9 @@ it waits behind no other command and counts against no limit. Commands are carri
 task of the page, one after the other; they are forgotten when anybody stops.
 
 Each page has its own task that sends the newest frame and state when the page can take them: at
-most `IN_FLIGHT` frames are on their way, so a browser that is busy shows fewer frames, not old ones
-(a socket's buffer would hold many seconds of them). A page that acknowledges nothing for `SLOW`
-seconds is closed. So no page can delay another or the session.
+most `MAX_UNANSWERED_FRAMES` frames are on their way, so a browser that is busy shows fewer frames,
+not old ones (a socket's buffer would hold many seconds of them). A page that acknowledges nothing
+for `MESSAGE_TIMEOUT` seconds is closed. So no page can delay another or the session.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ FRAME_RATE = 30.0
 """[Hz] Number of frames per second: the paper's screen had 20 to 30 (section III-B.1)."""
 TRACES_EVERY, STATE_EVERY = 3, 3
 """Frames: traces and changes that nobody commanded (health, recording) ten times a second."""
-IN_FLIGHT = 3
+MAX_UNANSWERED_FRAMES = 3
 """Largest number of frames without an answer: 100 ms at 30 Hz, more than a page on this computer
 takes for its answer unless it is busy."""
 SEEN = "seen"
 """Word that a page answers to a frame."""
 STOP = "stop"
 """Word that a page sends to stop, besides the command of that name."""
-SLOW = 10.0
+MESSAGE_TIMEOUT = 10.0
 """[s] Time in which a page must take a message and acknowledge it."""
 PAGES = 20
 """Largest number of open pages: a laboratory has two operators and one subject."""
@@ -109,7 +109,7 @@ class Page:
         self.answers: list[str] = []
         self.commands: deque[str] = deque()
         self.commanded = asyncio.Event()
-        self.in_command: bool | None = None  # what the page was told last
+        self.in_command: bool | None = None  # what the page was sent last
 
 
 class Server:
@@ -330,12 +330,12 @@ class Server:
                 await page.wake.wait()
                 page.wake.clear()
                 messages, page.answers = page.answers, []
-                if page.in_flight < IN_FLIGHT:
+                if page.in_flight < MAX_UNANSWERED_FRAMES:
                     messages += self._news(page)
-                elif time.monotonic() - page.heard > SLOW:
+                elif time.monotonic() - page.heard > MESSAGE_TIMEOUT:
                     raise asyncio.TimeoutError
                 for message in messages:
-                    await asyncio.wait_for(page.socket.send_str(message), SLOW)
+                    await asyncio.wait_for(page.socket.send_str(message), MESSAGE_TIMEOUT)
         except (ConnectionError, asyncio.TimeoutError):
             await self._close(
                 page, WSCloseCode.TRY_AGAIN_LATER, "the page does not take its messages"

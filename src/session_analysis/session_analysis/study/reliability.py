@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MIN_SUBJECTS, MIN_VISITS = 2, 2
-DETECTABLE = 1.96 * np.sqrt(2.0)
+DETECTABLE_DIFFERENCE_RATIO = 1.96 * np.sqrt(2.0)
 """Number of standard errors of measurement between two visits that 19 of 20 unchanged subjects stay
 below."""
 
@@ -64,7 +64,7 @@ def reliability(values: np.ndarray) -> Reliability | None:
     within = table - table.mean(axis=1, keepdims=True)
     if n < MIN_SUBJECTS:
         sem = float(np.sqrt(np.sum(within**2) / (k - 1)))
-        return Reliability(float("nan"), sem, DETECTABLE * sem, n, k)
+        return Reliability(float("nan"), sem, DETECTABLE_DIFFERENCE_RATIO * sem, n, k)
     between_subjects = k * np.sum((table.mean(axis=1) - total) ** 2) / (n - 1)
     between_visits = n * np.sum((table.mean(axis=0) - total) ** 2) / (k - 1)
     residual = within - (table.mean(axis=0) - total)
@@ -73,4 +73,4 @@ def reliability(values: np.ndarray) -> Reliability | None:
     icc = (between_subjects - error) / spread if spread > 0 else float("nan")
     # All that differs between visits of one subject, drift included: what absolute agreement asks.
     sem = float(np.sqrt(np.sum(within**2) / (n * (k - 1))))
-    return Reliability(float(icc), sem, float(DETECTABLE * sem), n, k)
+    return Reliability(float(icc), sem, float(DETECTABLE_DIFFERENCE_RATIO * sem), n, k)

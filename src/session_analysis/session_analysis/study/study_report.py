@@ -150,7 +150,7 @@ def _text(row: Row | None) -> str:
 
 def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list[str]:
     """Each visit against the first one, with the minimal detectable change beside it."""
-    told = []
+    sentences = []
     for quantity in SHOWN[:2]:
         _, visits, values = visit_table(rows, quantity)
         found = repeat[quantity]
@@ -159,11 +159,11 @@ def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list
         name, unit = quantity.rstrip("]").split("[")
         change = float(values[0, -1] - values[0, 0])
         beyond = "more" if abs(change) > found.mdc else "not more"
-        told.append(
+        sentences.append(
             f"{name} changed by {change:+.3g} {unit} from visit {visits[0]} to visit {visits[-1]}, "
             f"{beyond} than the minimal detectable change of {found.mdc:.3g} {unit}"
         )
-    return told
+    return sentences
 
 
 def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:

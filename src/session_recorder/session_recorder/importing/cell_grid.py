@@ -17,7 +17,7 @@ MISSING = frozenset(
     {"", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a", "#num!", "#div/0!", "#value!"}
 )
 COMMENTS = ("#", "%", "//")
-LOOKED_AT = 400
+MAX_HEADER_ROWS = 400
 """Number of rows from the start in which the numbers must begin."""
 CONFIRMING_ROWS = 4
 """Number of rows of the same kind after the first one, before it counts as the first row of
@@ -106,7 +106,7 @@ def understand(
     Parameters
     ----------
     rows
-        The first rows of the grid (`LOOKED_AT` are enough), comments left out.
+        The first rows of the grid (`MAX_HEADER_ROWS` are enough), comments left out.
     decimal
         As in `number`.
     comments
@@ -117,7 +117,7 @@ def understand(
     Layout | None
         None where no numbers are found.
     """
-    looked = rows[:LOOKED_AT]
+    looked = rows[:MAX_HEADER_ROWS]
     data = [bool(row) and _is_data(row, decimal) for row in looked]
     widths = Counter(len(row) for row, good in zip(looked, data, strict=True) if good)
     if not widths:

@@ -71,7 +71,7 @@ class Proposal:
     columns
         Stated name with unit -> column of the file, as `import_recording` takes it.
     rate
-        Sampling rate [Hz] to state; None where the time column tells it.
+        Sampling rate [Hz] to state; None where the time column gives it.
     torque_sign
         ``rig`` or ``subject``; None without torque.
     resample
@@ -114,7 +114,7 @@ def propose(table: Table) -> Proposal:
     Raises
     ------
     ImportRefused
-        Nothing looks like a position, a torque or EMG, or nothing tells the time; the message says
+        Nothing looks like a position, a torque or EMG, or nothing gives the time; the message says
         what to state.
     """
     proposal = Proposal()

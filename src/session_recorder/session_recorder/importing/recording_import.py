@@ -74,7 +74,7 @@ class ImportReport:
     ignored
         Columns of the source that were not stated.
     intrinsic
-        What the torque's sign and the units were judged by; None where the data do not tell.
+        What the torque's sign and the units were judged by; None where the data do not say.
     """
 
     bag: Path

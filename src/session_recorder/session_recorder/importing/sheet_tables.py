@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.cell_grid import LOOKED_AT, Cell, number, understand
+from session_recorder.importing.cell_grid import MAX_HEADER_ROWS, Cell, number, understand
 from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.tables import Table, optional_library
 
@@ -56,7 +56,7 @@ def _xlsx(source: Path) -> Table:
     if chosen is None:
         raise ImportRefused(f"{source} holds no sheet")
     rows = _without_empty_columns(sheets[chosen])
-    layout = understand(rows[:LOOKED_AT]) if rows else None
+    layout = understand(rows[:MAX_HEADER_ROWS]) if rows else None
     if layout is None:
         raise ImportRefused(f"{source}: sheet '{chosen}' holds no rows of numbers")
     table = Table(source, rate=layout.rate)

@@ -12,7 +12,7 @@ import numpy as np
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.cell_grid import (
     COMMENTS,
-    LOOKED_AT,
+    MAX_HEADER_ROWS,
     Cell,
     Layout,
     number,
@@ -99,7 +99,7 @@ def _lines(text: str) -> _Lines:
         if not stripped:
             continue
         if stripped.startswith(COMMENTS):
-            if len(lines.comments) < LOOKED_AT:
+            if len(lines.comments) < MAX_HEADER_ROWS:
                 lines.comments.append(stripped.lstrip("#%/").strip())
             continue
         lines.numbers.append(number_)
@@ -118,7 +118,9 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def _layout(lines: _Lines, delimiter: str | None, decimal: str) -> Layout | None:
-    rows: list[list[Cell]] = [list(_split(line, delimiter)) for line in lines.texts[:LOOKED_AT]]
+    rows: list[list[Cell]] = [
+        list(_split(line, delimiter)) for line in lines.texts[:MAX_HEADER_ROWS]
+    ]
     comments: list[list[Cell]] = [list(_split(line, delimiter)) for line in lines.comments]
     return understand(rows, decimal, comments)
 

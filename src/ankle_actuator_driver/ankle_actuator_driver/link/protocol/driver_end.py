@@ -34,9 +34,9 @@ from ankle_actuator_driver.safety.rig import (
 )
 from ankle_actuator_driver.safety.watchdog import Watchdog
 
-IN_PACKET = 32
+REFERENCE_SAMPLES = 32
 """Number of reference samples in a packet: one block of 2048 Hz at 64 Hz."""
-assert IN_PACKET <= LARGEST_COUNT
+assert REFERENCE_SAMPLES <= LARGEST_COUNT
 SEQUENCE_STRIDE = 64
 """Step of the sequence number from one order to the next: numbers in between are for heartbeats
 that another process sends meanwhile, at most one every 20 ms for 100 ms."""
@@ -130,10 +130,10 @@ class DriverEnd:
                     *self._head(order, now, ros),
                     round((first + k * interval) * 1e9),
                     interval,
-                    motion[k : k + IN_PACKET],
+                    motion[k : k + REFERENCE_SAMPLES],
                 )
             )
-            for k in range(0, len(time), IN_PACKET)
+            for k in range(0, len(time), REFERENCE_SAMPLES)
         ]
 
     def take(self, data: bytes, now: float, ros: float) -> list[Event]:

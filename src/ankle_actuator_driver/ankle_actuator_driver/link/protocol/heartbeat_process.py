@@ -2,7 +2,7 @@
 
 Started by `HeartbeatProcess`; gets the line's socket and one end of a pair of sockets. The messages
 on the pair: ``K`` key and the rig's address, once; ``A`` the driver is alive; ``P`` and a packet
-without its digest. It ends with the driver: the pair is closed then, and Linux tells it.
+without its digest. It ends with the driver: the pair is closed then, and Linux reports it.
 """
 
 from __future__ import annotations

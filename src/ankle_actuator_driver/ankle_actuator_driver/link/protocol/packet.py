@@ -155,7 +155,7 @@ class StateReport:
     interval
         Between samples on the rig's clock [s].
     commanded
-        Position that the servo was told at the last sample [rad].
+        Position that the servo was given at the last sample [rad].
     samples
         Position [rad], velocity [rad/s], torque [N.m], shape (n, 3), 0 <= n <= LARGEST_COUNT.
     """

@@ -15,7 +15,7 @@ LARGEST_PACKET = 2048
 """[bytes] Room for any packet of the protocol; a longer datagram is cut off, and refused by its
 digest.
 """
-MOST_AT_ONCE = 256
+MAX_PACKETS_AT_ONCE = 256
 """Largest number of packets received in one call, so that a flood leaves time for everything else.
 """
 _SO_TIMESTAMPNS = 35  # Linux; the socket module does not name it
@@ -123,7 +123,7 @@ class UdpTransport:
         """See `Transport`."""
         select.select([self.socket], [], [], max(timeout, 0.0))
         packets: list[Datagram] = []
-        while len(packets) < MOST_AT_ONCE:
+        while len(packets) < MAX_PACKETS_AT_ONCE:
             try:
                 data, ancillary, _, sender = self.socket.recvmsg(LARGEST_PACKET, 64)
             except OSError:  # nothing left, or ICMP's "port unreachable"
