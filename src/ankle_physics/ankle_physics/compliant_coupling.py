@@ -47,7 +47,7 @@ MOST_ROUNDS = 20
 TOLERANCE = 1e-11
 # The linear system is renewed when its coefficients have changed by more than this; smaller changes
 # are left to `other`.
-RENEWAL = 0.1
+RENEWAL_CHANGE = 0.1
 
 
 class CompliantCoupling(Term):
@@ -87,7 +87,9 @@ class _Linear:
             (self.B + self.b, other.B + other.b),
             (self.K + self.k, other.K + other.k),
         )
-        return any(abs(mine - yours) > RENEWAL * max(abs(yours), 1e-12) for mine, yours in pairs)
+        return any(
+            abs(mine - yours) > RENEWAL_CHANGE * max(abs(yours), 1e-12) for mine, yours in pairs
+        )
 
 
 class FootLoop:

@@ -44,7 +44,7 @@ EFFECTIVE_BAND = (0.5, 5.0)  # Hz
 PAUSE_RANGE = (0.7, 1.3)
 TRAIN_SEED = 2018
 # Reflex arcs that answer something else than the velocity of the calf's stretch.
-OTHER_ARCS = frozenset({"antagonist_reflex", "position_reflex"})
+NON_VELOCITY_ARCS = frozenset({"antagonist_reflex", "position_reflex"})
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def reflex_gain(model: Model, at: OperatingPoint) -> float:
         entry
         for entry in model.entries
         if entry.term.place is Place.REFLEX_INPUT
-        or (entry.term.place is Place.REFLEX_DYNAMICS and entry.term.name not in OTHER_ARCS)
+        or (entry.term.place is Place.REFLEX_DYNAMICS and entry.term.name not in NON_VELOCITY_ARCS)
     ]
     if not any(entry.term.place is Place.REFLEX_DYNAMICS for entry in reflexes):
         return 0.0

@@ -41,7 +41,7 @@ excitation-contraction coupling.
 POTENTIAL = 0.003
 """[s] Time constant that spreads a volley over the length of an action potential and of conduction.
 """
-MOVING = 0.05
+MIN_STRETCH_VELOCITY = 0.05
 """[rad/s] Stretch velocity from which a stretch counts as a new one."""
 DRIFT_TIME = 1.0
 """[s] Correlation time of the background's fluctuation: common drive and force corrections below 1
@@ -205,7 +205,7 @@ class SurfaceEmg:
         out = np.empty((len(velocity), 4))
         for direction, members in _GROUPS.items():
             stretch = np.maximum(direction * velocity, 0.0)
-            moving = np.concatenate([[self._moving[direction]], stretch > MOVING])
+            moving = np.concatenate([[self._moving[direction]], stretch > MIN_STRETCH_VELOCITY])
             self._moving[direction] = bool(moving[-1])
             begins = np.flatnonzero(moving[1:] & ~moving[:-1])
             for start, stop in zip([0, *begins], [*begins, len(velocity)], strict=True):

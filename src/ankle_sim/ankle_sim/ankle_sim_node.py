@@ -53,7 +53,7 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import LiveRig, Setup, Stretch
-from ankle_sim.live_subject import OF_SUBJECT, LiveSubject, subject_model
+from ankle_sim.live_subject import SUBJECT_PARAMETER_SYMBOLS, LiveSubject, subject_model
 from ankle_sim.parameters import (
     MODEL,
     RIG,
@@ -168,7 +168,7 @@ class AnkleSimNode(AnkleNode):
                 )
             )
         for change in changes:
-            if self._subject is not None and change[:2] in OF_SUBJECT:
+            if self._subject is not None and change[:2] in SUBJECT_PARAMETER_SYMBOLS:
                 self._subject.fix(*change)
             else:
                 self._rig.set(*change)

@@ -15,8 +15,8 @@ from ankle_sim.parameters import VOLUNTARY_TORQUE
 from ankle_sim.procedure import PlannedHold
 from ankle_sim.virtual_subject import Drive, State, Subject, VirtualSubject
 
-OF_SUBJECT = (("stiffness", "K"), ("reflex", "G"), (VOLUNTARY_TORQUE, "level"))
-"""What the subject sets in the model: term and symbol."""
+SUBJECT_PARAMETER_SYMBOLS = (("stiffness", "K"), ("reflex", "G"), (VOLUNTARY_TORQUE, "level"))
+"""Lists the parameters that the subject sets in the model: term and symbol."""
 
 
 def subject_model(subject: Subject, rms: float = 0.5) -> Model:
@@ -120,9 +120,9 @@ class LiveSubject:
         self._virtual.command(state)
 
     def fix(self, term: str, symbol: str, value: float) -> None:
-        """Keep one of `OF_SUBJECT` at a value, whatever the muscles do, until the next state.
+        """Keep a parameter at a value, whatever the muscles do, until the next state.
 
-        The EMG stays that of the muscles.
+        It is one of `SUBJECT_PARAMETER_SYMBOLS`. The EMG stays that of the muscles.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class LiveSubject:
 
     def _drive_rig(self) -> None:
         values = (self.drive.K, self.drive.G, self.drive.torque)
-        for (term, symbol), value in zip(OF_SUBJECT, values, strict=True):
+        for (term, symbol), value in zip(SUBJECT_PARAMETER_SYMBOLS, values, strict=True):
             self.rig.set(term, symbol, self._fixed.get((term, symbol), value))
 
     def _follow_procedure(self, time: np.ndarray) -> list[SessionEvent]:

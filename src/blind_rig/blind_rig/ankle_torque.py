@@ -21,7 +21,7 @@ MAXWELL, BRIDGES, BONDS, BOND_STRETCH, FRICTION, TENDON, SLID, LIFTED, LIFT = ra
 MUSCLE_STATES = 9
 # Places of the reflexes' states: each arc is torque and its slope; then what the arc has left.
 SPINAL, ANTAGONIST, LATE, LENGTH = 0, 2, 4, 6
-AVAILABLE = 8
+RESOURCE = 8
 REFLEX_STATES = 9
 # Longest reflex delay that the ring buffers must hold [s].
 LONGEST_DELAY = 0.150
@@ -191,11 +191,11 @@ def reflex_torque(
     omega, zeta = reflex.omega, reflex.zeta
     drive = spindle_drive(_before(velocity, now, delay, dt), reflex)
     if reflex.depression > 0.0:
-        left = state[AVAILABLE]
-        state[AVAILABLE] += (
+        left = state[RESOURCE]
+        state[RESOURCE] += (
             1.0 - left
         ) * dt / reflex.depression_recovery - reflex.depression * left * drive * dt
-        state[AVAILABLE] = min(max(state[AVAILABLE], 0.0), 1.0)
+        state[RESOURCE] = min(max(state[RESOURCE], 0.0), 1.0)
         drive *= left
     if reflex.position_gain != 0.0:
         drive *= max(1.0 + reflex.position_gain * _before(displacement, now, delay, dt), 0.0)
@@ -222,7 +222,7 @@ def reflex_series(
 ) -> np.ndarray:
     """Torque of the reflexes [N.m] along a given motion of the foot, shape (n,)."""
     torque, state = np.zeros(len(velocity)), np.zeros(REFLEX_STATES)
-    state[AVAILABLE] = 1.0
+    state[RESOURCE] = 1.0
     # Arrays that hold the whole motion are ring buffers that never come round, but for the first
     # delay, which is at rest.
     first = int(max(reflex.delay, reflex.antagonist_delay, reflex.late_delay) / dt) + 2
@@ -283,7 +283,7 @@ def closed_loop(  # type: ignore[no-untyped-def]
     n, joints = len(command), len(qpos)
     muscle_state, reflex_state = np.zeros(MUSCLE_STATES), np.zeros(REFLEX_STATES)
     muscle_state[BONDS] = 1.0
-    reflex_state[AVAILABLE] = 1.0
+    reflex_state[RESOURCE] = 1.0
     size = int(LONGEST_DELAY / dt) + 4
     displacement, velocity = np.zeros(size), np.zeros(size)
     for i in range(n):

@@ -26,7 +26,7 @@ STRENGTH_SHARES = {"weak": 0.25, "moderate": 0.5, "strong": 0.25}
 # time hide a saturation.
 DRAWS = 4
 # An effect shows as wanted from this part of the wanted share on.
-ENOUGH = 0.5
+MIN_STRENGTH_SHARE = 0.5
 # How often a laboratory stores a velocity, a reference, EMG.
 WITH_VELOCITY, WITH_REFERENCE, WITH_EMG = 0.7, 0.75, 0.35
 
@@ -78,9 +78,11 @@ def plan_cases(count: int, seed: int) -> list[Plan]:
     kinds = [kind for kind, part in shares.items() for _ in range(round(part * count))]
     kinds += ["known"] * (count - len(kinds))
     known = _deal(
-        [e.name for e in effects.KNOWN], kinds.count("known") + 2 * kinds.count("pair"), generator
+        [e.name for e in effects.KNOWN_EFFECTS],
+        kinds.count("known") + 2 * kinds.count("pair"),
+        generator,
     )
-    unknown = _deal([e.name for e in effects.UNKNOWN], kinds.count("unknown"), generator)
+    unknown = _deal([e.name for e in effects.UNKNOWN_EFFECTS], kinds.count("unknown"), generator)
     fault = _deal(list(faults.FAULTS), kinds.count("broken"), generator)
     dealt: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = []
     for kind in kinds:
@@ -175,7 +177,7 @@ def _hide(
             changes |= change
             hidden.append(about)
         if draw == DRAWS - 1 or all(
-            h["share"] is None or h["share"] >= ENOUGH * h["target"] for h in hidden
+            h["share"] is None or h["share"] >= MIN_STRENGTH_SHARE * h["target"] for h in hidden
         ):
             break
     return trial, changes, hidden

@@ -16,7 +16,7 @@ from blind_rig.anatomy import Setup
 STARTLE_BEGIN, STARTLE_LENGTH = 0.110, 0.250
 # Bouts of a habituated reflex: mean duration [s], long against a response and short against a
 # trial.
-BOUT = 3.0
+BOUT_DURATION = 3.0
 # Conduction and excitability drift with posture and arousal, over seconds.
 WANDER_HZ = 0.3
 # Voluntary torque holds a level, or moves evenly between two, for this long on average [s].
@@ -183,7 +183,9 @@ def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> 
             phase < 1.0, 1.0 + c.startle_share * np.sin(np.pi * np.clip(phase, 0, 1)) ** 2, 1.0
         )
     if c.burst_share > 0:
-        bouts = np.cumsum(bout_stream.exponential(BOUT, int(3 * t[-1] / BOUT) + 20))
+        bouts = np.cumsum(
+            bout_stream.exponential(BOUT_DURATION, int(3 * t[-1] / BOUT_DURATION) + 20)
+        )
         reflex = reflex * (1.0 - c.burst_share * (np.searchsorted(bouts, t) % 2))
     delay: np.ndarray = np.full(n, setup.reflex.delay)
     if c.delay_wander > 0:

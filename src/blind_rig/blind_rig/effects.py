@@ -1,9 +1,9 @@
 """Effects that a case may hide: which number of the setup carries the effect, how far it may go,
 what else it needs.
 
-`KNOWN` are effects that the field's literature describes, and that a diagnosis should be able to
-name. `UNKNOWN` are effects that a library of such terms is unlikely to hold: the right answer to
-them is that they are not explained, and where they sit.
+`KNOWN_EFFECTS` are effects that the field's literature describes, and that a diagnosis should be
+able to name. `UNKNOWN_EFFECTS` are effects that a library of such terms is unlikely to hold: the
+right answer to them is that they are not explained, and where they sit.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Effect(NamedTuple):
 # Stretches of one size and rise time tell nothing about how the reflex depends on velocity.
 MIXED_VELOCITIES = ("random_levels",)
 
-KNOWN: tuple[Effect, ...] = (
+KNOWN_EFFECTS: tuple[Effect, ...] = (
     Effect(
         "strap",
         "coupling",
@@ -294,7 +294,7 @@ KNOWN: tuple[Effect, ...] = (
     ),
 )
 
-UNKNOWN: tuple[Effect, ...] = (
+UNKNOWN_EFFECTS: tuple[Effect, ...] = (
     Effect(
         "foot_sliding",
         "coupling",
@@ -360,7 +360,7 @@ UNKNOWN: tuple[Effect, ...] = (
     ),
 )
 
-BY_NAME = {effect.name: effect for effect in (*KNOWN, *UNKNOWN)}
+BY_NAME = {effect.name: effect for effect in (*KNOWN_EFFECTS, *UNKNOWN_EFFECTS)}
 
 
 def draw_shape(

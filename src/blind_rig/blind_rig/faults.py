@@ -12,7 +12,7 @@ from blind_rig.trial import Recording
 
 # A clock difference that is a fault, not a finding: beyond the 20 ms up to which a lag can be
 # named.
-CLOCKS_APART = (0.025, 0.060)
+CLOCK_DIFFERENCE = (0.025, 0.060)
 
 
 def _torque_sign(r: Recording, generator: np.random.Generator) -> Recording:
@@ -58,7 +58,7 @@ def _encoder_stuck(r: Recording, generator: np.random.Generator) -> Recording:
 
 def _clocks_apart(r: Recording, generator: np.random.Generator) -> Recording:
     step = r.time[1] - r.time[0]
-    shift = round(generator.uniform(*CLOCKS_APART) / step) * int(generator.choice([-1, 1]))
+    shift = round(generator.uniform(*CLOCK_DIFFERENCE) / step) * int(generator.choice([-1, 1]))
     late = np.roll(r.torque, shift)
     keep = slice(abs(shift), len(late) - abs(shift))
     return Recording(

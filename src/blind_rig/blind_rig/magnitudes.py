@@ -54,7 +54,7 @@ MAGNITUDES: dict[str, tuple[float, float, float]] = {
     "cable_resonance": (0.1, 0.2, 0.35),
 }
 # Motion on which a subject's gain is made up for what a nonlinear reflex takes [s].
-COMPENSATED = 8.0
+COMPENSATION_DURATION = 8.0
 
 
 def brought_in(trial: Trial, effect: str, level: str) -> Trial:
@@ -79,6 +79,6 @@ def brought_in(trial: Trial, effect: str, level: str) -> Trial:
     changes = {path: float(np.mean(limits)) for path, limits in known.shape.items()}
     changes[known.magnitude] = magnitude
     if known.keeps_reflex:
-        without = run(trial, COMPENSATED)
+        without = run(trial, COMPENSATION_DURATION)
         changes["reflex.G"] = strength.compensating_gain(trial, changes, without)
     return trial._replace(setup=trial.setup.replaced(changes))

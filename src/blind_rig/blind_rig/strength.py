@@ -28,9 +28,9 @@ ANALYSIS_RATE = 500.0
 STRETCH = 16.0
 # Points between the weakest and the strongest magnitude that are tried where the strongest is not
 # the most visible one.
-SCAN = 6
+SCAN_POINTS = 6
 # Below this share nobody could see the effect; it says nothing about a diagnosis.
-INVISIBLE = STRENGTHS["weak"] / 2
+MIN_VISIBLE_SHARE = STRENGTHS["weak"] / 2
 # Gains beyond this factor are no longer those of a healthy subject.
 LARGEST_COMPENSATION = 12.0
 # Accuracy of the search, in the logarithm of the magnitude; about twice that in the share.
@@ -167,7 +167,7 @@ def scale(
         best = weak
     else:
         if excess(strong) < 0:
-            strong = max(np.linspace(weak, strong, SCAN + 2)[1:].tolist(), key=excess)
+            strong = max(np.linspace(weak, strong, SCAN_POINTS + 2)[1:].tolist(), key=excess)
         if excess(strong) <= 0:
             return Scaled(changes(strong), target, seen[strong])
         found = float(brentq(excess, weak, strong, xtol=SEARCH_TOLERANCE))
@@ -178,8 +178,8 @@ def scale(
 
 def strength_of(reached: float) -> str:
     """Name of the strength that is nearest to a share, on a logarithmic scale; ``invisible`` below
-    `INVISIBLE`.
+    `MIN_VISIBLE_SHARE`.
     """
-    if reached < INVISIBLE:
+    if reached < MIN_VISIBLE_SHARE:
         return "invisible"
     return min(STRENGTHS, key=lambda name: abs(math.log(max(reached, 1e-9) / STRENGTHS[name])))

@@ -32,7 +32,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "sensors.torque_snr": (24.0, 38.0),
 }
 # Force fluctuation of a steady contraction is 2 to 7 % of its level (Enoka et al. 2003).
-STEADINESS = (0.02, 0.07)
+FORCE_FLUCTUATION = (0.02, 0.07)
 # Mean ankle angle of the trials, plate against horizontal [rad].
 OPERATING_ANGLE = (0.0, 0.2)
 SAMPLING_RATES = (1000.0, 2048.0)
@@ -49,6 +49,6 @@ def draw_subject(generator: np.random.Generator) -> Setup:
         else:
             changes[path] = float(generator.uniform(low, high))
     changes["courses.voluntary_rms"] = changes["courses.torque_level"] * float(
-        generator.uniform(*STEADINESS)
+        generator.uniform(*FORCE_FLUCTUATION)
     )
     return Setup().replaced(changes)

@@ -25,7 +25,7 @@ def test_mix_of_kinds_and_every_effect_dealt() -> None:
     dealt = Counter(
         name for plan in plans if plan.kind in ("known", "pair") for name in plan.hidden
     )
-    assert set(dealt) == {effect.name for effect in effects.KNOWN}
+    assert set(dealt) == {effect.name for effect in effects.KNOWN_EFFECTS}
     assert max(dealt.values()) - min(dealt.values()) <= 1
     for plan in plans:
         if plan.kind == "pair":
@@ -40,7 +40,7 @@ def test_plans_depend_on_the_seed_and_on_nothing_else() -> None:
 
 
 def test_every_known_effect_has_an_answer_and_no_unknown_one() -> None:
-    assert set(ANSWERS) == {effect.name for effect in effects.KNOWN}
+    assert set(ANSWERS) == {effect.name for effect in effects.KNOWN_EFFECTS}
     setup_paths = [path for answer in ANSWERS.values() for path in answer.parameters]
     from blind_rig.anatomy import Setup
 

@@ -17,13 +17,19 @@ from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
 from calibration.errors import CalibrationError
-from calibration.rig_identification import FOUND, Found, IdentifiedRig, Signals, identify_rig
+from calibration.rig_identification import (
+    MIN_SIGNIFICANCE,
+    Found,
+    IdentifiedRig,
+    Signals,
+    identify_rig,
+)
 from session_recorder.bag_reader import BagReader
 
 SAMPLES, REFERENCE = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 # A calibration shorter than this has too few edges for the accuracies that are stated.
-SHORTEST = 20.0  # s
+MIN_DURATION = 20.0  # s
 
 
 @dataclass(frozen=True)
@@ -129,10 +135,10 @@ def read_signals(bag: Path) -> Signals:
     command = _in_si(*reader.signal(REFERENCE))
     time, commanded = samples.column("t[s]"), command.column("t[s]")
     inside = (time >= commanded[0]) & (time <= commanded[-1])
-    if np.ptp(time[inside]) < SHORTEST if inside.any() else True:
+    if np.ptp(time[inside]) < MIN_DURATION if inside.any() else True:
         raise CalibrationError(
-            f"{bag}: reference and samples overlap for less than {SHORTEST:g} s; record the whole "
-            "signal 'rig_calibration'"
+            f"{bag}: reference and samples overlap for less than {MIN_DURATION:g} s; record the "
+            "whole signal 'rig_calibration'"
         )
     velocity = samples.column(VELOCITY)[inside] if samples.has(VELOCITY) else None
     return Signals(
@@ -194,10 +200,10 @@ def rig_file(
             f"{load.inertia:g} kg.m^2: check the mounting and the sign of the torque"
         )
     values["footplate_inertia"] = {"Ip": inertia}
-    if found.friction.value > FOUND * found.friction.error:
+    if found.friction.value > MIN_SIGNIFICANCE * found.friction.error:
         values["footplate_friction"] = {"F": found.friction}
     slope = Found(found.slope.value - load.spring, found.slope.error)
-    if abs(slope.value) > FOUND * slope.error:
+    if abs(slope.value) > MIN_SIGNIFICANCE * slope.error:
         # A centre of mass above the axis pulls the plate away: the same weight, half a turn on.
         level = angle if slope.value > 0.0 else angle - math.copysign(math.pi, angle)
         values["footplate_gravity"] = {

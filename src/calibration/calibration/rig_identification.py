@@ -2,7 +2,7 @@
 
 The reference carries neither noise nor torque, so the part of each channel that follows it is known
 far better than the channel itself. That part is found as a smoothed transfer from the reference
-(`RESOLUTION` wide), and everything else is fitted to it:
+(`FREQUENCY_RESOLUTION` wide), and everything else is fitted to it:
 
     torque(f)   = S(f) e^(-2 pi i f d) [Ip a(f) + b v(f) + g x(f) + F tanh(v / v0)(f)]
     velocity(f) = 2 pi i f x(f) e^(-2 pi i f d_v)
@@ -25,21 +25,21 @@ from scipy.optimize import least_squares
 from calibration.errors import CalibrationError
 
 # Width over which a transfer is taken as smooth: modes of rigs are wider (5 % of 60 Hz).
-RESOLUTION = 1.0  # Hz
+FREQUENCY_RESOLUTION = 1.0  # Hz
 # A servo's motion differs from its second-order description by about this share.
-DEVIATION = 0.02
+SERVO_MODEL_ERROR = 0.02
 # Fast edges reach no further through a drive of 30 Hz.
-HIGHEST = 120.0  # Hz
+HIGHEST_FREQUENCY = 120.0  # Hz
 # A plate holds still for at least this long at the start.
-LEAST_REST = 0.5  # s
+MIN_REST_DURATION = 0.5  # s
 # Left out behind the start of rest, while the plate settles.
-SETTLING = 0.5  # s
+SETTLING_TIME = 0.5  # s
 # Below, a reference does not move; noise of a measured reference lies below it.
-STILL = 1e-6  # rad
+REFERENCE_RESOLUTION = 1e-6  # rad
 # Velocity that rounds the jump of dry friction at rest.
 FRICTION_VELOCITY = 0.03  # rad/s
 # A parameter counts as found where it is this many standard errors away from nothing.
-FOUND = 3.0
+MIN_SIGNIFICANCE = 3.0
 # A sag is stated where its relative standard error is at most this; else a load is needed.
 SAG_ACCURACY = 0.1
 # Of servo and torque in turn; the load changes by less than its error in a fourth.
@@ -178,14 +178,14 @@ def identify_rig(signals: Signals) -> IdentifiedRig:
 
 
 def _rest(signals: Signals) -> slice:
-    moving = np.flatnonzero(np.abs(signals.reference - signals.reference[0]) > STILL)
+    moving = np.flatnonzero(np.abs(signals.reference - signals.reference[0]) > REFERENCE_RESOLUTION)
     if not len(moving):
         raise CalibrationError("the reference does not move: nothing can be calibrated")
-    first, last = round(SETTLING * signals.rate), int(moving[0])
-    if last < (LEAST_REST + SETTLING) * signals.rate:
+    first, last = round(SETTLING_TIME * signals.rate), int(moving[0])
+    if last < (MIN_REST_DURATION + SETTLING_TIME) * signals.rate:
         raise CalibrationError(
             f"the plate rests for {last / signals.rate:.2f} s before it first moves; at least "
-            f"{LEAST_REST + SETTLING:g} s are needed"
+            f"{MIN_REST_DURATION + SETTLING_TIME:g} s are needed"
         )
     return slice(first, last)
 
@@ -202,12 +202,12 @@ class _Spectra:
         n = len(signals.reference)
         self.length = next_fast_len(n + round(signals.rate), real=True)
         frequency = rfftfreq(self.length, 1.0 / signals.rate)
-        used = (frequency > 0.0) & (frequency <= min(HIGHEST, 0.4 * signals.rate))
+        used = (frequency > 0.0) & (frequency <= min(HIGHEST_FREQUENCY, 0.4 * signals.rate))
         self.frequency = frequency[used]
         self.rate = signals.rate
         self.used = used
         self.omega = 2j * np.pi * self.frequency
-        self._half = max(1, round(0.5 * RESOLUTION * self.length / signals.rate))
+        self._half = max(1, round(0.5 * FREQUENCY_RESOLUTION * self.length / signals.rate))
         self.reference = self._raw(signals.reference - signals.reference[0])
         self.position = self._raw(signals.position - signals.position[rest].mean())
         self.torque = self._raw(signals.torque - signals.torque[rest].mean())
@@ -221,20 +221,19 @@ class _Spectra:
     def following(self, signal: np.ndarray, model: np.ndarray, known: bool = True) -> np.ndarray:
         """What of a spectrum follows a model of it, through a transfer that is smooth.
 
-        With `known` the model is right but for `DEVIATION`; without, it is only proportional to
-        what the signal follows. The nearer the model, the flatter is the transfer, and the less
-        does smoothing distort it. At the lowest frequencies responses are steeper than the
-        resolution, and the signal is far
-        above its noise: there it stays as it is.
+        With `known` the model is right but for `SERVO_MODEL_ERROR`; without, it is only
+        proportional to what the signal follows. The nearer the model, the flatter is the transfer,
+        and the less does smoothing distort it. At the lowest frequencies responses are steeper than
+        the resolution, and the signal is far above its noise: there it stays as it is.
         """
         power = np.maximum(self._smooth(np.abs(model) ** 2), 1e-300)
         transfer = self._smooth(signal * model.conj()) / power
         left = self._smooth(np.abs(signal - transfer * model) ** 2)
         # Where the signal sinks in its noise the model is the better guide.
         noise = left / power / (2 * self._half + 1)
-        weight = DEVIATION**2 / (DEVIATION**2 + noise) if known else 1.0
+        weight = SERVO_MODEL_ERROR**2 / (SERVO_MODEL_ERROR**2 + noise) if known else 1.0
         followed = (1.0 + weight * (transfer - 1.0) if known else transfer) * model
-        return np.where(self.frequency < 2.0 * RESOLUTION, signal, followed)
+        return np.where(self.frequency < 2.0 * FREQUENCY_RESOLUTION, signal, followed)
 
     def _smooth(self, values: np.ndarray) -> np.ndarray:
         width = 2 * self._half + 1

@@ -1,4 +1,4 @@
-"""How the estimators are compiled: what numba is told, and when its cache on disk is out of date."""  # noqa: E501
+"""The estimators are compiled with these options of numba, and its cache on disk is renewed."""
 
 from __future__ import annotations
 

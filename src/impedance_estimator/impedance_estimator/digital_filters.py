@@ -75,7 +75,7 @@ def filter_state(sections: np.ndarray, channels: int) -> np.ndarray:
 
 @njit(inline="always")
 def filter_step(sections: np.ndarray, state: np.ndarray, values: np.ndarray, channels: int) -> None:
-    """One sample of every channel through the cascade, in place.
+    """Pass one sample of every channel through the cascade, in place.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every estimator offers, and the columns of its result."""
+"""Every estimator offers this interface and these columns of its result."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Estimator(ABC):
     name: ClassVar[str]
     """Short name, as in the parameter ``algorithm``."""
     title: ClassVar[str]
-    """What it is, in one line."""
+    """One line that describes the estimator."""
     settings_type: ClassVar[type[EstimatorSettings]] = EstimatorSettings
     uses_reference: ClassVar[bool] = False
     """Whether samples carry the reference's position [rad] as their last column, NaN where none
@@ -113,7 +113,7 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def reason(self) -> str:
-        """Why the newest estimate is not valid, in words; empty where it is valid."""
+        """Say in words why the newest estimate is not valid; empty where it is valid."""
 
     @property
     @abstractmethod
@@ -131,21 +131,23 @@ class Estimator(ABC):
 
     @property
     def doubts(self) -> str:
-        """Why the newest estimate is doubted, in words; empty where it is not."""
+        """Say in words why the newest estimate is doubted; empty where it is not."""
         return ""
 
     @property
     def instrument(self) -> str:
-        """What the estimator takes for the part of the motion that torque did not cause, in words;
-        empty where it makes no difference.
+        """Say in words which part of the motion the estimator regards as not caused by torque.
+
+        It is empty where this makes no difference.
         """
         return ""
 
     @property
     @abstractmethod
     def rate_lost(self) -> bool:
-        """Whether the samples come at another rate than `rate`; `process` then has stopped at
-        `consumed`.
+        """Say whether the samples come at another rate than `rate`.
+
+        `process` then has stopped at `consumed`.
         """
 
     @property

@@ -34,7 +34,7 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import Place
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 
-HANDLED = (
+SUPPORTED_TERMS = (
     *PAPER_TERMS,
     "channel_skew",
     "fixation_compliance",
@@ -48,11 +48,12 @@ SENSORS = (Place.TORQUE_SENSOR,)
 WARM_UP = 0.1
 """[s] at rest before the first sample and after each gap: longer than every delay and sensor's lag.
 """
-GAP = 1.5
-"""Sample intervals; a longer step begins anew."""
+LONGEST_STEP = 1.5
+"""A step longer than so many sample intervals starts a new stretch."""
 SMOOTHING_HZ = 150.0
-"""[Hz] Of the torque from which the foot's velocity in its straps follows. Above the perturbation's
-band; torque, motion and reference are delayed alike."""
+"""The torque from which the foot's velocity in its straps follows is smoothed up to here [Hz].
+Above the perturbation's band; torque, motion and reference are delayed alike.
+"""
 OPERATING_POINT_TIME = 10.0
 """[s] Over which position and torque are averaged: half the estimator's memory."""
 ACTIVATION_TIME = 1.0
@@ -120,7 +121,7 @@ class KnownPhysics:
         return float(self.model.entry(term).values[symbol]) if self.model.has(term) else 0.0
 
     def describe(self) -> str:
-        """Which terms are used, in one line."""
+        """Return in one line which terms are used."""
         names = [e.term.name for e in self.model.entries if e.term.name not in PAPER_TERMS]
         return ", ".join(names) or "inertia, viscosity, stiffness and reflex alone"
 
@@ -178,7 +179,7 @@ class KnownPhysicsRun:
         used = 4 if self._measured_velocity else 3
         good = np.isfinite(samples[:, :used]).all(axis=1)
         steps = np.diff(samples[:, 0], prepend=self._newest) * self._rate
-        begins = ~(good & (np.abs(steps) < GAP)) | ~np.concatenate(
+        begins = ~(good & (np.abs(steps) < LONGEST_STEP)) | ~np.concatenate(
             [[np.isfinite(self._newest)], good[:-1]]
         )
         edges = [*np.flatnonzero(begins).tolist(), len(samples)]
@@ -331,7 +332,7 @@ def _extra_runs(model: Model, rate: float) -> list[tuple[float, ModelRun]]:
     held = [
         entry
         for entry in model.entries
-        if entry.term.name not in HANDLED and entry.term.place not in SENSORS
+        if entry.term.name not in SUPPORTED_TERMS and entry.term.place not in SENSORS
     ]
     if not held:
         return []
@@ -346,7 +347,9 @@ def _extra_runs(model: Model, rate: float) -> list[tuple[float, ModelRun]]:
 def _shaped(model: Model) -> list[Entry]:
     """Terms that change what the reflex answers."""
     places = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
-    return [e for e in model.entries if e.term.name not in HANDLED and e.term.place in places]
+    return [
+        e for e in model.entries if e.term.name not in SUPPORTED_TERMS and e.term.place in places
+    ]
 
 
 def _run(entries: Sequence[Entry], rate: float) -> ModelRun:
@@ -373,7 +376,9 @@ class KnownPhysicsStream:
         self._stated = False
 
     def correct(self, samples: np.ndarray) -> np.ndarray:
-        """As `KnownPhysicsRun.correct`; position and torque are averaged on the way."""
+        """Correct samples as `KnownPhysicsRun.correct` does; position and torque are averaged on
+        the way.
+        """
         decay = np.exp(-1.0 / (OPERATING_POINT_TIME * self._rate))
         for k, column in enumerate(self._columns):
             values = samples[np.isfinite(samples[:, column]), column]

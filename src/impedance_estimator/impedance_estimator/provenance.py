@@ -1,4 +1,4 @@
-"""Where an estimate comes from: estimator, settings, model and rig, as one line of YAML.
+"""The provenance of an estimate is one line of YAML: estimator, settings, model and rig.
 
 It is published latched on ``/impedance/provenance`` and written into every bag of estimates, so
 that estimates of different origin are never compared as if they were of one.
@@ -16,7 +16,7 @@ from impedance_estimator.stream import EstimateStream
 
 
 def provenance(stream: EstimateStream) -> str:
-    """One line of YAML that says what a stream's estimates are made with.
+    """Return one line of YAML that says what a stream's estimates are made with.
 
     Parameters
     ----------

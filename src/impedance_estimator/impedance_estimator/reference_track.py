@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-WAIT = 0.25
-"""[s] of sample time that samples wait for a reference which has come before: several blocks more
-than a loaded machine delays one, and less than a subject notices."""
+LONGEST_WAIT = 0.25
+"""Samples wait for so long [s of sample time] for a reference which has come before: several blocks
+more than a loaded machine delays one, and less than a subject notices."""
 LARGEST_STEP = 0.05
-"""[s] between two samples of a reference: more is a gap, in which there is no reference."""
+"""A longer step [s] between two samples of a reference is a gap, in which there is no reference."""
 
 
 class ReferenceTrack:
     """Joins samples with the reference position at their own times.
 
     The result depends on the times in both streams, not on which block came first, as long as the
-    reference is at most `WAIT` behind the samples.
+    reference is at most `LONGEST_WAIT` behind the samples.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class ReferenceTrack:
             newest = float(np.nanmax(times))
             late = np.flatnonzero(times > covered)
             if len(late):
-                if newest - float(times[late[0]]) < WAIT:
+                if newest - float(times[late[0]]) < LONGEST_WAIT:
                     ready = int(late[0])
                     self._held = [samples[ready:]]
                 else:

@@ -20,11 +20,13 @@ from numba import njit
 
 from impedance_estimator.digital_filters import filter_step
 
-BATCH = 4.0
-"""[s] Longer than the time over which the scores are correlated: one perturbation response (0.5-0.7
-s). Longer batches leave fewer of them within the averages' memory of about 18 s."""
+BATCH_DURATION = 4.0
+"""A batch [s] is longer than the time over which the scores are correlated: one perturbation
+response (0.5-0.7 s). Longer batches leave fewer of them within the averages' memory of about 18 s.
+"""
 BATCH_PERIOD = 0.1
-"""Of the averaging filter's period, a batch at most: the filter runs at one sample per batch.
+"""A batch is at most this share of the averaging filter's period: the filter runs at one sample per
+batch.
 
 4 s at the default cut-off of 0.025 Hz.
 """
@@ -38,7 +40,7 @@ MOMENTS = 8
 
 def batch_length(cutoff: float) -> float:
     """Length of a batch [s] under an averaging filter with a cut-off [Hz]."""
-    return min(BATCH, BATCH_PERIOD / cutoff)
+    return min(BATCH_DURATION, BATCH_PERIOD / cutoff)
 
 
 @njit

@@ -25,9 +25,9 @@ TOPIC, REFERENCE_TOPIC = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 RIG_RATE = 2048.0
 """[Hz] van 't Veld et al. 2018, section III-B.1."""
-COMPILED = 2.0
-"""[s] of samples that go through everything once: a block of the simultaneous estimator is complete
-after half a second.
+COMPILATION_DURATION = 2.0
+"""So many seconds of samples go through everything once: a block of the simultaneous estimator is
+complete after half a second.
 """
 RESPONSE_RATE = 2.0
 """[Hz] Reflex impulse responses per second."""
@@ -240,7 +240,7 @@ def compile_estimator(algorithm: str) -> None:
     and without velocity.
     """
     # At the rig's rate: tables that depend on it are then ready, too.
-    time = np.arange(0.0, COMPILED, 1.0 / RIG_RATE)
+    time = np.arange(0.0, COMPILATION_DURATION, 1.0 / RIG_RATE)
     # Moving, as what still samples leave out would be compiled while a subject waits.
     position = 0.02 * np.sin(2.0 * np.pi * time)
     velocity = np.gradient(position, time)

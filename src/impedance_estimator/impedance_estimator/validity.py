@@ -61,20 +61,20 @@ LEAST_VELOCITY = 0.05
 Eight times the rms noise of the paper's velocity signal (0.006 rad/s at 37.7 dB); perturbations
 reach 1 rad/s.
 """
-REST = 2.0
-"""[s] without motion after which the perturbation counts as off: three times the longest pause
-within it (0.7 s).
+REST_DURATION = 2.0
+"""The perturbation counts as off after so many seconds without motion: three times the longest
+pause within it (0.7 s).
 """
 
 RATE_WINDOW = 256
 """Samples over which the sampling rate is watched."""
 RATE_TOLERANCE = 1e-3
-"""Relative. Clocks drift by parts per million; K, B and I change by up to twice the rate's error.
+"""The rate may differ by this relative error. Clocks drift by parts per million; K, B and I change
+by up to twice the rate's error.
 """
-REGULAR_STEPS = 0.1
-"""Sample intervals.
-
-Steps that differ by less come from a clock at another rate, not from missing samples.
+CLOCK_TOLERANCE = 0.1
+"""Steps that differ by less [sample intervals] come from a clock at another rate, not from missing
+samples.
 """
 
 _COUNTERS = (
@@ -106,7 +106,7 @@ def watch_rate(clock: np.ndarray, rate: float, t: float) -> None:
         mean = (t - c.window_start) / RATE_WINDOW
         if (
             mean > 0.0
-            and c.longest - c.shortest < REGULAR_STEPS * mean
+            and c.longest - c.shortest < CLOCK_TOLERANCE * mean
             and abs(mean * rate - 1.0) > RATE_TOLERANCE
         ):
             c.rate_lost = 1
@@ -173,9 +173,9 @@ def judge_motion(clock: np.ndarray, rate: float, memory: float, velocity: float)
         c.still = 0
         return False
     c.quiet += 1
-    if c.quiet > REST * rate:
+    if c.quiet > REST_DURATION * rate:
         c.still = 1
-    return c.quiet == int((REST + memory) * rate)
+    return c.quiet == int((REST_DURATION + memory) * rate)
 
 
 @njit

@@ -159,7 +159,7 @@ def test_algorithms_differ_as_the_paper_says(simulate):
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_perfect_data_give_the_true_stiffness_and_gain(simulate, algorithm):
-    """Original signal of the paper: 40 ms blocks through the actuator, without noise, at 1000 Hz."""  # noqa: E501
+    """The paper's original signal: 40 ms blocks through the actuator, noise-free, at 1000 Hz."""
     recording = simulate(90.0, rate=1000.0, seed=6, snr=None, edge=0.0, width=0.040, oversampling=8)
     chosen = Settings(highpass="all") if ALGORITHMS[algorithm].settings_type is Settings else None
     result = estimate_signal(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impedance_estimator.reference_track import LARGEST_STEP, WAIT, ReferenceTrack
+from impedance_estimator.reference_track import LARGEST_STEP, LONGEST_WAIT, ReferenceTrack
 
 RATE = 1000.0
 
@@ -54,7 +54,7 @@ def test_without_a_reference_samples_wait_once_and_then_no_more():
     while passed == 0:
         passed += len(track.join(samples(given, given + 32)))
         given += 32
-    assert given / RATE == pytest.approx(WAIT, abs=0.07)
+    assert given / RATE == pytest.approx(LONGEST_WAIT, abs=0.07)
     assert passed == given
     out = track.join(samples(given, given + 32))
     assert len(out) == 32

@@ -9,7 +9,7 @@ import pytest
 
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
-from impedance_estimator.simultaneous.sample_loop import SYSTEMATIC
+from impedance_estimator.simultaneous.sample_loop import MODEL_ERROR
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
 
 TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
@@ -132,7 +132,7 @@ def test_no_change_is_seen_where_there_is_none(simulate):
     would after a change.
     """
     rows = estimate(simulate(90.0, seed=61, voluntary=(0.5, 0.3)))
-    random = np.sqrt(np.maximum(rows[:, 9] ** 2 - (SYSTEMATIC[0] * rows[:, 1]) ** 2, 0.0))
+    random = np.sqrt(np.maximum(rows[:, 9] ** 2 - (MODEL_ERROR[0] * rows[:, 1]) ** 2, 0.0))
     errors = random[rows[:, 0] > 35.0]
     assert errors.max() < 2.0 * np.median(errors)
     assert np.median(errors) < 0.7 * random[rows[:, 0] < 12.0].mean()

@@ -11,8 +11,8 @@ from scipy import signal
 
 from impedance_estimator.simultaneous import reflex_shapes
 from impedance_estimator.simultaneous.change_detection import (
-    LEAST_OLDER,
-    LEFT_OVER,
+    MIN_OLDER_BLOCKS,
+    OVERLAP_BLOCKS,
     candidate_windows,
     find_change,
 )
@@ -250,13 +250,13 @@ def test_without_a_change_the_statistic_stays_low():
 def test_what_is_left_over_from_before_a_change_is_found(left):
     blocks = 30
     ring, total = memory(left, left, blocks)
-    window, d = changed(ring, blocks, LEFT_OVER[0], candidate_windows(320), total)
+    window, d = changed(ring, blocks, OVERLAP_BLOCKS[0], candidate_windows(320), total)
     assert window == blocks - left
     assert d > 100.0
     # No more than may be left over; and too short to count as an older part otherwise.
     assert changed(ring, blocks, left - 1, candidate_windows(320), total)[0] != blocks - left
-    assert left < LEAST_OLDER
-    assert left in LEFT_OVER
+    assert left < MIN_OLDER_BLOCKS
+    assert left in OVERLAP_BLOCKS
     assert changed(ring, blocks, 0, candidate_windows(320), total)[0] != blocks - left
 
 

@@ -29,7 +29,9 @@ LONGEST_GAP = 0.4
 # Lower priority of the fitting thread, so that estimator and recorder on the same machine come
 # first.
 NICENESS = 10
-SHOWN_AGAIN = 5.0  # s; `health` shows a warning for ten seconds, and a fit may come minutes later
+WARNING_PERIOD = (
+    5.0  # s; `health` shows a warning for ten seconds, and a fit may come minutes later
+)
 
 
 class ModelDiscrepancy(AnkleNode):
@@ -58,7 +60,7 @@ class ModelDiscrepancy(AnkleNode):
         self.count("state", "waiting for samples")
         self.block_subscription(ANKLE_SAMPLES, self._receive, REQUIRED, OPTIONAL)
         self.create_timer(0.2, self._show)
-        self.create_timer(SHOWN_AGAIN, self._remind)
+        self.create_timer(WARNING_PERIOD, self._remind)
 
     def _receive(self, block: Block, findings: list[Finding]) -> None:
         samples = block.data

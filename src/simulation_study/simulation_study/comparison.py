@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 
 from simulation_study.comparison_report import write_comparison
-from simulation_study.estimates import FASTER, MEMORIES, carry_out
+from simulation_study.estimates import CUTOFF_FACTORS, MEMORIES, carry_out
 from simulation_study.study import run_study
 from simulation_study.trial import Ankle, Course, Trial
 
@@ -29,10 +29,10 @@ tuning.
 """
 VOLUNTARY = {"none": (0.0, 0.3), "0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
 """Root mean square [N.m] and cut-off [Hz] of the subject's own torque."""
-COMPARED = ("CE", "CE all", "simultaneous")
-PICTURED = (
-    *COMPARED,
-    *(f"{label} x{factor:g}" for factor in FASTER for label in ("CE", "CE all")),
+COMPARED_ESTIMATORS = ("CE", "CE all", "simultaneous")
+PICTURED_ESTIMATORS = (
+    *COMPARED_ESTIMATORS,
+    *(f"{label} x{factor:g}" for factor in CUTOFF_FACTORS for label in ("CE", "CE all")),
     *(f"simultaneous {memory:g} s" for memory in MEMORIES),
     *(f"simultaneous {memory:g} s, fixed" for memory in MEMORIES),
 )
@@ -74,7 +74,7 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
             Trial(
                 f"{part}_{label}_{run}",
                 "CE",
-                PICTURED,
+                PICTURED_ESTIMATORS,
                 fresh(),
                 ankle,
                 course,
@@ -88,7 +88,7 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
             Trial(
                 f"reflex_{omega:g}_{z:g}_{delay:g}_{run}",
                 "CE",
-                COMPARED,
+                COMPARED_ESTIMATORS,
                 fresh(),
                 ankle,
                 None,
@@ -100,7 +100,7 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
             Trial(
                 f"ramp_{over:g}_{run}",
                 "CE",
-                COMPARED,
+                COMPARED_ESTIMATORS,
                 fresh(),
                 Ankle(),
                 Course("ramp", at=60.0, over=over),
@@ -113,7 +113,13 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
         course = replace(wave, frequency=frequency)
         trials.append(
             Trial(
-                f"sinusoid_{frequency:g}_{run}", "CE", COMPARED, fresh(), Ankle(), course, seconds
+                f"sinusoid_{frequency:g}_{run}",
+                "CE",
+                COMPARED_ESTIMATORS,
+                fresh(),
+                Ankle(),
+                course,
+                seconds,
             )
         )
     trials += [

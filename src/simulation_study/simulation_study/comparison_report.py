@@ -16,7 +16,7 @@ SHORTEST_RISE = 1.0 / 64.0
 """[s] Between two estimates: a shorter rise time, which the logarithmic axis could not show, is
 drawn there.
 """
-COVERED = 1.96
+CONFIDENCE_HALF_WIDTH = 1.96
 """Standard errors either side that hold 95 % of a normal distribution."""
 INDEX = {"K": 0, "G": 3}
 BASELINES = ("CE", "CE all")
@@ -179,7 +179,9 @@ def coverage(results: dict[str, dict[str, Any]]) -> dict[str, np.ndarray]:
             value, error, truth = (
                 np.array(numbers["snapshots"][key]) for key in ("value", "error", "truth")
             )
-            inside.setdefault(estimator, []).append(np.abs(value - truth) < COVERED * error)
+            inside.setdefault(estimator, []).append(
+                np.abs(value - truth) < CONFIDENCE_HALF_WIDTH * error
+            )
     return {
         estimator: 100.0 * np.mean(np.concatenate(values), axis=0)
         for estimator, values in inside.items()

@@ -14,13 +14,13 @@ from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from simulation_study.rigs import RIGS, record
 from simulation_study.trial import INERTIA, VISCOSITY, Trial
 
-IGNORED = 30.0
+IGNORED_DURATION = 30.0
 """[s] at the start. van 't Veld et al. 2018, section III-A."""
 SNAPSHOT = 30.0
 """[s] between the estimates that are kept with their standard errors: more than any memory, so that
 they are independent.
 """
-STAYED = 2.0
+ARRIVAL_DURATION = 2.0
 """[s] within 10 % of a jump that count as having arrived: three perturbations."""
 GAINS = ("K", "B", "I", "G")
 VALUES = [
@@ -33,8 +33,8 @@ ERRORS = [
 ]
 VALID = ESTIMATE_COLUMNS.index("valid[1]")
 
-FASTER = (2.0, 4.0)
-"""How many times the cut-offs of CE's averages are raised for the picture of speed against
+CUTOFF_FACTORS = (2.0, 4.0)
+"""The cut-offs of CE's averages are raised by these factors for the picture of speed against
 variability.
 """
 MEMORIES = (5.0, 10.0, 40.0)
@@ -46,7 +46,7 @@ def _estimators() -> dict[str, tuple[str, EstimatorSettings]]:
         name: (name, Settings()) for name in ("O", "C", "CE")
     }
     found["CE all"] = ("CE", Settings(highpass="all"))
-    for factor in FASTER:
+    for factor in CUTOFF_FACTORS:
         for label, highpass in (("CE", "torque"), ("CE all", "all")):
             found[f"{label} x{factor:g}"] = (
                 "CE",
@@ -109,13 +109,13 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
     Returns
     -------
     dict[str, Any]
-        ``mean`` and ``sd`` of K, B, I, G after `IGNORED` (within the trial), ``invalid``: share of
-        the time without valid estimate; without a course ``snapshots``: estimates, their standard
-        errors and the truth every `SNAPSHOT`; with a jump ``rise_time`` and ``arrival`` of K and G
-        [s], NaN where there is none; with any course ``tracking_error``: root mean square error of
-        K and G over half of their range [1].
+        ``mean`` and ``sd`` of K, B, I, G after `IGNORED_DURATION` (within the trial), ``invalid``:
+        share of the time without valid estimate; without a course ``snapshots``: estimates, their
+        standard errors and the truth every `SNAPSHOT`; with a jump ``rise_time`` and ``arrival`` of
+        K and G [s], NaN where there is none; with any course ``tracking_error``: root mean square
+        error of K and G over half of their range [1].
     """
-    rows = rows[rows[:, 0] > IGNORED]
+    rows = rows[rows[:, 0] > IGNORED_DURATION]
     after = rows[rows[:, VALID] > 0.0]
     out: dict[str, Any] = {
         "mean": after[:, VALUES].mean(axis=0).tolist(),
@@ -187,7 +187,7 @@ def rise_time(
 
 def arrival(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float) -> float:
     """Time [s] from a jump until the values stay within 10 % of it about the new level for
-    `STAYED`; NaN where they never do.
+    `ARRIVAL_DURATION`; NaN where they never do.
 
     Unlike the rise time it counts the delay before an estimate moves, and what it overshoots.
 
@@ -205,6 +205,6 @@ def arrival(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], a
     low, high = levels
     within = (np.abs(values - high) <= 0.1 * abs(high - low)) & (time >= at)
     for k in np.flatnonzero(within):
-        if within[k : np.searchsorted(time, time[k] + STAYED)].all():
+        if within[k : np.searchsorted(time, time[k] + ARRIVAL_DURATION)].all():
             return float(time[k] - at)
     return float("nan")

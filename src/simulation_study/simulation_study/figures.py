@@ -19,7 +19,7 @@ from simulation_study.trial import Ankle, Course, Trial
 
 SECONDS = 60.0
 """Of the recordings on which torque is predicted: 100 stretches."""
-SHOWN = 0.150
+SHOWN_DURATION = 0.150
 """[s] of figure 7 after the start of the stretch."""
 COLOURS = {"O": "tab:orange", "CE": "tab:blue"}
 
@@ -163,7 +163,7 @@ def figure7(results: dict[str, dict[str, Any]], path: Path) -> None:
     recording = record(trial)
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
-    before, after = round(0.02 * recording.rate), round(SHOWN * recording.rate)
+    before, after = round(0.02 * recording.rate), round(SHOWN_DURATION * recording.rate)
     within = after_stretch(recording.clean[:, 1], recording.rate)
     starts = np.flatnonzero(within[1:] & ~within[:-1]) + 1
     starts = starts[(starts > recording.rate) & (starts < len(recording.time) - after)]

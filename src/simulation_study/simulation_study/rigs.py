@@ -61,12 +61,17 @@ class Rig:
     pulse_width: float = 0.0
 
 
-QUIET = SignalToNoise(70.0, np.inf, 40.0)
+QUIET_SENSORS = SignalToNoise(70.0, np.inf, 40.0)
 RIGS = {
     "O": Rig(
-        1000.0, Filtered(), QUIET, measures_velocity=False, differenced=True, pulse_width=0.040
+        1000.0,
+        Filtered(),
+        QUIET_SENSORS,
+        measures_velocity=False,
+        differenced=True,
+        pulse_width=0.040,
     ),
-    "C": Rig(1000.0, Polynomial(), QUIET, measures_velocity=False),
+    "C": Rig(1000.0, Polynomial(), QUIET_SENSORS, measures_velocity=False),
     "CE": Rig(2048.0, Polynomial(), SignalToNoise(), measures_velocity=True),
 }
 for _decibel in (50.0, 55.0, 57.0, 59.0, 61.0, 65.0):

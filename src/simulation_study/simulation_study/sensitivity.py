@@ -21,8 +21,15 @@ from simulation_study.study import run_study
 from simulation_study.trial import Trial
 
 SEEDS = (1, 2)
-CHANGED = ("C", *(name for name in RIGS if name.startswith("C, ")))
-READ_BY = ("O", "C", "C, ridge 1e-06", "C, ridge 1e-09", "C, ridge 0.1", "C, reflex average x2")
+CHANGED_RIGS = ("C", *(name for name in RIGS if name.startswith("C, ")))
+READING_ALGORITHMS = (
+    "O",
+    "C",
+    "C, ridge 1e-06",
+    "C, ridge 1e-09",
+    "C, ridge 0.1",
+    "C, reflex average x2",
+)
 
 
 def sensitivity_trials() -> list[Trial]:
@@ -31,10 +38,10 @@ def sensitivity_trials() -> list[Trial]:
         Trial(
             f"{rig}_{seed}".replace(", ", "_").replace(" ", "_"),
             rig,
-            READ_BY if rig == "C" else READ_BY[:2],
+            READING_ALGORITHMS if rig == "C" else READING_ALGORITHMS[:2],
             seed,
         )
-        for rig in CHANGED
+        for rig in CHANGED_RIGS
         for seed in SEEDS
     ]
 
@@ -58,7 +65,7 @@ def main() -> None:
     )
     print("| rig | algorithm | " + " | ".join(GAINS) + " | var K [%] | var G [%] |")
     print("|" + " --- |" * 8)
-    for rig in CHANGED:
+    for rig in CHANGED_RIGS:
         found = [
             result["estimates"] for result in results.values() if result["trial"]["rig"] == rig
         ]

@@ -38,9 +38,9 @@ SERVO_HZ = (35.0, 60.0)
 REFLEX_VARIATION = (0.1, 0.3)
 TREMOR_RMS = (0.0, 0.2)
 # From here on a name is stated with confidence.
-CONFIDENT = 0.7
+MIN_STATED_PROBABILITY = 0.7
 # Answers to these are verdicts, signal findings or variability and no names of terms.
-LEFT_OUT = frozenset({"tremor", "position_gain", "encoder_play"})
+EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_play"})
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,9 @@ class Case:
     @property
     def confident(self) -> list[str]:
         """Names that are stated with 0.7 or more."""
-        return [e["name"] for e in self.verdict.effects if e["probability"] >= CONFIDENT]
+        return [
+            e["name"] for e in self.verdict.effects if e["probability"] >= MIN_STATED_PROBABILITY
+        ]
 
     @property
     def right_names(self) -> tuple[str, ...]:
@@ -94,7 +96,11 @@ def _family(name: str) -> str:
 def cases(nulls: int, planted: int, seed: int) -> Iterator[Case]:
     """Simulate and diagnose, one after the other."""
     generator = np.random.default_rng(seed)
-    names = [e.name for e in (*effects.KNOWN, *effects.UNKNOWN) if e.name not in LEFT_OUT]
+    names = [
+        e.name
+        for e in (*effects.KNOWN_EFFECTS, *effects.UNKNOWN_EFFECTS)
+        if e.name not in EXCLUDED_EFFECTS
+    ]
     hidden = [str(n) for n in generator.permutation(names)]
     wanted = [""] * nulls + [hidden[k % len(hidden)] for k in range(planted)]
     for number, effect in enumerate(wanted):

@@ -22,7 +22,7 @@ def verb(
 
     Example: ankle design-experiment session_diagnosis --out design
     """
-    from model_discrepancy.tools.experiment_design import LISTED, design_experiment
+    from model_discrepancy.tools.experiment_design import LISTED_DESIGNS, design_experiment
 
     clear_folder(out, overwrite, "design.yaml")
     with working("designing") as step:
@@ -35,7 +35,7 @@ def verb(
             "excess error [%]": f"{100 * proposal.excess:.1f}",
             "minutes": f"{proposal.minutes:.2g}",
         }
-        for proposal in found.proposals[:LISTED]
+        for proposal in found.proposals[:LISTED_DESIGNS]
     ]
     if proposals:
         table = Table(*proposals[0])

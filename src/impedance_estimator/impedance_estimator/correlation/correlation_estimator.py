@@ -27,14 +27,16 @@ from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
 from impedance_estimator.settings import EstimatorSettings, Settings
 
 LOWPASS_ORDER = 4
-"""Of the filter on all inputs; the paper gives its cut-off only. Two differentiations raise white
-position noise by 12 dB an octave. A second-order filter just cancels that, and the acceleration's
-noise, so the estimate of I, depends on the sampling rate (0.0100 at 1000 Hz, 0.0131 at 2048 Hz on a
-real trial); with fourth order the two agree within 1 %. Above, nothing more is gained."""
+"""The filter on all inputs has this order; the paper gives its cut-off only. Two differentiations
+raise white position noise by 12 dB an octave. A second-order filter just cancels that, and the
+acceleration's noise, so the estimate of I, depends on the sampling rate (0.0100 at 1000 Hz, 0.0131
+at 2048 Hz on a real trial); with fourth order the two agree within 1 %. Above, nothing more is
+gained.
+"""
 AVERAGE_ORDER = 2
-"""Of the averaging filters; second order came near the paper's table II."""
-LOWPASS_SETTLED = 5.0
-"""Periods of its cut-off after which the input low-pass has forgotten its start to 1e-9."""
+"""The averaging filters have this order; the second came near the paper's table II."""
+LOWPASS_SETTLING_PERIODS = 5.0
+"""The input low-pass has forgotten its start to 1e-9 after so many periods of its cut-off."""
 CHUNK = 8192
 """Samples per compiled call: bounds the buffers, whatever the caller's block."""
 
@@ -105,7 +107,7 @@ class CorrelationEstimator(Estimator):
         reflex_average = design(AVERAGE_ORDER, s.reflex_average_cutoff, slow)
         batch_samples = round(standard_errors.batch_length(s.intrinsic_average_cutoff) * rate)
         settled = s.reflex_last_lag + (
-            LOWPASS_SETTLED / s.lowpass_cutoff if self.input_lowpass else 0.0
+            LOWPASS_SETTLING_PERIODS / s.lowpass_cutoff if self.input_lowpass else 0.0
         )
         return Plan(
             rate=rate,

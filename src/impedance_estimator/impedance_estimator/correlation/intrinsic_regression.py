@@ -18,9 +18,10 @@ from numba import njit
 SOLVED, NO_VARIANCE, COLLINEAR = 0, 1, 2
 
 LEAST_DETERMINANT = 1e-6
-"""Of the correlation matrix of x, v, a. It is 1 for uncorrelated signals and about 0.9 for
-pulse-steps; below 1e-6 one signal follows from the other two to a part in a thousand, and sensor
-noise of that size decides the estimate."""
+"""The determinant of the correlation matrix of x, v, a must be at least this. It is 1 for
+uncorrelated signals and about 0.9 for pulse-steps; below 1e-6 one signal follows from the other two
+to a part in a thousand, and sensor noise of that size decides the estimate.
+"""
 
 
 @njit

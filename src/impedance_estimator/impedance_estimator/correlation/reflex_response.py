@@ -48,7 +48,7 @@ def average_correlations(
     first_lag: int,
     torque: float,
 ) -> None:
-    """One decimated sample into the running correlations.
+    """Add one decimated sample to the running correlations.
 
     Parameters
     ----------

@@ -36,10 +36,8 @@ RIDGE = 1e-6
 """Added to the diagonals relative to them: the inputs have no power between the low-pass and half
 the working rate.
 """
-CONVERGED = 1e-3
-"""[%] A round that explains less of the variance than this in addition is the last one; noise moves
-VAF by more.
-"""
+CONVERGENCE_VAF = 1e-3
+"""A round that raises VAF by less than this [%] is the last one; noise moves VAF by more."""
 MOST_ROUNDS = 200
 
 
@@ -58,9 +56,9 @@ class ParallelCascade:
     reflex: np.ndarray
     """h_R [N.m/rad], shape (m,)"""
     rounds: int
-    """Until convergence."""
+    """Number of rounds until convergence."""
     vaf: float
-    """Of the data it was fitted to [%]."""
+    """Variance of the data it was fitted to that it accounts for [%]."""
 
     @property
     def stiffness(self) -> float:
@@ -156,7 +154,7 @@ def parallel_cascade(
         reflex = linalg.cho_solve(reflex_system, reflex_torque - cross.T @ intrinsic)
         residual = y - intrinsic_inputs @ intrinsic - reflex_inputs @ reflex
         previous, explained = explained, 100.0 * (1.0 - float(residual @ residual) / total)
-        if explained - previous < CONVERGED:
+        if explained - previous < CONVERGENCE_VAF:
             break
     return ParallelCascade(
         rate, intrinsic_lags * step, intrinsic, reflex_lags * step, reflex, rounds, explained

@@ -30,8 +30,8 @@ from session_recorder.bag_writer import BagWriter
 from session_recorder.message_definitions import typestore
 
 PROVENANCE_TOPIC = IMPEDANCE_PROVENANCE.absolute
-GROUPED = 256
-"""Blocks joined before they are processed: fewer calls, same numbers."""
+BLOCKS_PER_CALL = 256
+"""So many blocks are joined before they are processed: fewer calls, same numbers."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ def _feed_reference(reader: BagReader, stream: EstimateStream) -> None:
 def _joined_blocks(blocks: Iterator[Block]) -> Iterator[Block]:
     waiting: list[Block] = []
     for block in blocks:
-        if waiting and (block.columns != waiting[0].columns or len(waiting) == GROUPED):
+        if waiting and (block.columns != waiting[0].columns or len(waiting) == BLOCKS_PER_CALL):
             yield _concatenate(waiting)
             waiting = []
         waiting.append(block)

@@ -22,7 +22,7 @@ HIGHPASS = 0.1
 One step of the perturbation lasts 0.2 to 0.7 s, well within the pass band.
 """
 FILTER_ORDER = 2
-"""Of each Butterworth filter, which runs forwards and backwards."""
+"""Each Butterworth filter has this order and runs forwards and backwards."""
 WORKING_RATE = 250.0
 """[Hz] Three times the low-pass; the factor of decimation is a whole number, so 2048 Hz gives 256
 Hz.

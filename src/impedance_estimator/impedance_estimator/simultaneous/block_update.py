@@ -1,5 +1,6 @@
-"""What happens when a block is complete: linearise, look for a change, solve, choose the noise
-model, watch the scores.
+"""A complete block updates the estimate.
+
+The steps are: linearise, look for a change, solve, choose the noise model, watch the scores.
 """
 
 from __future__ import annotations
@@ -9,7 +10,11 @@ import numpy as np
 from impedance_estimator import validity
 from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous import reflex_shapes
-from impedance_estimator.simultaneous.change_detection import LEAST_OLDER, LEFT_OVER, find_change
+from impedance_estimator.simultaneous.change_detection import (
+    MIN_OLDER_BLOCKS,
+    OVERLAP_BLOCKS,
+    find_change,
+)
 from impedance_estimator.simultaneous.memory import sum_recent, use_chosen_memory
 from impedance_estimator.simultaneous.nuisance import nuisance_coefficients
 from impedance_estimator.simultaneous.regression import (
@@ -25,68 +30,77 @@ from impedance_estimator.simultaneous.state import Plan, State
 from impedance_estimator.simultaneous.voluntary_torque_noise import FIRST_MODEL, most_likely
 
 SHAPES = reflex_shapes.SHAPES
-JUMP = np.array([100.0, 0.5, 0.005, 20.0])
-"""[N.m/rad, N.m.s/rad, kg.m², N.m.s/rad] How far K, B, I and G may be from their old values after a
-change, one standard
-deviation: a full contraction. It matters only until the first perturbation after the change."""
-_JUMP_PRECISION = 1.0 / JUMP**2
-UNKNOWN = np.array([1e3, 10.0, 0.1, 1e3])
-"""The same units: before any data."""
-LARGEST_STEP = np.array([0.2, 0.2, 0.004])
-"""Of ln ω, ln z and delay [s] in one relinearisation: the shape is linear enough for steps of 20 %
-and 4 ms.
+CHANGE_DEVIATIONS = np.array([100.0, 0.5, 0.005, 20.0])
+"""One standard deviation of K, B, I and G about their old values after a change is a full
+contraction [N.m/rad, N.m.s/rad, kg.m², N.m.s/rad]. It matters only until the first perturbation
+after the change."""
+_CHANGE_PRECISIONS = 1.0 / CHANGE_DEVIATIONS**2
+INITIAL_DEVIATIONS = np.array([1e3, 10.0, 0.1, 1e3])
+"""One standard deviation of K, B, I and G before any data is far beyond any ankle
+[N.m/rad, N.m.s/rad, kg.m², N.m.s/rad].
+"""
+LARGEST_SHAPE_STEP = np.array([0.2, 0.2, 0.004])
+"""ln ω, ln z and the delay [s] move by at most this in one relinearisation: the shape is linear
+enough for steps of 20 % and 4 ms.
 """
 STEP_SHARE = 0.5
-"""Of the step that the data ask for: in the human trials, whose noise is not white, whole steps
-overshoot and G swings with them.
+"""Only this share of the step that the data ask for is made: in the human trials, whose noise is
+not white, whole steps overshoot and G swings with them.
 """
 SHAPE_DRIFT = np.array([0.05, 0.05, 0.001])
-"""Of ln ω, ln z and delay [s] with a change of K or G, one standard deviation: muscles slow down
-with fatigue by a few per cent.
+"""ln ω, ln z and the delay [s] drift by this standard deviation with a change of K or G: muscles
+slow down with fatigue by a few per cent.
 """
 DEVIATION_DRIFT = 0.1
-"""Of the deviation's prior standard deviation: how much the rest of the shape changes with K or G.
-"""
+"""The rest of the shape changes with K or G by this share of its prior standard deviation."""
 DEVIATIONS = np.array([0.01, 0.03, 0.1, 0.3])
 """Candidates for the standard deviation of what the response has beyond a second-order muscle,
 relative to a typical response. More than 0.3 explained no real trial better."""
 SHAPE_FORGETTING = 1.0 / 60.0
-"""Per second: what was known about the shape before the memory is forgotten over a hold period."""
-LIKELIER = 5.0
-"""ln L by which another noise model must be better: a factor of 150, so that the choice does not
-flicker.
+"""What was known about the shape before the memory is forgotten at this rate [1/s], over a hold
+period.
 """
-MUCH_LIKELIER = 15.0
-"""ln L by which another width of the deviation's prior, or a shorter memory, must be better. They
-are asked again and again, and a wrong choice costs more: 5 was passed by chance in 2 of 30
-simulated runs of three minutes (G moved by 2 %) and by one odd second of a real trial (G fell to a
-quarter)."""
+MIN_LOG_LIKELIHOOD_GAIN = 5.0
+"""Another noise model is chosen when its ln L is larger by this: a factor of 150, so that the
+choice does not flicker.
+"""
+MIN_REPEATED_LOG_LIKELIHOOD_GAIN = 15.0
+"""Another width of the deviation's prior, or a shorter memory, is chosen when its ln L is larger by
+this. They are compared again and again, and a wrong choice costs more: 5 was passed by chance in 2
+of 30 simulated runs of three minutes (G moved by 2 %) and by one odd second of a real trial (G fell
+to a quarter)."""
 LIKELIHOOD_MEMORY = 15.0
-"""Seconds in the running sum of ln L: a subject who starts to push is noticed within seconds."""
-CONSISTENT = 4.0
-"""Noise variance since a change over that before it, up to which the new estimate is believed in
-full. What is left of the change in the whitening filters makes it a hundred times as large, and K
-and G of the first half second then anything."""
-LEAST_BELIEVED = 10
-"""Blocks since a change (0.6 s) before the new estimate is believed at all: fewer fit one response
+"""The running sum of ln L remembers so many seconds: a subject who starts to push is noticed within
+seconds.
+"""
+LARGEST_VARIANCE_RATIO = 4.0
+"""The new estimate gets full weight while the noise variance since a change is at most this many
+times that before it. What is left of the change in the whitening filters makes it a hundred times
+as large, and K and G of the first half second then anything.
+"""
+MIN_BLOCKS_AFTER_CHANGE = 10
+"""The new estimate gets weight after so many blocks since a change (0.6 s): fewer fit one response
 and predict no other.
 """
-MOST_DOUBTED = 32
-"""Blocks since a change (2 s, three perturbations) from which the new estimate is believed whatever
-its noise: the subject may have become less steady with the change, and the old value must not stay
-in the estimate."""
-RESIDUAL_LAGS = 9
-"""Samples of 256 Hz: autocorrelation up to 31 ms, half a period of 16 Hz. Tremor is slower."""
-RESIDUAL_RATE = 256.0
-"""[Hz]"""
-SCATTERING = 5.0
-"""[s] of memory before the scores' scatter is watched: with less, the fit follows each second of
-its data.
+FULL_WEIGHT_BLOCKS = 32
+"""The new estimate gets full weight, whatever its noise, from so many blocks since a change on (2
+s, three perturbations): the subject may have become less steady with the change, and the old value
+must not stay in the estimate.
 """
-BATCH = 2
-"""[s] of scores in a batch"""
+RESIDUAL_LAGS = 9
+"""The residual's autocorrelation has so many lags of 256 Hz: up to 31 ms, half a period of 16 Hz.
+Tremor is slower.
+"""
+RESIDUAL_RATE = 256.0
+"""The residual's lags are samples at this rate [Hz]."""
+MIN_SCATTER_LENGTH = 5.0
+"""The scatter of the scores is watched once the memory has this length [s]: with less, the fit
+follows each second of its data.
+"""
+BATCH_DURATION = 2
+"""A batch of scores lasts so many seconds."""
 SCATTER_MEMORY = 60.0
-"""Seconds (batches) in the running mean of the scores' scatter; its own error is then 20 %."""
+"""The running mean of the scores' scatter remembers so many seconds; its own error is then 20 %."""
 
 
 @part
@@ -116,7 +130,7 @@ def forget(s: State) -> None:
     s.predictors[:] = 0.0
     s.predicted[:] = 0.0
     s.prior[0] = 0.0
-    s.prior[1] = UNKNOWN
+    s.prior[1] = INITIAL_DEVIATIONS
     s.eta[0] = reflex_shapes.PRIOR_MEAN
     s.eta[1] = reflex_shapes.PRIOR_MEAN
     s.eta[2] = reflex_shapes.PRIOR_DEVIATION
@@ -142,9 +156,12 @@ def linearise(p: Plan, s: State) -> None:
         for j in range(d.shape[0]):
             d[j] = (gain * d[j] + s.solution[PARAMETERS + j]) / held
         for k in range(SHAPES):
-            step = STEP_SHARE * min(max(s.solution[GAINS + k], -LARGEST_STEP[k]), LARGEST_STEP[k])
+            step = STEP_SHARE * min(
+                max(s.solution[GAINS + k], -LARGEST_SHAPE_STEP[k]), LARGEST_SHAPE_STEP[k]
+            )
             s.eta[0, k] = min(
-                max(s.eta[0, k] + step, reflex_shapes.LOWEST[k]), reflex_shapes.HIGHEST[k]
+                max(s.eta[0, k] + step, reflex_shapes.LOWEST_SHAPE[k]),
+                reflex_shapes.HIGHEST_SHAPE[k],
             )
         c.gain = held
     reflex_shapes.shape_coordinates(s.eta[0], p.basis, p.lags, s.shape_work, s.tangent)
@@ -234,7 +251,9 @@ def choose_deviation(p: Plan, s: State) -> None:
             best, largest = candidate, evidence
         if candidate == kept:
             present = evidence
-    c.deviation = best if largest > present + MUCH_LIKELIER * c.dispersion else kept
+    c.deviation = (
+        best if largest > present + MIN_REPEATED_LOG_LIKELIHOOD_GAIN * c.dispersion else kept
+    )
 
 
 @part
@@ -249,7 +268,7 @@ def detect_change(p: Plan, s: State) -> None:
         p.windows,
         s.matrices[6],
         s.tangent,
-        _JUMP_PRECISION,
+        _CHANGE_PRECISIONS,
         p.block_samples,
         s.matrices,
         s.recorded,
@@ -267,7 +286,7 @@ def detect_change(p: Plan, s: State) -> None:
         s.held[:] = s.output[0]
     for i in range(GAINS):
         s.prior[0, i] = s.solution[i]
-        s.prior[1, i] = JUMP[i]
+        s.prior[1, i] = CHANGE_DEVIATIONS[i]
     for k in range(SHAPES):
         s.eta[1, k] = s.eta[0, k] + s.solution[GAINS + k]
         known = 2.0 * c.variance * s.covariance[GAINS + k, GAINS + k] + SHAPE_DRIFT[k] ** 2
@@ -281,12 +300,12 @@ def detect_change(p: Plan, s: State) -> None:
         )
         s.deviation[2, j] = min(np.sqrt(known), 1.0)
     forgotten = c.since - window
-    c.left_over = LEFT_OVER[0] if forgotten >= LEAST_OLDER else c.left_over - forgotten
+    c.left_over = OVERLAP_BLOCKS[0] if forgotten >= MIN_OLDER_BLOCKS else c.left_over - forgotten
     c.since = window
     # All memories but the last now begin with the change: none of them has an advantage.
     s.predicted[:-1] = np.max(s.predicted[:-1])
     c.changed = 1
-    if s.predicted[-1] <= s.predicted[0] + MUCH_LIKELIER * c.dispersion:
+    if s.predicted[-1] <= s.predicted[0] + MIN_REPEATED_LOG_LIKELIHOOD_GAIN * c.dispersion:
         c.memory = 0
     use_chosen_memory(p, s)
 
@@ -304,7 +323,7 @@ def choose_noise_model(p: Plan, s: State) -> None:
         s.likelihood[model] *= 1.0 - 1.0 / LIKELIHOOD_MEMORY
         if squares > 0.0:
             s.likelihood[model] -= 0.5 * count * np.log(squares / count)
-    c.model = most_likely(s.likelihood, c.model, LIKELIER * c.dispersion)
+    c.model = most_likely(s.likelihood, c.model, MIN_LOG_LIKELIHOOD_GAIN * c.dispersion)
 
 
 @part
@@ -338,10 +357,10 @@ def outputs(p: Plan, s: State) -> None:
     if c.unsettled:
         # Between the estimate before the change and the new one, as far as the new one is believed.
         believed = 0.0
-        if c.since >= MOST_DOUBTED:
+        if c.since >= FULL_WEIGHT_BLOCKS:
             believed = 1.0
-        elif c.since >= LEAST_BELIEVED:
-            believed = min(CONSISTENT * c.noise_before / c.variance, 1.0)
+        elif c.since >= MIN_BLOCKS_AFTER_CHANGE:
+            believed = min(LARGEST_VARIANCE_RATIO * c.noise_before / c.variance, 1.0)
         c.unsettled = believed < 1.0
         for output in range(GAINS):
             s.output[0, output] = s.held[output] + believed * (s.output[0, output] - s.held[output])
@@ -355,7 +374,7 @@ def watch_scatter(p: Plan, s: State) -> None:
     c = s.counters[0]
     normal, weights, influence, fitted = s.matrices[0], s.vectors[0], s.vectors[1], s.vectors[2]
     unknowns = s.solution.shape[0]
-    sum_recent(s, c.model, BATCH * p.second, normal, 0)
+    sum_recent(s, c.model, BATCH_DURATION * p.second, normal, 0)
     weight = 1.0 / min(c.batches + 1.0, SCATTER_MEMORY)
     mean = 0.0
     for output in range(GAINS):

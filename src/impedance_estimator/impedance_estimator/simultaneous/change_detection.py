@@ -1,5 +1,6 @@
-"""When did the ankle change? Generalised likelihood ratio between the recent and the older part of
-the memory.
+"""The moment at which the ankle changed is found by a generalised likelihood ratio.
+
+It compares the recent part of the memory with the older one.
 
 For every candidate window at the end of the memory, are K, B, I and G the same within it as before
 it?
@@ -30,25 +31,27 @@ from impedance_estimator.simultaneous.regression import (
     unpack_sums,
 )
 
-SHORTEST = 6
-"""Blocks of the shortest window: 0.4 s, the length of a reflex response."""
-LEAST_OLDER = 16
-"""Blocks that must be left before the window: 1 s, one or two perturbations."""
-LEFT_OVER = (12, 8, 5, 3, 2, 1)
-"""Blocks that may be left over from before a change that was placed a little too early, the most
-first: 0.75 s in all. They are looked for until the memory is full: so short a part would otherwise
-pull the estimate for as long as the memory lasts."""
-GROWTH = 1.4
-"""Ratio of successive windows."""
+SHORTEST_WINDOW = 6
+"""The shortest window has so many blocks: 0.4 s, the length of a reflex response."""
+MIN_OLDER_BLOCKS = 16
+"""So many blocks must be left before the window: 1 s, one or two perturbations."""
+OVERLAP_BLOCKS = (12, 8, 5, 3, 2, 1)
+"""So many blocks from before a change may remain in the memory when the change was placed a little
+too early, the most first: 0.75 s in all. They are looked for until the memory is full: so short a
+part would otherwise pull the estimate for as long as the memory lasts.
+"""
+WINDOW_RATIO = 1.4
+"""The length of a window is this ratio times that of the one before."""
 
 
 def candidate_windows(longest: int) -> np.ndarray:
-    """Lengths of the windows in blocks, geometric from `SHORTEST` to less than `longest`, shape
-    (k,).
+    """Return the lengths of the windows in blocks, shape (k,).
+
+    They are geometric, from `SHORTEST_WINDOW` to less than `longest`.
     """
-    windows = [SHORTEST]
-    while windows[-1] * GROWTH < longest - LEAST_OLDER:
-        windows.append(round(windows[-1] * GROWTH))
+    windows = [SHORTEST_WINDOW]
+    while windows[-1] * WINDOW_RATIO < longest - MIN_OLDER_BLOCKS:
+        windows.append(round(windows[-1] * WINDOW_RATIO))
     return np.array(windows)
 
 
@@ -151,16 +154,16 @@ def find_change(
     sums[:] = 0.0
     taken = 0
     grown = 0
-    while grown < windows.shape[0] and length - windows[grown] >= LEAST_OLDER:
+    while grown < windows.shape[0] and length - windows[grown] >= MIN_OLDER_BLOCKS:
         grown += 1
-    for candidate in range(grown + len(LEFT_OVER)):
+    for candidate in range(grown + len(OVERLAP_BLOCKS)):
         if candidate < grown:
             window = windows[candidate]
-        elif LEFT_OVER[candidate - grown] <= left_over:
-            window = length - LEFT_OVER[candidate - grown]
+        elif OVERLAP_BLOCKS[candidate - grown] <= left_over:
+            window = length - OVERLAP_BLOCKS[candidate - grown]
         else:
             continue
-        if window < SHORTEST:
+        if window < SHORTEST_WINDOW:
             continue
         while taken < window:
             block = ring[(newest - taken) % ring.shape[0]]

@@ -1,4 +1,4 @@
-"""When is an estimate to be doubted? Signs that its model does not hold, and their limits.
+"""An estimate is doubted where signs show that its model does not hold.
 
 Each sign is a number; at its limit it makes a doubt of one half, at one and a half times its limit
 full doubt. The limits were set on the independent rig (MuJoCo) without a mismatch, where 5 % of the
@@ -14,11 +14,12 @@ from impedance_estimator.simultaneous.state import State
 SIGNS = ("misfit", "ringing", "disagreement", "structure", "imprecision")
 
 LIMITS = np.array([0.075, 0.30, 4.0, 0.5, 0.25])
-"""Of `SIGNS`: relative difference between the intrinsic response and that of inertia, viscosity and
-stiffness behind a delay [1]; most negative autocorrelation of the residual between 8 and 31 ms [1];
-difference of K or G between both halves of the memory over its standard error [1]; whether
-relaxation, yielding or a stiffness that depends on position was found [1]; standard error of K or G
-over its value [1]."""
+"""Each of `SIGNS` has a limit: relative difference between the intrinsic response and that of
+inertia, viscosity and stiffness behind a delay [1]; most negative autocorrelation of the residual
+between 8 and 31 ms [1]; difference of K or G between both halves of the memory over its standard
+error [1]; whether relaxation, yielding or a stiffness that depends on position was found [1];
+standard error of K or G over its value [1].
+"""
 
 _SENTENCES = (
     "the intrinsic response is not that of inertia, viscosity and stiffness (straps? shaft?)",
@@ -27,9 +28,6 @@ _SENTENCES = (
     "tissue relaxes, yields or hardens",
     "the standard error of K or G is over a quarter of its value",
 )
-
-FLAGGED = 0.5
-"""A doubt of this and more is a flag."""
 
 
 def reasons(signs: np.ndarray) -> str:

@@ -1,4 +1,4 @@
-"""What the regression sees: the motion that the reference explains, without nuisance terms.
+"""The regression uses the motion that the reference explains, without nuisance terms.
 
 Two things spoil a regression of torque on measured motion.
 
@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from impedance_estimator.simultaneous.block_update import DEVIATIONS, SCATTERING
+from impedance_estimator.simultaneous.block_update import DEVIATIONS, MIN_SCATTER_LENGTH
 from impedance_estimator.simultaneous.doubt import doubt_of
 from impedance_estimator.simultaneous.nuisance import (
     CUBE,
@@ -58,23 +58,25 @@ EXTRA_WIDTHS = {RELAXATION: 60.0, YIELDING: 2.0, SQUARE: 2000.0, CUBE: 1e5}
 """[N.m/rad, N.m, N.m/rad², N.m/rad³] Prior standard deviations: of the size of the elastic torque
 within a perturbation of 30 mrad."""
 STRUCTURE_GAIN = 100.0
-"""ln L by which a structure must be better than shifted accelerations alone. Without a mismatch the
-independent rig gave up to 45."""
-KEPT_GAIN = 30.0
-"""ln L by which the structure that is in use is preferred, so that the choice does not flicker."""
+"""A structure is added when its ln L exceeds that of shifted accelerations alone by this. Without a
+mismatch the independent rig gave up to 45."""
+STRUCTURE_HYSTERESIS = 30.0
+"""The structure in use is preferred by this ln L, so that the choice does not flicker."""
 LARGEST_STIFFNESS_ERROR = 0.08
 """Relative standard error of K up to which a structure is accepted: where the perturbation cannot
 tell a structure from stiffness (a power of position under two levels), it must not be added."""
 INSTRUMENT_RIDGE = 1e-9
-"""Of the scaled instruments' own sums, so that a signal that never moves is no error."""
+"""This share of the scaled instruments' own sums is added to them, so that a signal that never
+moves is no error.
+"""
 LARGEST_DELAY = 0.012
 """[s] Within the reach of the shifted accelerations."""
 DELAY_STEP = 0.00025
 """[s] Of the search for the delay; a parabola through the best three follows."""
 FREQUENCIES = np.arange(3.0, 25.0, 3.0)
 """[Hz] Where the perturbation has its power, and inertia, viscosity and stiffness theirs."""
-SHORTEST_HALF = 5.0
-"""[s] Of a half memory that can disagree with the other: a dozen perturbations."""
+SHORTEST_HALF_MEMORY = 5.0
+"""A half of the memory must be this long [s] to disagree with the other: a dozen perturbations."""
 
 
 class Memory(NamedTuple):
@@ -219,7 +221,9 @@ def clean_motion(p: Plan, s: State) -> None:
         return
     try:
         projection, sums = explained(memory, bool(c["referenced"]))
-        review = known and c["length"] >= SCATTERING * p.second and c["blocks"] % p.second == 0
+        review = (
+            known and c["length"] >= MIN_SCATTER_LENGTH * p.second and c["blocks"] % p.second == 0
+        )
         if review:
             _choose_structure(p, s, memory, projection, sums)
         gamma, _ = eliminated(sums, int(c["structure"]), variance)
@@ -252,7 +256,7 @@ def _choose_structure(
             error = np.sqrt(variance * found.covariance[0, 0])
             if not error < LARGEST_STIFFNESS_ERROR * found.unknowns[0]:
                 score = -np.inf
-            score += (KEPT_GAIN if structure == c["structure"] else 0.0) - STRUCTURE_GAIN
+            score += (STRUCTURE_HYSTERESIS if structure == c["structure"] else 0.0) - STRUCTURE_GAIN
         scores.append(score)
     c["structure"] = int(np.argmax(scores))
     c["structure_gain"] = max(scores) - scores[0]
@@ -314,7 +318,7 @@ def _halves_apart(p: Plan, s: State) -> float:
     """The larger difference of K or G between both halves of the memory, over its error."""
     c = s.counters[0]
     half = int(c["length"]) // 2
-    if half < SHORTEST_HALF * p.second:
+    if half < SHORTEST_HALF_MEMORY * p.second:
         return 0.0
     ring = s.ring[c["model"]]
     newest = (c["newest"] - np.arange(2 * half)) % len(ring)

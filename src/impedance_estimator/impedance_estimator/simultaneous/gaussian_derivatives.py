@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
-CUT = 4.5
-"""Half-length of the kernel in standard deviations; the Gaussian has fallen to 4e-5 there."""
+KERNEL_HALF_WIDTH = 4.5
+"""The kernel ends at so many standard deviations, where the Gaussian has fallen to 4e-5."""
 
 
 def gaussian_derivatives(sigma: float, rate: float) -> np.ndarray:
@@ -44,7 +44,7 @@ def gaussian_derivatives(sigma: float, rate: float) -> np.ndarray:
         raise ValueError(
             f"smoothing {sigma:g} s is refused at {rate:g} Hz; allowed: at least {0.7 / rate:g} s"
         )
-    n = math.ceil(CUT * sigma * rate)
+    n = math.ceil(KERNEL_HALF_WIDTH * sigma * rate)
     t = np.arange(-n, n + 1) / rate
     value = np.exp(-0.5 * (t / sigma) ** 2)
     value /= value.sum()

@@ -1,4 +1,4 @@
-"""How long a memory? The longest whose parameters predict as well as any other's.
+"""The memory is the longest one whose parameters predict as well as any other's.
 
 A slow change never stands out between two parts of the memory (`change_detection`); it shows in
 that older data predict worse. And an ankle that changes back and forth faster than it can be
@@ -21,11 +21,11 @@ import numpy as np
 from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous.block_update import (
     LIKELIHOOD_MEMORY,
-    MUCH_LIKELIER,
+    MIN_REPEATED_LOG_LIKELIHOOD_GAIN,
     response,
     solve_memory,
 )
-from impedance_estimator.simultaneous.change_detection import SHORTEST
+from impedance_estimator.simultaneous.change_detection import SHORTEST_WINDOW
 from impedance_estimator.simultaneous.memory import blocks_of, sum_recent, use_chosen_memory
 from impedance_estimator.simultaneous.regression import INTRINSIC
 from impedance_estimator.simultaneous.state import Plan, State
@@ -38,8 +38,8 @@ HORIZON = 0.5
 With 1 s, an ankle that swings at 0.2 Hz is no longer followed.
 """
 LARGEST_DISPERSION = 4.0
-"""Of the scores, as far as it slows the choice down: real ankles have 2 to 4; more is the drift, to
-which the memory is too long.
+"""The scatter of the scores slows the choice down by at most this factor: real ankles have 2 to 4;
+more is the drift, for which the memory is too long.
 """
 
 
@@ -66,7 +66,7 @@ def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
         return
     solution = s.vectors[3]
     solution[:] = s.solution
-    if blocks >= SHORTEST:
+    if blocks >= SHORTEST_WINDOW:
         sum_recent(s, c.model, blocks, s.matrices[0], after)
         if np.isnan(solve_memory(p, s, blocks, solution, s.matrices[5])):
             solution[:] = s.solution
@@ -101,7 +101,7 @@ def choose_memory(p: Plan, s: State) -> None:
             s.predicted[candidate] -= 0.5 * count * np.log(squares / count)
     c.changed = 0
     chosen = 0
-    margin = MUCH_LIKELIER * min(c.dispersion, LARGEST_DISPERSION)
+    margin = MIN_REPEATED_LOG_LIKELIHOOD_GAIN * min(c.dispersion, LARGEST_DISPERSION)
     while s.predicted[chosen] < np.max(s.predicted) - margin:
         chosen += 1
     if chosen != c.memory:

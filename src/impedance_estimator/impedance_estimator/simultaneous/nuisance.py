@@ -144,6 +144,6 @@ def nuisance_coefficients(p: Plan, s: State) -> None:
 
 @part
 def tap_shift(tap: int) -> float:
-    """By how many decimated samples the acceleration of a tap is late: 1, -1, 2, -2, ..."""
+    """Return by how many decimated samples the acceleration of a tap is late: 1, -1, 2, -2, ..."""
     reach = tap // 2 + 1
     return float(reach) if tap % 2 == 0 else -float(reach)

@@ -4,9 +4,9 @@
     h(t; η) ≈ Σ_j c_j(η) b_j(t),   η = (ln ω, ln z, D)
 
 The shape is that of van 't Veld et al. 2018, figure 1. b_j are the leading principal components
-(Karhunen-Loève) of all shapes within `LOWEST` and `HIGHEST`, each weighted with its prior
-probability. The data are reduced to sums of products of signals passed through b_j; from these sums
-the fit for any ω, z and D follows without going back to the data.
+(Karhunen-Loève) of all shapes within `LOWEST_SHAPE` and `HIGHEST_SHAPE`, each weighted with its
+prior probability. The data are reduced to sums of products of signals passed through b_j; from
+these sums the fit for any ω, z and D follows without going back to the data.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from impedance_estimator.compilation import part
 
 SHAPES = 3
 """Parameters of a shape: ln ω [ln rad/s], ln z [1], delay [s]."""
-LOWEST = np.array([math.log(6.0), math.log(0.35), 0.020])
+LOWEST_SHAPE = np.array([math.log(6.0), math.log(0.35), 0.020])
 """Slower: reflexes of spastic muscles and the real trials come to 8 rad/s.
 
 Earlier than 20 ms nothing returns from the spine.
 """
-HIGHEST = np.array([math.log(45.0), math.log(2.0), 0.080])
+HIGHEST_SHAPE = np.array([math.log(45.0), math.log(2.0), 0.080])
 """Long-latency responses begin at 60-80 ms."""
 PRIOR_MEAN = np.array([math.log(20.0), math.log(0.85), 0.043])
 """Middle of what is reported: 21 rad/s, 0.8, 40 ms (van 't Veld et al.
@@ -97,7 +97,10 @@ def _shape(eta: np.ndarray, lags: np.ndarray, out: np.ndarray) -> None:
 def _family(step: float) -> tuple[np.ndarray, np.ndarray]:
     """Shapes on a grid, (k, n), and their prior probabilities, (k,)."""
     lags = np.arange(round(LENGTH / step)) * step
-    axes = [np.linspace(low, high, n) for low, high, n in zip(LOWEST, HIGHEST, _GRID, strict=True)]
+    axes = [
+        np.linspace(low, high, n)
+        for low, high, n in zip(LOWEST_SHAPE, HIGHEST_SHAPE, _GRID, strict=True)
+    ]
     etas = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, SHAPES)
     probabilities = np.exp(-0.5 * np.sum(((etas - PRIOR_MEAN) / PRIOR_DEVIATION) ** 2, axis=1))
     return np.array([shape(eta, lags) for eta in etas]), probabilities / probabilities.sum()

@@ -32,7 +32,9 @@ PARAMETERS = 7
 LEAST_GAIN = 0.5
 """[N.m.s/rad] G₀ at least: with no reflex at all the shape must stay undetermined, not singular."""
 LEAST_PIVOT = 1e-10
-"""Of the scaled system: the digits that are left of sums of products of signals with 1e-3 noise."""
+"""Smaller pivots of the scaled system count as zero: sums of products of signals with 1e-3 noise
+have no more digits.
+"""
 
 
 @part

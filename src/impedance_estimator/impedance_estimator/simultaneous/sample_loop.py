@@ -24,7 +24,7 @@ from impedance_estimator import validity
 from impedance_estimator.compilation import part, source_fingerprint
 from impedance_estimator.digital_filters import filter_step
 from impedance_estimator.simultaneous.block_update import (
-    SCATTERING,
+    MIN_SCATTER_LENGTH,
     choose_deviation,
     choose_noise_model,
     detect_change,
@@ -53,9 +53,9 @@ from impedance_estimator.simultaneous.signals import (
 from impedance_estimator.simultaneous.state import Plan, State
 
 ESTIMATES = 13
-SYSTEMATIC = np.array([0.01, 0.03, 0.02, 0.02])
-"""Relative error of K, B, I and G that the scatter within a recording does not show: a joint is
-never exactly the model. Part of the standard errors; the size is what was left on the independent
+MODEL_ERROR = np.array([0.01, 0.03, 0.02, 0.02])
+"""K, B, I and G have this relative error beyond the scatter within a recording: a joint is never
+exactly the model. It is part of the standard errors; the size is what was left on the independent
 rig without a mismatch, over recordings of several minutes."""
 
 
@@ -110,7 +110,7 @@ def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
         for i in range(GAINS):
             e[1 + i] = s.output[0, i]
             random = c.variance * max(s.scatter[i], 1.0) * s.output[1, i]
-            e[9 + i] = np.sqrt(random + (SYSTEMATIC[i] * s.output[0, i]) ** 2)
+            e[9 + i] = np.sqrt(random + (MODEL_ERROR[i] * s.output[0, i]) ** 2)
         e[5], e[6] = c.vaf_intrinsic, c.vaf_total
         s.valid_response[:] = s.response
     e[0] = k.row_time
@@ -213,7 +213,7 @@ def _compile(source: int) -> tuple[Any, Any]:
         response(s, s.solution, s.response)
         if c.blocks % p.second == 0:
             choose_noise_model(p, s)
-            if c.length >= SCATTERING * p.second:
+            if c.length >= MIN_SCATTER_LENGTH * p.second:
                 choose_deviation(p, s)
                 watch_scatter(p, s)
         if p.lengths.shape[0] > 1:

@@ -1,5 +1,6 @@
-"""From samples to the signals of the regression: smoothed, differentiated, rectified, decimated,
-passed through the reflex basis.
+"""Samples are turned into the signals of the regression.
+
+They are smoothed, differentiated, rectified, decimated and passed through the reflex basis.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
 
 @part
 def rectified_reference(p: Plan, s: State, index: int) -> tuple[float, float]:
-    """The same for the reference behind the nominal actuator."""
+    """Return the rectified signals of the reference behind the nominal actuator."""
     return _rectified_slope(p, s.raw[3], index)
 
 
@@ -111,7 +112,7 @@ def _rectified_slope(p: Plan, x: np.ndarray, index: int) -> tuple[float, float]:
 
 @part
 def drive_actuator(p: Plan, s: State, reference: float) -> float:
-    """What a nominal actuator makes of the reference [rad]."""
+    """Return the position [rad] to which a nominal actuator turns the reference."""
     state = s.actuator
     omega = 2.0 * np.pi * REFERENCE_FILTER_HZ
     acceleration = omega * omega * (reference - state[0])

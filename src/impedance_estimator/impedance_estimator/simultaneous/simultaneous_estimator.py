@@ -12,7 +12,7 @@ from impedance_estimator import validity
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
-from impedance_estimator.simultaneous.block_update import BATCH, RESIDUAL_LAGS
+from impedance_estimator.simultaneous.block_update import BATCH_DURATION, RESIDUAL_LAGS
 from impedance_estimator.simultaneous.change_detection import candidate_windows
 from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
@@ -145,7 +145,9 @@ class Simultaneous(Estimator):
             whitened=np.zeros(2 * motion + 1),
             filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, 2 * motion + 1)),
             sums=np.zeros((models, kept)),
-            ring=np.zeros((models, max(p.memory_blocks + memories, BATCH * p.second) + 1, kept)),
+            ring=np.zeros(
+                (models, max(p.memory_blocks + memories, BATCH_DURATION * p.second) + 1, kept)
+            ),
             totals=np.zeros((models, kept)),
             eta=np.zeros((3, reflex_shapes.SHAPES)),
             deviation=np.zeros((3, count)),

@@ -8,14 +8,14 @@ import numpy as np
 
 
 class Nuisance(NamedTuple):
-    """What `explained_motion` finds; n signals of the motion, of which e are nuisance."""
+    """Holds what `explained_motion` finds; n signals of the motion, of which e are nuisance."""
 
     gamma: np.ndarray
     """Γ, shape (e, m + 4)."""
     combine: np.ndarray
     """T, shape (m + 4, n); the last row is what is subtracted from the torque."""
     coefficients: np.ndarray
-    """Of the nuisance signals, shape (e,)."""
+    """Coefficients of the nuisance signals, shape (e,)."""
     work: np.ndarray
     """Shape (m + 4 + n, n), overwritten."""
 
@@ -84,13 +84,13 @@ class Plan(NamedTuple):
     basis: np.ndarray
     lags: np.ndarray
     area: np.ndarray
-    """Of each basis function, shape (m,)."""
+    """Area under each basis function, shape (m,)."""
     typical: np.ndarray
     """Standard deviation of each coordinate over all shapes of unit area, shape (m,)."""
     whitening: np.ndarray
     """Sections of every noise model, shape (models, 2, 6)."""
     passband: float
-    """What brings signals whitened under the first noise model back to their size."""
+    """Factor that brings signals whitened under the first noise model back to their size."""
     block_samples: int
     memory_blocks: int
     lengths: np.ndarray

@@ -19,7 +19,7 @@ from model_discrepancy.fit.halves import STRETCH_S
 # History that shapes the torque: the movement, a reflex delay of 40 ms and a response of 0.3 s.
 HISTORY_S = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.11, 0.15, 0.2, 0.27, 0.36)
 # Rows between moments that are compared: neighbouring rows are nearly the same moment.
-_EVERY = 4
+_ROW_SPACING = 4
 _NEIGHBOURS = 12
 
 
@@ -52,7 +52,7 @@ def unexplainable_power(columns: Columns, fit: Fit) -> float:
     position = rows.plain(rows.spectrum(m.position))
     velocity = rows.plain(rows.spectrum(m.velocity))
     lags = np.round(np.array(HISTORY_S) * rows.rate).astype(int)
-    index = np.flatnonzero(rows.used)[::_EVERY]
+    index = np.flatnonzero(rows.used)[::_ROW_SPACING]
     history = np.concatenate(
         [
             position[index[:, None] - lags] / position.std(),

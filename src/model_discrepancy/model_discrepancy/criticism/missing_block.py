@@ -31,14 +31,14 @@ from model_discrepancy.recording.motion import Motion
 # while it moves.
 _KNOTS = (0.5, 0.8, 0.98)
 # Sizes below this share of the largest are rest and noise; they place no knot.
-_AT_REST = 0.05
+_REST_SHARE = 0.05
 # Candidates for the ridge per mean square of a column; chosen on training stretches only.
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
 # The alternation converges to 1e-3 of the weights within ten rounds from the singular vectors.
 _ROUNDS = 12
 _RESAMPLINGS = 200
 # A simpler input (one side only) is kept when a richer one predicts less than this much more.
-_SIMPLER = 0.05
+_MIN_RICHER_GAIN = 0.05
 # Stretches from which a bootstrap and two halves can be made.
 _LEAST_STRETCHES = 6
 _AFTER_S = 0.4
@@ -47,9 +47,9 @@ _AFTER_S = 0.4
 # 1988), less a lag window.
 _REFLEX_S = 0.03
 # A curve whose smaller end is below this share of the larger one is called one-sided.
-_ONE_SIDED = 0.2
+_ONE_SIDED_RATIO = 0.2
 # Lag up to which a response counts as immediate: the width of the first windows.
-_AT_ONCE_S = 0.01
+_IMMEDIATE_LAG_S = 0.01
 
 INPUTS: dict[str, tuple[str, Callable[[Motion], np.ndarray]]] = {
     "dorsiflexion velocity": ("rad/s", lambda m: np.maximum(m.velocity, 0.0)),
@@ -119,7 +119,8 @@ class MissingBlock:
         # lags in the rig.
         return (
             "torque sensor"
-            if _AT_ONCE_S < last <= _REFLEX_S + _AT_ONCE_S and "flexion" not in self.input
+            if _IMMEDIATE_LAG_S < last <= _REFLEX_S + _IMMEDIATE_LAG_S
+            and "flexion" not in self.input
             else "intrinsic"
         )
 
@@ -138,7 +139,7 @@ class MissingBlock:
         first, last = self._acts
         when = (
             "at once"
-            if last <= _AT_ONCE_S
+            if last <= _IMMEDIATE_LAG_S
             else f"{1000 * max(first, 0.0):.0f} to {1000 * last:.0f} ms later"
         )
         return (
@@ -153,7 +154,7 @@ class MissingBlock:
         """The static curve in words."""
         middle = self.curve[1]
         below, above = abs(middle[0]), abs(middle[-1])
-        if min(below, above) < _ONE_SIDED * max(below, above):
+        if min(below, above) < _ONE_SIDED_RATIO * max(below, above):
             side = (
                 "" if self.levels[0] == 0.0 or self.levels[-1] == 0.0 else "almost one-sided and "
             )
@@ -369,7 +370,7 @@ def _levels(signal: np.ndarray) -> np.ndarray:
     knots = [0.0]
     for sign in (1.0, -1.0):
         size = sign * signal
-        moving = size[size > _AT_REST * np.abs(signal).max()]
+        moving = size[size > _REST_SHARE * np.abs(signal).max()]
         if len(moving) > 100:
             knots += [sign * float(q) for q in np.quantile(moving, _KNOTS)]
     return np.array(sorted(knots))
@@ -449,7 +450,9 @@ def _predicted(products: _Products, hinges: int) -> float:
 def _simplest(shares: dict[str, float]) -> str:
     """The input that predicts most; an earlier (one-sided) one when it does nearly as well."""
     best = max(shares.values())
-    return next(name for name, share in shares.items() if share >= best - _SIMPLER * abs(best))
+    return next(
+        name for name, share in shares.items() if share >= best - _MIN_RICHER_GAIN * abs(best)
+    )
 
 
 def _factors(weights: np.ndarray, hinges: int, zero: int) -> tuple[np.ndarray, np.ndarray]:
@@ -458,7 +461,7 @@ def _factors(weights: np.ndarray, hinges: int, zero: int) -> tuple[np.ndarray, n
     """
     u, s, v = np.linalg.svd(weights.reshape(-1, hinges), full_matrices=False)
     top = v[0][int(np.argmax(np.abs(v[0])))]
-    if zero < hinges and abs(v[0][-1]) > _ONE_SIDED * abs(top):
+    if zero < hinges and abs(v[0][-1]) > _ONE_SIDED_RATIO * abs(top):
         top = abs(top) * np.sign(v[0][-1])
     lags = np.array(LAGS_S)
     steps = np.diff(lags)

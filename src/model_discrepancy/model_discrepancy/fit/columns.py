@@ -33,7 +33,7 @@ Column = tuple[str, str]
 # already.
 FOOT_IMPEDANCE = frozenset({"inertia", "viscosity", "stiffness"})
 # Gradients need a handful of neighbours of the current point; a spectrum takes 0.1 to 0.2 MB.
-_REMEMBERED = 8
+_CACHE_SIZE = 8
 
 
 class Columns:
@@ -179,7 +179,7 @@ class Columns:
             known.move_to_end(key)
             return known[key]
         known[key] = value = make()
-        if len(known) > _REMEMBERED:
+        if len(known) > _CACHE_SIZE:
             known.popitem(last=False)
         return value
 

@@ -27,10 +27,10 @@ Spectra = Mapping[Column, np.ndarray]
 # Step of numerical derivatives and width of "at the bound", in units of the scaled range 0...1.
 _STEP = 1e-4
 # A refit to half of the rows stays within this share of a nonlinear parameter's range.
-_LINEAR = 0.1
+_LINEAR_SHARE = 0.1
 # Whitened columns kept: two models of twelve columns each; one takes 0.1 to 0.2 MB.
-_REMEMBERED = 24
-_AT_BOUND = 2e-3
+_CACHE_SIZE = 24
+_BOUND_MARGIN = 2e-3
 # Ranges that span more than this ratio are searched on a logarithmic scale.
 _LOG_RATIO = 8.0
 
@@ -176,7 +176,7 @@ class Fitter:
             known = self._whitened.pop(id(spectrum), None)
             if known is None:
                 known = (spectrum, self.rows.whitened(spectrum))
-                if len(self._whitened) >= _REMEMBERED:
+                if len(self._whitened) >= _CACHE_SIZE:
                     self._whitened.popitem(last=False)
             self._whitened[id(spectrum)] = known
             rows.append(known[1])
@@ -323,7 +323,7 @@ class Fitter:
                 down[k], up[k] = min(down[k] - value, 0.0), max(up[k] - value, 0.0)
             else:
                 unit = to_unit(parameter, value)
-                down[k], up[k] = max(-unit, -_LINEAR), min(1.0 - unit, _LINEAR)
+                down[k], up[k] = max(-unit, -_LINEAR_SHARE), min(1.0 - unit, _LINEAR_SHARE)
         # A range of no width is no range to the solver.
         return np.minimum(down, -1e-9), np.maximum(up, 1e-9)
 
@@ -506,7 +506,7 @@ def _bounds(values: Start) -> tuple[str, ...]:
             if not p.fitted:
                 continue
             unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
-            width = 1e-9 if p.linear else _AT_BOUND
+            width = 1e-9 if p.linear else _BOUND_MARGIN
             if unit <= width or unit >= 1.0 - width:
                 found.append(f"{name}.{p.symbol}")
     return tuple(found)

@@ -30,7 +30,7 @@ LARGEST_SET = 3
 # name certain.
 CERTAINTY = {(True, True): 0.9, (False, True): 0.75, (True, False): 0.5, (False, False): 0.3}
 # From here on a name is stated; below, its family is, if that is sure enough.
-STATED = 0.7
+MIN_STATED_PROBABILITY = 0.7
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
 # it.
 _ODDS_SCALE = RIVAL_EXCESS / 3.0
@@ -153,7 +153,7 @@ def effect_entry(
         if (term_library()[other].family or other) == family
     )
     probability, of_family = certainty / sum(odds), certainty * own / sum(odds)
-    by_name = probability >= STATED or of_family < STATED
+    by_name = probability >= MIN_STATED_PROBABILITY or of_family < MIN_STATED_PROBABILITY
     errors = final.errors.get(name, {})
     return {
         "name": name,

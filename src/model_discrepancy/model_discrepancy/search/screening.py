@@ -29,9 +29,9 @@ from model_discrepancy.search.null import Null
 
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}
 # A column that keeps less than this share of its norm is what the model already has.
-_DISTINCT = 0.02
+_MIN_NEW_SHARE = 0.02
 # Points at which a candidate that shapes a signal is refined.
-_REFINED = 3
+_REFINED_POINTS = 3
 
 Point = dict[str, float]
 
@@ -154,7 +154,7 @@ def _additive(
     matrix = fitter.whitened(spectra.values())[rows.used]
     norm = np.linalg.norm(matrix, axis=0)
     matrix = matrix - basis @ (basis.T @ matrix)
-    if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _DISTINCT:
+    if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _MIN_NEW_SHARE:
         return 0.0, values[name]
     if null is not None:
         null.observe(orthonormal(matrix))
@@ -181,7 +181,7 @@ def _shaping(
         results.append((float(left @ left), values, amplitudes))
     shares = [1.0 - error / fit.score for error, _, _ in results]
     # The present model's nonlinear parameters follow where it matters: at the best points.
-    for k in sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED]:
+    for k in sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED_POINTS]:
         error, values, amplitudes = results[k]
         spectra = columns.spectra(values)
         matrix = fitter.whitened(spectra.values())[used]

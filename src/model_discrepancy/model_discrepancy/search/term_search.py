@@ -50,11 +50,11 @@ MIN_GRID_POINTS = 3
 # The term whose smallest values say no more than how well two channels are aligned.
 ALIGNMENT = "channel_skew"
 # Joint refits per step; the screening's order is right about the first few only.
-REFITTED = 4
+REFITS_PER_STEP = 4
 # Candidates that gain less than this ratio of the best one's are not refitted to the end.
 NEAR_BEST_RATIO = 0.6
 # Of those, so many are scored on unseen rows: the best, and those that may generalise better.
-JUDGED = 3
+SCORED_CANDIDATES = 3
 # Whitened gains within this ratio are too near to choose by: which of two comes first depends on
 # what is still missing.
 RIVAL_GAIN_RATIO = 0.5
@@ -367,7 +367,7 @@ def _step(
     grids.learn(screened)
     by_chance = null.threshold
     trials = []
-    for s in screened[:REFITTED]:
+    for s in screened[:REFITS_PER_STEP]:
         if s.share > max(MIN_PROMISE, 0.5 * by_chance):
             progress(f"refitting with {s.name}")
             trials.append(
@@ -384,7 +384,7 @@ def _step(
     near.sort(key=lambda t: -t.gain)
     return [
         _judged(fitter, current, t, by_chance)
-        if place < JUDGED and t.gain > max(by_chance, NEAR_BEST_RATIO * near[0].gain)
+        if place < SCORED_CANDIDATES and t.gain > max(by_chance, NEAR_BEST_RATIO * near[0].gain)
         else replace(t, by_chance=by_chance)
         for place, t in enumerate(near)
     ]

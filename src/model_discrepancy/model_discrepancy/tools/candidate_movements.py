@@ -32,7 +32,7 @@ LONG_HOLDS_S = (0.2, 3.0)
 LEVELS = (0.0, 4.0, 8.0)
 LEVEL_S = 5.0
 # Length [s] at which a candidate must be accepted: several cycles of the slowest one.
-ACCEPTED_S = 30.0
+ACCEPTANCE_DURATION_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def candidates_for(movement: float, levels: bool) -> list[Candidate]:
     accepted = []
     for candidate in _all(movement, levels):
         try:
-            candidate.reference(ACCEPTED_S)
+            candidate.reference(ACCEPTANCE_DURATION_S)
         except QuantityError:
             continue
         accepted.append(candidate)

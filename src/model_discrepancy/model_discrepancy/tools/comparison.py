@@ -42,7 +42,7 @@ from model_discrepancy.search.term_search import Found, search
 
 # Movements that differ by less than this share of their variance are the same: below it position
 # noise of 20 dB would hide a difference.
-SAME_MOVEMENT = 0.01
+LARGEST_MOVEMENT_DIFFERENCE = 0.01
 # A term's difference is told when it changes the torque by this share of its standard deviation or
 # more ...
 LEAST_TORQUE = 0.03
@@ -53,7 +53,7 @@ LEAST_BANDWIDTH_RATIO = 1.1
 LEAST_GAIN_RATIO = 1.03
 LEAST_DELAY_S = 0.002
 # Movements larger than those that the description was learnt from are extrapolated.
-_EXTRAPOLATED = 1.2
+_EXTRAPOLATION_RATIO = 1.2
 
 
 @dataclass
@@ -319,7 +319,7 @@ def aligned(simulated: Motion, recorded: Motion) -> tuple[Motion, Motion] | None
         return None
     pair = _cropped(moved, begin - shift, end - shift), _cropped(recorded, begin, end)
     apart = np.var(pair[1].position - pair[0].position) / np.var(pair[1].position)
-    return pair if apart < SAME_MOVEMENT else None
+    return pair if apart < LARGEST_MOVEMENT_DIFFERENCE else None
 
 
 def _channels(motion: Motion) -> tuple[np.ndarray, ...]:
@@ -370,7 +370,7 @@ def _extrapolation(first: Side, second: Side) -> list[str]:
             float(np.ptp(np.percentile(getattr(s.motion, name), [0.5, 99.5])))
             for s in (first, second)
         ]
-        if reach[1] > _EXTRAPOLATED * reach[0]:
+        if reach[1] > _EXTRAPOLATION_RATIO * reach[0]:
             notes.append(
                 f"the recorded {name} spans {reach[1]:.3g} {unit}, the simulated {reach[0]:.3g} "
                 f"{unit}: the description is extrapolated"

@@ -40,10 +40,10 @@ Values = dict[str, dict[str, float]]
 SIMULATED_S = 30.0
 # Whitened misfit, twice the log-likelihood ratio, at which the wrong one of two models has lost.
 DECIDING_MISFIT = 50.0
-REFITTED = 5
+REFITTED_DESIGNS = 5
 # Shorter recordings give few stretches to judge on unseen data.
 LEAST_MINUTES = 1.0
-LISTED = 12
+LISTED_DESIGNS = 12
 # A picture of the movement, in which single edges are still seen.
 _SHOWN_S = 6.0
 
@@ -227,10 +227,10 @@ def rank(
         first.append(_worth(candidate, sets, conditions, refit=False))
     first.sort(key=lambda p: -p.misfit)
     final = []
-    for proposal in first[:REFITTED]:
+    for proposal in first[:REFITTED_DESIGNS]:
         progress(f"refitting the rivals on {proposal.candidate.title}")
         final.append(_worth(proposal.candidate, sets, conditions, refit=True))
-    return sorted(final, key=lambda p: -p.misfit) + first[REFITTED:]
+    return sorted(final, key=lambda p: -p.misfit) + first[REFITTED_DESIGNS:]
 
 
 def _by_activation(values: Values) -> bool:
@@ -293,7 +293,7 @@ def _picture(design: Design) -> Figure:
     left.set_xlabel("time [s]")
     left.set_ylabel("commanded position [mrad]")
     left.set_title(best.title, fontsize=9)
-    listed = design.proposals[:LISTED]
+    listed = design.proposals[:LISTED_DESIGNS]
     right.barh(
         [p.candidate.title for p in listed],
         [100 * p.excess for p in listed],

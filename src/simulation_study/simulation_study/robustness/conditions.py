@@ -12,7 +12,7 @@ from blind_rig import effects
 from blind_rig.magnitudes import MAGNITUDES, brought_in
 from blind_rig.protocols import Protocol
 from blind_rig.strength import STRENGTHS
-from blind_rig.subjects import OPERATING_ANGLE, SAMPLING_RATES, STEADINESS, draw_subject
+from blind_rig.subjects import FORCE_FLUCTUATION, OPERATING_ANGLE, SAMPLING_RATES, draw_subject
 from blind_rig.trial import Trial
 
 STREAM = 53
@@ -204,7 +204,7 @@ def blind_trial(condition: Condition) -> Trial:
     random = np.random.default_rng(condition.seed)
     setup = draw_subject(random)
     level = setup.courses.torque_level
-    steadiness = level * float(random.uniform(*STEADINESS))
+    steadiness = level * float(random.uniform(*FORCE_FLUCTUATION))
     peak = BURST_SIZE if condition.voluntary == "bursts" else 1.0
     changes = {
         "courses.voluntary_rms": 0.0,

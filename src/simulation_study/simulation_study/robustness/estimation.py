@@ -16,7 +16,7 @@ from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import EstimatorSettings, Settings
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from simulation_study.robustness.conditions import JUMP, Condition
-from simulation_study.robustness.recordings import IGNORED, Recorded, recording
+from simulation_study.robustness.recordings import IGNORED_DURATION, Recorded, recording
 
 ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
     "simultaneous": ("simultaneous", SimultaneousSettings()),
@@ -28,14 +28,14 @@ OFFLINE = "parallel cascade"
 """Over the whole judged stretch; without standard errors."""
 SNAPSHOT = 30.0
 """[s] between estimates that count for the standard errors: more than any memory."""
-STAYED = 2.0
+ARRIVAL_DURATION = 2.0
 """[s] within the tolerance that count as having arrived: three perturbations."""
 ARRIVED_OF_JUMP, ARRIVED_OF_VALUE = 0.1, 0.05
 """Tolerance about the new value: the larger of these shares of the jump and of the value. A tenth
 of a small jump lies inside the scatter of any estimator.
 """
-DOUBTED = 0.5
-"""A doubt from which on an estimate counts as called doubtful."""
+DOUBT_THRESHOLD = 0.5
+"""An estimate counts as called doubtful where its doubt is at least this."""
 
 
 def fingerprint() -> str:
@@ -97,7 +97,7 @@ def _offline(made: Recorded, condition: Condition) -> dict[str, Any]:
 
 def _first(condition: Condition) -> float:
     """Begin of the stretch that is judged [s]."""
-    return min(IGNORED, 0.5 * condition.seconds)
+    return min(IGNORED_DURATION, 0.5 * condition.seconds)
 
 
 def summarise(rows: np.ndarray, made: Recorded, condition: Condition) -> dict[str, Any]:
@@ -126,7 +126,7 @@ def summarise(rows: np.ndarray, made: Recorded, condition: Condition) -> dict[st
             else None
             for i in range(2)
         ]
-        late = time > condition.jump_time + IGNORED / 2.0
+        late = time > condition.jump_time + IGNORED_DURATION / 2.0
         out["value"] = np.median(values[late], axis=0).tolist() if late.any() else [np.nan, np.nan]
         out["spread"] = values[late].std(axis=0).tolist() if late.any() else [np.nan, np.nan]
         out["snapshots"] = []
@@ -145,7 +145,9 @@ def summarise(rows: np.ndarray, made: Recorded, condition: Condition) -> dict[st
 def arrival(
     time: np.ndarray, values: np.ndarray, before: float, after: float, at: float
 ) -> float | None:
-    """Time [s] from a jump until the values stay near the new level for `STAYED`; None: never.
+    """Return the time [s] from a jump until the values stay near the new level; None: never.
+
+    They must stay there for `ARRIVAL_DURATION`.
 
     Parameters
     ----------
@@ -161,6 +163,6 @@ def arrival(
     tolerance = max(ARRIVED_OF_JUMP * abs(after - before), ARRIVED_OF_VALUE * abs(after))
     near = np.abs(values - after) <= tolerance
     for k in np.flatnonzero(near & (time >= at)):
-        if near[k : np.searchsorted(time, time[k] + STAYED)].all():
+        if near[k : np.searchsorted(time, time[k] + ARRIVAL_DURATION)].all():
             return float(time[k] - at)
     return None

@@ -13,9 +13,9 @@ from blind_rig.impedance import true_impedance
 from blind_rig.trial import record, run
 from simulation_study.robustness.conditions import JUMP, Condition, blind_trial
 
-IGNORED = 30.0
+IGNORED_DURATION = 30.0
 """[s] at the start; longer than any memory. van 't Veld et al. 2018, section III-A."""
-BEHIND = 10.0
+MEAN_ESTIMATE_LAG = 10.0
 """[s] that an estimate lies behind on average: half of the longest memory. The truth is that of the
 samples which the estimates stand for.
 """
@@ -85,8 +85,8 @@ def _simulate(condition: Condition) -> Recorded:
         at = condition.jump_time
         spans = ((at, condition.seconds), (0.0, at))
     else:
-        first = min(IGNORED, 0.5 * condition.seconds)
-        spans = ((first - BEHIND, condition.seconds - BEHIND),) * 2
+        first = min(IGNORED_DURATION, 0.5 * condition.seconds)
+        spans = ((first - MEAN_ESTIMATE_LAG, condition.seconds - MEAN_ESTIMATE_LAG),) * 2
     after, before = (true_impedance(trial, done, *span) for span in spans)
     return Recorded(
         trial.rate,

@@ -27,7 +27,7 @@ from simulation_study.robustness.summary import (
 TABLE, PICTURE = "robustness.md", "robustness.png"
 REFERENCE = "CE all"
 """The paper's algorithm with all signals high-passed: what others are compared with."""
-SHOWN_ERROR = 100.0
+LARGEST_SHOWN_ERROR = 100.0
 """[%] The picture's axis ends here; larger errors lie on its edge."""
 COLOURS = dict(zip(ESTIMATORS, ("tab:blue", "tab:orange", "tab:red", "tab:green"), strict=True))
 
@@ -171,7 +171,7 @@ def _errors_panel(axis: Axes, results: Results, effects: Sequence[str], gain: st
                 100.0 * (r["estimates"][name]["value"][index] / r["truth"][index] - 1.0)
                 for r in select(results, effect)
             ]
-            shown = np.clip(values, -SHOWN_ERROR, SHOWN_ERROR)
+            shown = np.clip(values, -LARGEST_SHOWN_ERROR, LARGEST_SHOWN_ERROR)
             axis.plot(
                 shown,
                 np.full(len(shown), row + offset),

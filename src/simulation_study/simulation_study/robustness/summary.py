@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from simulation_study.robustness.conditions import JUMP, JUMPS, NO_MISMATCH
-from simulation_study.robustness.estimation import DOUBTED, OFFLINE, ONLINE
+from simulation_study.robustness.estimation import DOUBT_THRESHOLD, OFFLINE, ONLINE
 
 ESTIMATORS = (*ONLINE, OFFLINE)
 GAINS = ("K", "G")
@@ -136,7 +136,7 @@ def doubt(chosen: Iterable[dict[str, Any]], estimator: str) -> Doubt:
         for snapshot in result["estimates"][estimator]["snapshots"] or ():
             off = [100.0 * abs(snapshot[i] / true - 1.0) for i, true in ((0, K), (1, G))]
             large.append(off[0] > LARGE_ERROR["K"] or off[1] > LARGE_ERROR["G"])
-            called.append(snapshot[4] >= DOUBTED)
+            called.append(snapshot[4] >= DOUBT_THRESHOLD)
     if not called:
         return Doubt(float("nan"), 0, float("nan"))
     wrong = [c for c, is_large in zip(called, large, strict=True) if is_large]
