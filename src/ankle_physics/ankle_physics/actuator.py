@@ -1,5 +1,6 @@
-"""From the commanded reference to the plate's true motion: interpolation to the internal rate, then
-the servo.
+"""The plate's true motion follows from the commanded reference.
+
+The reference is interpolated to the internal rate and then passes the servo.
 
 Interpolation: between two reference samples the fifth-order polynomial that meets position,
 velocity and acceleration at both. Servo: ``y'' + 2 z w y' + w^2 y = w^2 x`` with w = 2 pi *
@@ -65,7 +66,7 @@ class Servo:
 
     @property
     def ideal(self) -> bool:
-        """Whether the plate follows the reference exactly."""
+        """Say whether the plate follows the reference exactly."""
         return self.bandwidth == 0.0
 
 

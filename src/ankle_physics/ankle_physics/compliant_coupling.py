@@ -81,7 +81,7 @@ class _Linear:
         return self.I * a + self.B * v + self.K * x
 
     def far_from(self, other: _Linear) -> bool:
-        """Whether the coefficients differ enough for a renewal."""
+        """Say whether the coefficients differ enough for a renewal."""
         pairs = (
             (self.I, other.I),
             (self.B + self.b, other.B + other.b),

@@ -1,4 +1,4 @@
-"""What K, B, I and G of any model are at an operating point, and what its steps would meet.
+"""K, B, I and G of any model are computed here at an operating point.
 
 K, B and I are tangents of the torque of the joint's own terms without memory, about the mean
 angle, against angle, velocity and acceleration. G is the torque impulse of the reflex to stretch
@@ -49,7 +49,7 @@ NON_VELOCITY_ARCS = frozenset({"antagonist_reflex", "position_reflex"})
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Where the impedance of a model is stated; all about one recording or one memory.
+    """Describes where the impedance of a model is stated: about one recording or one memory.
 
     Attributes
     ----------

@@ -1,5 +1,6 @@
-"""Nonlinear building blocks of terms that remember movement, compiled: Dahl spring, play,
-structure, unequal lag.
+"""Compiled nonlinear building blocks of terms that remember movement.
+
+They are the Dahl spring, backlash, structure and unequal lag.
 
 Each keeps its state between calls and advances sample by sample with the input held linear between
 samples.
@@ -49,9 +50,10 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
     return out
 
 
-class Play:
-    """Backlash: the output follows the input only when the gap is used up; it starts in the middle
-    of the gap.
+class BacklashOperator:
+    """The output follows the input only when the gap is used up.
+
+    It starts in the middle of the gap.
     """
 
     def __init__(self) -> None:
@@ -76,8 +78,9 @@ def _play(x: np.ndarray, half: float, state: np.ndarray) -> np.ndarray:
 
 
 class Structure:
-    """What movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s / breaking``; s
-    starts at 1.
+    """Movement breaks it and rest rebuilds it: ``s' = (1 - s)/recovery - |u| s / breaking``.
+
+    s starts at 1.
 
     Thixotropic bonds (u = velocity) and the readiness of a reflex (u = stretch velocity) follow it.
     """

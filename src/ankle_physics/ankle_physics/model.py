@@ -81,8 +81,9 @@ class Model:
 
     @classmethod
     def of(cls, values: Mapping[str, Mapping[str, float]] | None = None, title: str = "") -> Model:
-        """A model from ``{term: {symbol: value}}``; None is the paper's model. What is not given is
-        typical.
+        """A model from ``{term: {symbol: value}}``; None is the paper's model.
+
+        What is not given is typical.
 
         Raises
         ------
@@ -172,7 +173,7 @@ class Model:
         return terms
 
     def entry(self, name: str) -> Entry:
-        """One term of the model.
+        """Return one term of the model.
 
         Raises
         ------
@@ -188,7 +189,7 @@ class Model:
         )
 
     def has(self, name: str) -> bool:
-        """Whether the model has the term."""
+        """Say whether the model has the term."""
         return any(entry.term.name == name for entry in self.entries)
 
     def start(self, rate: float, seed: int = 0) -> ModelRun:

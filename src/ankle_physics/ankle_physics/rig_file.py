@@ -1,4 +1,4 @@
-"""What was calibrated of a rig, as the file ``rig.yaml``: delays, zeros, noise and the rig's terms.
+"""The file ``rig.yaml`` holds a calibrated rig: delays, zeros, noise and the rig's terms.
 
 See the design document for an example. A value that was measured has a standard error::
 

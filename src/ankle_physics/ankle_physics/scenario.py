@@ -36,7 +36,7 @@ from ankle_physics.term import Parameter, term_library
 
 @dataclass(frozen=True)
 class Change:
-    """One entry of one parameter's script.
+    """Holds one entry of one parameter's script.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Track:
 
     @property
     def key(self) -> str:
-        """As scenario files write it: ``stiffness.K[N.m/rad]``."""
+        """The name in scenario files is ``stiffness.K[N.m/rad]``."""
         return f"{self.term}.{self.parameter.key}"
 
     def values(self, time: np.ndarray, before: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""From the true signals at the internal rate to samples: anti-alias filter, sampling, noise.
+"""Samples follow from the true signals by an anti-alias filter, sampling and noise.
 
 Filter: fourth-order Butterworth at 90 % of the Nyquist frequency of the samples (frequency: van 't
 Veld et al. 2018, section II-C; order: not in the paper, a common analog anti-alias filter). All

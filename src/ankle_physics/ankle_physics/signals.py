@@ -1,6 +1,4 @@
-"""What happens along the signal path during a stretch of time, from the footplate to the torque
-sensor.
-"""
+"""Signals describe a stretch of time along the path from the footplate to the torque sensor."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ import numpy as np
 
 @dataclass
 class Signals:
-    """One stretch of n samples on its way through the terms of a model; terms change it in place.
+    """Holds a stretch of n samples on its way through a model; terms change it in place.
 
     Signs: position, velocity and torque positive in dorsiflexion; torque is what is needed to move
         the ankle.

@@ -1,4 +1,4 @@
-"""What skin electrodes over four muscles pick up while the ankle is perturbed.
+"""Surface EMG of four muscles is simulated while the ankle is perturbed.
 
 ``e = X (s(t) n(t)) + artefact + hum + amplifier noise + offset``
 
@@ -55,8 +55,10 @@ _EMG_STREAM = 9_127
 
 @dataclass(frozen=True)
 class Electrodes:
-    """What is not muscle. Sources: input noise and hum of a Porti-class amplifier; cross-talk De
-    Luca & Merletti 1988 (5 to 17 %).
+    """Describes the part of the EMG that is not muscle.
+
+    Sources: input noise and hum of a Porti-class amplifier; cross-talk De Luca & Merletti 1988 (5
+    to 17 %).
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a term of the joint model is: one physical effect, its equation, its parameters, its place.
+"""A term of the joint model is one physical effect: equation, parameters and place.
 
 A model is a list of terms. Each term is one file in `ankle_physics.terms` with one subclass of
 `Term`; putting the file there is all that is needed for simulation, fitting, search and
@@ -39,7 +39,7 @@ State = dict[str, Any]
 
 
 class Place(Enum):
-    """Where in the signal path a term acts, in the order in which the path is walked."""
+    """Lists where in the signal path a term acts, in the order of the path."""
 
     ACTUATOR = "actuator and reference"
     COUPLING = "coupling between footplate and foot"
@@ -55,7 +55,7 @@ PATH = tuple(Place)
 
 
 class Owner(Enum):
-    """To whom an effect belongs: the rig keeps it from day to day, the subject brings it along."""
+    """Says whether an effect belongs to the rig, which keeps it, or to the subject."""
 
     RIG = "rig"
     SUBJECT = "subject"
@@ -68,7 +68,7 @@ _RIG_PLACES = (Place.ACTUATOR, Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 
 @dataclass(frozen=True)
 class Parameter(Quantity):
-    """One parameter of a term: a `Quantity` with its role in the model.
+    """Describes one parameter of a term: a `Quantity` with its role in the model.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Parameter(Quantity):
 
 
 class Turn(NamedTuple):
-    """What a term says on either side of a parameter's neutral value."""
+    """Holds the sentences of a term on either side of a parameter's neutral value."""
 
     symbol: str
     neutral: float
@@ -201,7 +201,7 @@ class Term(ABC):
 
     @classmethod
     def parameter(cls, symbol: str) -> Parameter:
-        """One parameter by its symbol.
+        """Return one parameter by its symbol.
 
         Raises
         ------
@@ -217,7 +217,7 @@ class Term(ABC):
 
 @cache
 def term_library() -> dict[str, type[Term]]:
-    """Every term in `ankle_physics.terms` by its name."""
+    """Return every term in `ankle_physics.terms` by its name."""
     import ankle_physics.terms as package
 
     for module in pkgutil.iter_modules(package.__path__):

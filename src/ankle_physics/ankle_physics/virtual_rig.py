@@ -31,7 +31,7 @@ STRETCH = 4096
 
 @dataclass(frozen=True)
 class Samples:
-    """What a stretch of n reference samples gave.
+    """Holds the samples that a stretch of n reference samples gave.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Samples:
 
 
 class VirtualRig:
-    """One run of rig and subject, stretch by stretch; the same whatever the size of the stretches.
+    """Runs rig and subject stretch by stretch; the stretches' size does not change the result.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ LONGEST_HOLD = 60.0  # s
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything that a rig is made of but the rate.
+    """Holds everything that a rig is made of but the rate.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class LiveRig:
         return self._deviations[rate]
 
     def check(self, term: str, symbol: str, value: float) -> None:
-        """Whether `set` would accept the value.
+        """Say whether `set` would accept the value.
 
         Raises
         ------
@@ -291,7 +291,7 @@ class LiveRig:
         )
 
     def _read(self, clean: np.ndarray) -> np.ndarray:
-        """What the sensors of the calibrated rig make of the samples, shape (n, 3)."""
+        """Return what the sensors of the calibrated rig make of the samples, shape (n, 3)."""
         rig = self.setup.rig
         if rig is None:
             return clean

@@ -29,7 +29,7 @@ PAPER_HOLDS = ((11, 7), (11, 7), (11, 8))
 
 @dataclass(frozen=True)
 class PlannedHold:
-    """One hold.
+    """Describes one hold of the session.
 
     Attributes
     ----------

@@ -51,11 +51,11 @@ FORCE_VARIATION = 0.15
 repeated weak contractions.
 """
 STIFFNESS_VARIATION = 0.10
-"""The same for what muscle force adds to the stiffness: fibre length, thixotropy, other muscles
-about the ankle.
+"""The stiffness that muscle force adds varies by this relative standard deviation between holds:
+fibre length, thixotropy, other muscles about the ankle.
 """
 REFLEX_VARIATION = 0.20
-"""The same for a muscle's share in the reflex."""
+"""A muscle's share in the reflex varies by this relative standard deviation between holds."""
 REACHING_TIME = 2.0
 """[s] Time constant with which a subject goes to a new state."""
 
@@ -128,7 +128,7 @@ def draw_subject(number: int) -> Subject:
 
 @dataclass(frozen=True)
 class State:
-    """What a subject does.
+    """Describes what a subject does.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class State:
 
 @dataclass(frozen=True)
 class Drive:
-    """What a state makes of the joint and the electrodes.
+    """Describes the joint and the electrodes in one state of the subject.
 
     Attributes
     ----------

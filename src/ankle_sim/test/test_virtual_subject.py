@@ -130,9 +130,9 @@ def test_the_papers_numbers_of_holds_fit_into_its_blocks():
 
 
 def test_a_session_says_when_holds_begin_and_end():
-    person = draw_subject(1)
-    setup = Setup(subject_model(person), Servo(), SignalToNoise(), Scenario([]), 0.04, 1)
-    live = LiveSubject(setup, person, some_holds(3, 1, 2.0, 1.0), lambda sentence: None)
+    subject = draw_subject(1)
+    setup = Setup(subject_model(subject), Servo(), SignalToNoise(), Scenario([]), 0.04, 1)
+    live = LiveSubject(setup, subject, some_holds(3, 1, 2.0, 1.0), lambda sentence: None)
     signal = PulseStep(Settings(rate=RATE))
     events, pieces = [], []
     for first in range(0, 10 * RATE, 256):

@@ -1,5 +1,4 @@
-"""What one virtual subject on one virtual rig consists of: every number that a simulation needs, in
-SI.
+"""A virtual subject on a virtual rig is described by these numbers, in SI.
 
 Each group is a NamedTuple of floats, so that the compiled loop takes it as it is. The defaults are
 the paper's model and a faultless rig; an effect is a change of a few of these numbers (`effects`).
@@ -174,7 +173,7 @@ class Rig(NamedTuple):
 
 
 class Courses(NamedTuple):
-    """What changes in the course of a trial (`courses`).
+    """Describes what changes in the course of a trial (`courses`).
 
     Attributes
     ----------
@@ -231,7 +230,7 @@ class Courses(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """From the plate's true motion and torque to numbers (`sensors`).
+    """Describes how true motion and torque become numbers (`sensors`).
 
     Attributes
     ----------
@@ -246,7 +245,7 @@ class Sensors(NamedTuple):
     position_gain
         Position reads true * (1 + gain) [1].
     encoder_play
-        Play between shaft and encoder [rad].
+        Backlash between shaft and encoder [rad].
     mains
         50 Hz pick-up in torque, relative to the change of torque over 0.2 s [1].
     torque_step
@@ -272,7 +271,7 @@ class Sensors(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """One subject on one rig."""
+    """Holds one subject on one rig."""
 
     muscle: Muscle = Muscle()
     reflex: Reflex = Reflex()
@@ -287,7 +286,7 @@ class Setup(NamedTuple):
         return float(getattr(getattr(self, group), field))
 
     def replaced(self, changes: dict[str, float]) -> Setup:
-        """The same setup with some numbers, named by path, changed.
+        """Return the same setup with some numbers, named by path, changed.
 
         Raises
         ------

@@ -109,7 +109,7 @@ def contact_torque(
     state: np.ndarray,
     dt: float,
 ) -> float:
-    """What a foot adds that slides on its plate or lifts its heel [N.m]."""
+    """Return what a foot adds that slides on its plate or lifts its heel [N.m]."""
     torque = 0.0
     if interface.slide_share > 0.0:
         if v > interface.slide_velocity:

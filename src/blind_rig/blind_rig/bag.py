@@ -1,4 +1,7 @@
-"""A recording as a bag with the laboratory's topics, and nothing in it that tells how it was made."""  # noqa: E501
+"""A recording becomes a bag with the laboratory's topics.
+
+Nothing in it shows how it was made.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ START = 1_760_000_000.0
 
 
 class Contents(NamedTuple):
-    """What a laboratory happened to record: velocity column, reference, EMG."""
+    """Says what a laboratory happened to record: velocity column, reference, EMG."""
 
     velocity: bool
     reference: bool
@@ -78,7 +81,10 @@ def write_bag(path: Path, recording: Recording, rate: float, contents: Contents)
 
 
 def fingerprint(path: Path) -> str:
-    """SHA-256 over the bag's files, by name: tells whether a bag was changed after it was sealed."""  # noqa: E501
+    """Return the SHA-256 over the bag's files, by name.
+
+    It shows whether a bag was changed after it was sealed.
+    """
     digest = hashlib.sha256()
     for file in sorted(p for p in Path(path).rglob("*") if p.is_file()):
         digest.update(

@@ -32,7 +32,7 @@ WITH_VELOCITY, WITH_REFERENCE, WITH_EMG = 0.7, 0.75, 0.35
 
 
 class Plan(NamedTuple):
-    """What a case is to hide; everything else follows from its seed.
+    """Describes what a case is to hide; everything else follows from its seed.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ def _draw_trial(generator: np.random.Generator, hidden: tuple[str, ...]) -> Tria
 def _brought_in(
     trial: Trial, effect: Effect, wanted: str, generator: np.random.Generator
 ) -> tuple[dict[str, float], dict[str, Any]]:
-    """Changes of the setup that bring an effect in at a strength, and what the truth says about it."""  # noqa: E501
+    """Return the changes of the setup for an effect at a strength, and the truth about it."""
     shape, limits = effects.draw_shape(effect, generator)
     about: dict[str, Any] = {"name": effect.name, "place": effect.place, "wanted": wanted}
     if effect.levels:

@@ -1,5 +1,6 @@
-"""What changes while a trial runs: voluntary torque, tremor, fatigue, co-contraction, habituation,
-conduction.
+"""Courses are what changes while a trial runs.
+
+They are voluntary torque, tremor, fatigue, co-contraction, habituation and conduction.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Effect(NamedTuple):
-    """One effect.
+    """Describes one effect and the number of the setup that carries it.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ STOP_TIME, STOP_DAMPING = 0.002, 1.0
 
 
 class Motion(NamedTuple):
-    """What happened, at every step of the simulation, each of shape (n,).
+    """Holds the motion at every step of the simulation, each of shape (n,).
 
     Attributes
     ----------
@@ -66,7 +66,9 @@ def cell_stiffness(setup: Setup) -> tuple[float, float]:
 
 
 def servo_gains(setup: Setup) -> tuple[float, float, float]:
-    """Of the motor's loop on position [N.m/rad], velocity [N.m.s/rad], acceleration [kg.m^2].
+    """Return the gains of the motor's loop on position, velocity and acceleration.
+
+    Units are [N.m/rad], [N.m.s/rad] and [kg.m^2].
 
     The last is the inertia of motor and gear, too.
     """
@@ -93,8 +95,9 @@ def gravity_torque(setup: Setup, angle: float) -> float:
 
 
 def _mjcf(setup: Setup, operating_angle: float, dt: float) -> str:
-    """The rig as a MuJoCo model. Angles rise in dorsiflexion: the forefoot (+x) goes up (+z), about
-    the axis -y.
+    """The rig as a MuJoCo model.
+
+    Angles rise in dorsiflexion: the forefoot (+x) goes up (+z), about the axis -y.
     """
     rig = setup.rig
     stiffness, damping = cell_stiffness(setup)
@@ -129,20 +132,22 @@ def _mjcf(setup: Setup, operating_angle: float, dt: float) -> str:
     )
     return f"""<mujoco>
   <compiler angle="radian" inertiafromgeom="false"/>
-  <option timestep="{dt}" integrator="implicitfast" gravity="0 0 -9.81"><flag contact="disable"/></option>
+  <option timestep="{dt}" integrator="implicitfast" gravity="0 0 -9.81">\
+<flag contact="disable"/></option>
   <worldbody><body name="motor">
     <joint name="motor" type="hinge" axis="0 -1 0"/>
     <inertial pos="0 0 0" mass="1" diaginertia="{motor} {motor} {motor}"/>
     <body name="plate">
       <joint name="cell" type="hinge" axis="0 -1 0" stiffness="{stiffness}" damping="{damping}"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="{rig.plate_inertia} {rig.plate_inertia} {rig.plate_inertia}"/>
+      <inertial pos="0 0 0" mass="1" \
+diaginertia="{rig.plate_inertia} {rig.plate_inertia} {rig.plate_inertia}"/>
       <body name="foot">{strap}
         <inertial pos="{x} 0 {z}" mass="{rig.foot_mass}" diaginertia="{own} {own} {own}"/>
       </body>
     </body>
   </body></worldbody>
   {bearing}
-</mujoco>"""  # noqa: E501
+</mujoco>"""
 
 
 @lru_cache(maxsize=1)

@@ -30,7 +30,7 @@ class Reading(NamedTuple):
 
 @njit(cache=True)
 def _play(signal: np.ndarray, gap: float) -> np.ndarray:
-    """What follows a signal through a mechanical play of width `gap`."""
+    """Return the output of a backlash of width `gap` that a signal drives."""
     out = np.empty_like(signal)
     at = signal[0]
     for i in range(len(signal)):

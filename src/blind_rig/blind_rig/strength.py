@@ -1,5 +1,6 @@
-"""How strong an effect is: the share of the torque's variance that it adds beyond what the paper's
-model could absorb.
+"""The strength of an effect is a share of the torque's variance.
+
+It is the share that the effect adds beyond what the paper's model could absorb.
 
 An effect that merely looks like a little more stiffness is no mismatch: nobody could see it. Its
 strength is therefore what remains after inertia, viscosity, stiffness and reflex have been fitted

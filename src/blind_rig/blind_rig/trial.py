@@ -1,4 +1,4 @@
-"""One trial: subject, rig and perturbation run once, and what the sensors make of it."""
+"""A trial runs subject, rig and perturbation once and passes the result through the sensors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MUSCLES = {
 
 
 class Trial(NamedTuple):
-    """What is run.
+    """Describes what is run.
 
     Attributes
     ----------

@@ -71,9 +71,10 @@ from blind_rig.bag import Contents, write_bag
 from blind_rig.protocols import Protocol
 from blind_rig.trial import Trial, record, run
 trial = Trial(Setup(), Protocol('random_levels', 0.03, 0.02, 2.0), 1000.0, 0.1, 1)
-write_bag(Path({str(tmp_path / "case")!r}), record(trial, run(trial)), 1000.0, Contents(True, True, True))
+write_bag(Path({str(tmp_path / "case")!r}), record(trial, run(trial)), 1000.0,
+          Contents(True, True, True))
 assert not set(sys.modules) & set({sorted(FORBIDDEN)!r})
-"""  # noqa: E501
+"""
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False
     )

@@ -32,7 +32,7 @@ def _trial(
     ("kind", "rate"), [("pulse_step", 2048.0), ("equal_steps", 1000.0), ("random_levels", 2048.0)]
 )
 def test_without_effects_torque_is_the_papers_equation(kind: str, rate: float) -> None:
-    """An independent computation from the plate's motion, with known parameters and nothing fitted."""  # noqa: E501
+    """The torque is computed once more from the plate's motion, with nothing fitted."""
     setup = draw_subject(np.random.default_rng(1))
     trial = _trial(setup, kind, rate=rate)
     done = run(trial)

@@ -1,1 +1,1 @@
-"""What is measured once and then known: the rig (``rig.yaml``), the session (``subject.yaml``)."""
+"""Calibration measures the rig (``rig.yaml``) and the session (``subject.yaml``) once."""

@@ -1,4 +1,4 @@
-"""What can go wrong while calibrating."""
+"""Errors that calibration raises."""
 
 
 class CalibrationError(RuntimeError):

@@ -1,4 +1,4 @@
-"""From a bag of the signal ``rig_calibration`` to the file ``rig.yaml``."""
+"""The file ``rig.yaml`` is made from a bag of the signal ``rig_calibration``."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MIN_DURATION = 20.0  # s
 
 @dataclass(frozen=True)
 class KnownLoad:
-    """What is mounted on the plate beside the plate itself.
+    """Describes the load that is mounted on the plate.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ def fingerprint(bag: Path) -> str:
 
 
 def described(calibrated: Calibrated) -> str:
-    """What was found, line by line, with standard errors and units."""
+    """Return what was found, line by line, with standard errors and units."""
     found, rig = calibrated.identified, calibrated.rig
     lines = [
         f"torque behind position     {_ms(found.torque_delay)}",

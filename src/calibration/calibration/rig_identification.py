@@ -86,7 +86,7 @@ class Signals:
 
 @dataclass(frozen=True)
 class IdentifiedRig:
-    """What a recording says of a rig.
+    """Holds what was identified of a rig from a recording.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class _Spectra:
         return rfft(signal, self.length)[self.used]
 
     def following(self, signal: np.ndarray, model: np.ndarray, known: bool = True) -> np.ndarray:
-        """What of a spectrum follows a model of it, through a transfer that is smooth.
+        """Return what of a spectrum follows a model of it, through a transfer that is smooth.
 
         With `known` the model is right but for `SERVO_MODEL_ERROR`; without, it is only
         proportional to what the signal follows. The nearer the model, the flatter is the transfer,

@@ -1,4 +1,4 @@
-"""From a minute of perturbation to ``subject.yaml``: the model of this subject in this session."""
+"""A minute of perturbation gives ``subject.yaml``, the model of this subject in this session."""
 
 from __future__ import annotations
 

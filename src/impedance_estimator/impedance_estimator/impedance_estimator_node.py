@@ -2,13 +2,13 @@
 
 | topic | type | |
 | --- | --- | --- |
-| `/ankle/samples` | Float64MultiArray | in: t, position, torque, and velocity where it is measured |
-| `/perturbation/reference` | Float64MultiArray | in: t and position, the instrument of the estimate |
-| `/impedance/estimate` | Float64MultiArray | out: one row every 1 / `estimate_rate` of sample time |
+| `/ankle/samples` | Float64MultiArray | in: t, position, torque, velocity if measured |
+| `/perturbation/reference` | Float64MultiArray | in: t and position, the instrument |
+| `/impedance/estimate` | Float64MultiArray | out: a row every 1 / `estimate_rate` of sample time |
 | `/impedance/reflex_irf` | Float64MultiArray | out: reflex impulse response, twice a second |
 | `/impedance/provenance` | String | out, latched: estimator, settings, model and rig |
 | `/diagnostics` | DiagnosticArray | out: why estimates are not valid or doubted, missing samples |
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class ImpedanceEstimator(AnkleNode):
         )
 
     def _compiled(self) -> bool:
-        """Whether the successor's algorithm is compiled; it is then loaded from the cache."""
+        """Say whether the successor's algorithm is compiled; it is then loaded from the cache."""
         if self._compilation is None:
             return True
         if not self._compilation.finished:

@@ -47,7 +47,7 @@ def batch_length(cutoff: float) -> float:
 def average_batch(
     sections: np.ndarray, state: np.ndarray, moments: np.ndarray, scores: np.ndarray
 ) -> None:
-    """One batch of scores into their running second moments.
+    """Put one batch of scores into their running second moments.
 
     Parameters
     ----------

@@ -106,17 +106,17 @@ class EstimateStream:
 
     @property
     def doubts(self) -> str:
-        """Why the newest estimate is doubted; empty where it is not."""
+        """Return why the newest estimate is doubted; empty where it is not."""
         return self.estimator.doubts if self.estimator else ""
 
     @property
     def instrument(self) -> str:
-        """How the estimator deals with torque that moves the plate; empty where it does not."""
+        """Return how the estimator deals with torque that moves the plate, or an empty text."""
         return self.estimator.instrument if self.estimator else ""
 
     @property
     def reason(self) -> str:
-        """Why the newest estimate is not valid; empty where it is."""
+        """Return why the newest estimate is not valid; empty where it is."""
         return (
             self.estimator.reason
             if self.estimator

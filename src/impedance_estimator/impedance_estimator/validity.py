@@ -117,7 +117,7 @@ def watch_rate(clock: np.ndarray, rate: float, t: float) -> None:
 def judge_sample(
     clock: np.ndarray, rate: float, memory: float, t: float, x: float, v: float, torque: float
 ) -> int:
-    """What to do with a sample.
+    """Return what to do with a sample.
 
     Parameters
     ----------
@@ -180,8 +180,9 @@ def judge_motion(clock: np.ndarray, rate: float, memory: float, velocity: float)
 
 @njit
 def reason_code(clock: np.ndarray, settling: float) -> int:
-    """Why the present estimate is not valid, `VALID` where it is. `settling`: samples needed after
-    the start.
+    """Return why the present estimate is not valid, `VALID` where it is.
+
+    `settling`: samples needed after the start.
     """
     c = clock[0]
     if c.pending != VALID:

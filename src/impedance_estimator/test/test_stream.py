@@ -92,16 +92,16 @@ def test_reset_forgets_everything(samples):
 def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     rows, responses = feed(blocks_of(samples))
     bag = write_bag(tmp_path / "session", blocks_of(samples))
-    told = []
+    reported = []
     result = estimate_bag(
         bag,
         tmp_path / "estimates",
         settings=SimultaneousSettings(settling_time=3.0),
-        progress=told.append,
+        progress=reported.append,
     )
     np.testing.assert_array_equal(result.rows, rows)
-    assert told
-    assert told == sorted(told)
+    assert reported
+    assert reported == sorted(reported)
     columns, written = BagReader(tmp_path / "estimates").signal("/impedance/estimate")
     assert columns == ESTIMATE_COLUMNS
     np.testing.assert_array_equal(written, rows)

@@ -1,4 +1,4 @@
-"""What physics a joint model leaves out: located, named, modelled, and shown to be missing.
+"""Physics that a joint model leaves out is located, named, modelled and shown to be missing.
 
 No ROS.
 """

@@ -59,7 +59,7 @@ LOOP_SENTENCE = (
 
 @dataclass
 class Diagnosis:
-    """Everything that a diagnosis found; `verdict` alone where the recording is bad."""
+    """Holds everything that a diagnosis found; `verdict` alone where the recording is bad."""
 
     recording: Recording
     verdict: Verdict
@@ -216,7 +216,7 @@ def _diagnose(
 
 
 def _rig(problem: Problem) -> dict[str, Any]:
-    """What the recording tells of the servo: how it follows its command, and how it gives way."""
+    """Return how the servo follows its command and how far it gives way."""
     found: dict[str, Any] = {}
     if problem.servo is not None:
         found["position_per_command[1]"] = list(problem.servo.following)
@@ -227,8 +227,9 @@ def _rig(problem: Problem) -> dict[str, Any]:
 
 
 def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, Any]:
-    """What a second recording must be compared with: length, size of the movements, background
-    torque, and the residual's spectrum.
+    """Return the values that a second recording must be compared with.
+
+    They are length, size of the movements, background torque, and the residual's spectrum.
     """
     position = fitter.columns.motion.position
     low, high = np.percentile(position, [1.0, 99.0])
@@ -347,7 +348,7 @@ def _conclude(
 
 
 def _likely_place(after: Remainder) -> str:
-    """Where an unexplained mismatch probably sits, from the inputs that predict it."""
+    """Return where an unexplained mismatch probably sits, from the inputs that predict it."""
     strongest = max(after.by_input, key=lambda key: after.by_input[key])
     return (
         "reflex dynamics"
@@ -359,7 +360,7 @@ def _likely_place(after: Remainder) -> str:
 
 
 def _given_model(fitter: Fitter, baseline: Model) -> str:
-    """How the given model does without any refit."""
+    """Return how the given model does without any refit."""
     values: dict[str, dict[str, float]] = {
         e.term.name: dict(e.values) for e in baseline.entries if e.term.name != "voluntary_torque"
     }

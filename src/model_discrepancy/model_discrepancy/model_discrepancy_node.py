@@ -3,8 +3,8 @@
 | topic | type | |
 | --- | --- | --- |
 | `ankle/samples` | Float64MultiArray | in: t, position, torque, and velocity where it is measured |
-| `/diagnostics` | DiagnosticArray | out: VAF of the base model, predictable share of its residual, what got worse and where |
-"""  # noqa: E501
+| `/diagnostics` | DiagnosticArray | out: VAF, predictable share of the residual, what got worse |
+"""
 
 from __future__ import annotations
 
@@ -29,9 +29,8 @@ LONGEST_GAP = 0.4
 # Lower priority of the fitting thread, so that estimator and recorder on the same machine come
 # first.
 NICENESS = 10
-WARNING_PERIOD = (
-    5.0  # s; `health` shows a warning for ten seconds, and a fit may come minutes later
-)
+# `health` shows a warning for ten seconds, and a fit may come minutes later.
+WARNING_PERIOD = 5.0  # s
 
 
 class ModelDiscrepancy(AnkleNode):

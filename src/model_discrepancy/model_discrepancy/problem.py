@@ -1,5 +1,6 @@
-"""One recording made ready for the search: its movement, its noise, its rows, and the base model's
-fit.
+"""A recording is made ready for the search here.
+
+The result holds its movement, its noise, its rows, and the base model's fit.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _SEGMENT_S = 0.5
 
 @dataclass
 class Problem:
-    """What every later stage of a diagnosis works on.
+    """Holds what every later stage of a diagnosis works on.
 
     Attributes
     ----------
@@ -67,8 +68,9 @@ class Problem:
 
     @property
     def in_a_loop(self) -> bool:
-        """Whether the movement may hold torque that no movement causes: the servo gives way, and no
-        command was recorded that would tell.
+        """Say whether the movement may hold torque that no movement causes.
+
+        It may where the servo gives way and no command was recorded that would show it.
         """
         return self.servo is None and self.compliance is not None and self.compliance.significant
 

@@ -67,7 +67,7 @@ class RecentSamples:
 
 @dataclass(frozen=True)
 class Indicators:
-    """How the base model does on one window.
+    """Describes how well the base model fits one window.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class SessionWatch:
         return indicators
 
     def complaint(self, now: Indicators, vaf_fall: float, share_rise: float) -> str | None:
-        """What got worse since the reference, in one sentence; None for nothing.
+        """Return what got worse since the reference, in one sentence; None for nothing.
 
         Parameters
         ----------

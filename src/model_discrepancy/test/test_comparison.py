@@ -68,9 +68,9 @@ def test_another_stiffness_is_the_difference(tmp_path):
     result = compare(trial()[0], trial({"stiffness": {"K": 70.0}}, seed=2, steps=4)[0])
     assert result.verdict == "differ"
     assert result.place == "intrinsic"
-    told = [c for c in result.contributions if c.told]
-    assert told[0].name == "stiffness"
-    simulated, recorded, _ = told[0].parameters["K[N.m/rad]"]
+    significant = [c for c in result.contributions if c.significant]
+    assert significant[0].name == "stiffness"
+    simulated, recorded, _ = significant[0].parameters["K[N.m/rad]"]
     assert recorded / simulated == pytest.approx(0.7, abs=0.05)
     result.save(tmp_path / "compare.json")
     content = json.loads((tmp_path / "compare.json").read_text())
@@ -91,7 +91,7 @@ def test_equal_joints_agree_and_another_actuator_is_told():
 def test_physics_that_only_the_recorded_joint_has_is_named():
     result = compare(trial()[0], trial({"maxwell_relaxation": {"k": 35.0, "T": 0.1}}, seed=2)[0])
     assert "subtracted" in result.method
-    (only,) = [c for c in result.contributions if c.only and c.told]
+    (only,) = [c for c in result.contributions if c.only and c.significant]
     assert only.only == "recorded"
     # Its siblings look alike under equal steps.
     assert term_library()[only.name].family == term_library()["maxwell_relaxation"].family

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ankle_physics.memory_elements import Play
+from ankle_physics.memory_elements import BacklashOperator
 from model_discrepancy.criticism.locate import find_onsets
 from model_discrepancy.criticism.variability import LEAST_VARIATION, variability
 from model_discrepancy.fit.columns import Columns
@@ -101,7 +101,7 @@ def test_channels_apart_by_less_than_half_a_sample_are_aligned_and_not_a_finding
 
 
 def test_play_of_the_encoder_is_one_finding_and_is_taken_out(equal_steps):
-    read = Play().run(equal_steps.position, 0.003)
+    read = BacklashOperator().run(equal_steps.position, 0.003)
     recording = replace(equal_steps, position=read)
     (finding,) = channel_findings(recording)
     assert finding.name == "backlash"

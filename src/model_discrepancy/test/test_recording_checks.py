@@ -1,4 +1,4 @@
-"""Broken rigs are recognised, usable recordings pass, and small lags or gains are findings instead."""  # noqa: E501
+"""Broken rigs are recognised, usable recordings pass, small lags or gains are findings."""
 
 from dataclasses import replace
 

@@ -59,7 +59,7 @@ CALIBRATION_SECONDS = 90.0
 
 
 def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
-    """All trials; the name's part before the first underscore is the part of the study."""
+    """Return all trials; the name's part before the first underscore is the part of the study."""
     random = np.random.default_rng([STREAM, seed])
 
     def fresh() -> int:

@@ -73,8 +73,9 @@ def _part(results: dict[str, dict[str, Any]], part: str) -> dict[str, dict[str, 
 def speed_and_variability(
     results: dict[str, dict[str, Any]],
 ) -> dict[tuple[str, str], dict[str, np.ndarray]]:
-    """By voluntary torque and estimator: ``rise_time`` of K and G over seeds, shape (seeds, 2) [s];
-    ``arrival``, ``variation`` [%] alike.
+    """Return ``rise_time`` of K and G over seeds by voluntary torque and estimator.
+
+    Its shape is (seeds, 2) [s]; ``arrival`` and ``variation`` [%] are alike.
 
     A rise time that is never reached is infinite, so that it counts in a median.
     """
@@ -170,8 +171,9 @@ def _tracking_table(results: dict[str, dict[str, Any]]) -> str:
 
 
 def coverage(results: dict[str, dict[str, Any]]) -> dict[str, np.ndarray]:
-    """By estimator: share of snapshots whose true value lies within ±1.96 standard errors, for K,
-    B, I, G; shape (4,) [%].
+    """Return by estimator how many snapshots have the true value within ±1.96 standard errors.
+
+    The shares are those of K, B, I, G; shape (4,) [%].
     """
     inside: dict[str, list[np.ndarray]] = {}
     for result in results.values():

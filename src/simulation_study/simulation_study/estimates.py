@@ -95,7 +95,7 @@ def carry_out(trial: Trial) -> dict[str, Any]:
 
 
 def estimate(name: str, recording: Recording, measured_velocity: bool) -> np.ndarray:
-    """All estimates, shape (k, 12), columns `ESTIMATE_COLUMNS`."""
+    """Return all estimates, shape (k, 12), columns `ESTIMATE_COLUMNS`."""
     algorithm, settings = ESTIMATORS[name]
     velocity = recording.velocity if measured_velocity else None
     return estimate_signal(

@@ -18,7 +18,7 @@ from simulation_study.rigs import record
 from simulation_study.trial import Ankle, Course, Trial
 
 SECONDS = 60.0
-"""Of the recordings on which torque is predicted: 100 stretches."""
+"""Recordings on which torque is predicted last so long [s]: 100 stretches."""
 SHOWN_DURATION = 0.150
 """[s] of figure 7 after the start of the stretch."""
 COLOURS = {"O": "tab:orange", "CE": "tab:blue"}
@@ -69,8 +69,9 @@ def _fixed_trials(results: dict[str, dict[str, Any]]) -> list[tuple[Trial, dict[
 def intrinsic_accuracies(
     results: dict[str, dict[str, Any]], most: int = 10
 ) -> list[IntrinsicAccuracy]:
-    """Each fixed run's mean K, B and I on its own recording and on one with another perturbation
-    and noise.
+    """Return each fixed run's mean K, B and I on its own recording and on another one.
+
+    The other one has another perturbation and noise.
 
     Parameters
     ----------

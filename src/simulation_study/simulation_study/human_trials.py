@@ -21,7 +21,7 @@ from model_discrepancy.recording.recording import Recording
 
 
 def load_trial(file: Path) -> Recording:
-    """One trial, in this project's sign."""
+    """Return one trial, in this project's sign."""
     data = np.load(file)
     return Recording(
         sampling_rate(data["time"]),

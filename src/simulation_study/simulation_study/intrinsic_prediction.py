@@ -1,5 +1,6 @@
-"""How much of the true intrinsic torque the identified K, B and I account for (the numbers beside
-the paper's figure 7).
+"""Share of the true intrinsic torque that the identified K, B and I account for.
+
+These are the numbers beside the paper's figure 7.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def true_torque(recording: Recording, filtered: bool) -> np.ndarray:
 
 
 def after_stretch(velocity: np.ndarray, rate: float) -> np.ndarray:
-    """Whether a sample lies within `WINDOW` after the start of a dorsiflexing movement, shape (n,).
+    """Say which samples lie within `WINDOW` after a dorsiflexing movement starts, shape (n,).
 
     Parameters
     ----------

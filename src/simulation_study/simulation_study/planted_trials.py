@@ -79,13 +79,13 @@ def simulate_trial(
         sampled = sosfilt(anti_alias, signal)[:: int(INTERNAL_RATE / rate)]
         return sampled + random.standard_normal(len(sampled)) * np.std(signal) * 10 ** (-snr / 20)
 
-    position, moved, felt = (
+    position, moved, torque = (
         read(signals.measured_position, SNR_DB[0]),
         read(v, SNR_DB[1]),
         read(torque, SNR_DB[2]),
     )
     return Recording(
-        rate, position, felt, moved if velocity else None, name=f"simulated, seed {seed}"
+        rate, position, torque, moved if velocity else None, name=f"simulated, seed {seed}"
     )
 
 
@@ -154,7 +154,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
 
 def outcome(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What a study keeps of a diagnosis."""
+    """Return what a study keeps of a diagnosis."""
     verdict = diagnosis.verdict
     return {
         "verdict": verdict.verdict,

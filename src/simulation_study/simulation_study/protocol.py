@@ -25,7 +25,7 @@ CONDITIONS = (*RANDOM_CONDITIONS, "fixed", "jump")
 
 @dataclass(frozen=True)
 class Size:
-    """How much is simulated.
+    """Describes how much is simulated.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ FULL, QUICK = Size(), Size(runs=8, seeds=5)
 
 
 def table2_trials(size: Size, seed: int) -> list[Trial]:
-    """All trials: every recording is read by both algorithms of its rig.
+    """Return all trials: every recording is read by both algorithms of its rig.
 
     K, G, perturbation and noise of a run are the same for all rigs, so that columns differ by rig
     and algorithm alone.

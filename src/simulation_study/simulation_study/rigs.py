@@ -3,8 +3,8 @@ experimental).
 
 | | O | C | CE |
 | --- | --- | --- | --- |
-| edges | blocks behind a 30 Hz second-order actuator | polynomials of 24 ms, then the actuator | as C |
-| pulse, start of rise to start of fall | 40 ms | 24 ms, see `perturbation_generator.pulse_step` | as C |
+| edges | blocks behind a 30 Hz actuator | polynomials of 24 ms, then the actuator | as C |
+| pulse, start of rise to start of fall | 40 ms | 24 ms, see `pulse_step` | as C |
 | velocity, acceleration in the joint | backward differences of position | actual | actual |
 | solver | fixed step, 1 ms | exact for the linear parts, 8 kHz | likewise |
 | sampling | 1000 Hz | anti-alias filter, 1000 Hz | anti-alias filter, 2048 Hz |
@@ -12,7 +12,7 @@ experimental).
 
 Source: van 't Veld et al. 2018, sections II-A to II-D. The actuator's order and the pulse's width
 are not in the paper.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

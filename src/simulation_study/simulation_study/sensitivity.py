@@ -1,5 +1,6 @@
-"""What would explain where table II is not reproduced: a louder position, longer pulses, other
-settings of the reflex fit.
+"""Changes are tried that would explain where table II is not reproduced.
+
+They are a louder position, longer pulses, other settings of the reflex fit.
 
     python -m simulation_study.sensitivity --out sensitivity_study
 

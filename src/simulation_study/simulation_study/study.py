@@ -42,7 +42,7 @@ KEEP_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": Non
 
 
 class Named(Protocol):
-    """What a worker carries out: anything with a unique name."""
+    """Describes what a worker carries out: anything with a unique name."""
 
     @property
     def name(self) -> str:

@@ -55,17 +55,20 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of table II: the symbol, its unit, and for each combination the paper's cell and ours."""  # noqa: E501
+    """Holds a row of table II.
+
+    It has the symbol, its unit, and for each combination the paper's cell and ours.
+    """
 
     symbol: str
     unit: str
     published: dict[str, Cell]
     reproduced: dict[str, Cell]
     spread: str
-    """What our range is."""
+    """Says what our range is."""
 
     def differs(self, combination: str) -> bool:
-        """Whether either value lies outside the other's range."""
+        """Say whether either value lies outside the other's range."""
         paper, ours = self.published[combination], self.reproduced[combination]
         if np.isnan(ours.value):
             return True
@@ -96,7 +99,7 @@ def _published(metric: str, spread: str | None, digits: int) -> dict[str, Cell]:
 
 
 def table2(results: dict[str, dict[str, Any]]) -> list[Row]:
-    """All rows.
+    """Return all rows of table II.
 
     Parameters
     ----------

@@ -105,8 +105,9 @@ def _range(value: float, digits: int) -> str:
 
 
 def write_csv(rows: list[Row], path: Path) -> None:
-    """One line for each row and combination: paper, its range, ours, its range, whether they
-    differ.
+    """Write one line for each row and combination.
+
+    It holds the paper's value, its range, ours, its range, and whether they differ.
     """
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)

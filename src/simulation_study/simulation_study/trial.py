@@ -1,4 +1,4 @@
-"""One simulated trial: which rig, which ankle, what changes meanwhile, who estimates."""
+"""A simulated trial states the rig, the ankle, its changes and the estimators."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Ankle:
     G: float = 10.0
     """[N.m.s/rad]"""
     omega: float = 21.0
-    """Of the reflex [rad/s]."""
+    """Natural frequency of the reflex [rad/s]."""
     z: float = 0.8
     """Damping of the reflex [1]."""
     delay: float = 0.040
-    """Of the reflex [s]."""
+    """Delay of the reflex [s]."""
     voluntary_rms: float = 0.0
     """Voluntary torque [N.m]."""
     voluntary_cutoff: float = 0.3
@@ -33,7 +33,7 @@ class Ankle:
 
 @dataclass(frozen=True)
 class Course:
-    """How K and G move, both at once and in the same proportion about their range.
+    """Describes how K and G move, both at once and in the same proportion about their range.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Course:
     frequency: float = 0.0
 
     def changes(self) -> list[dict[str, Any]]:
-        """As a scenario of `ankle_physics.scenario`; the first values hold from the start."""
+        """Return a scenario of `ankle_physics.scenario`; the first values hold from the start."""
         keys = {"stiffness.K[N.m/rad]": self.K, "reflex.G[N.m.s/rad]": self.G}
         if self.kind == "sinusoid":
             waves = {
@@ -79,7 +79,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Trial:
-    """What is simulated, and which estimators read it.
+    """Describes what is simulated, and which estimators read it.
 
     Attributes
     ----------
@@ -104,5 +104,5 @@ class Trial:
     seconds: float = DURATION
 
     def as_content(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the trial as content for JSON."""
         return asdict(self)

@@ -45,7 +45,7 @@ EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_play"})
 
 @dataclass(frozen=True)
 class Case:
-    """One recording and what was found in it."""
+    """Holds one recording and what was found in it."""
 
     effect: str
     servo: str
@@ -69,13 +69,13 @@ class Case:
 
     @property
     def family_found(self) -> bool:
-        """Whether a stated effect is of the family of a right answer."""
+        """Say whether a stated effect is of the family of a right answer."""
         families = {_family(name) for name in self.right_names}
         return any(_family(e["name"]) in families for e in self.verdict.effects)
 
     @property
     def exact(self) -> bool:
-        """Whether the most probable effect is a right answer."""
+        """Say whether the most probable effect is a right answer."""
         stated = sorted(self.verdict.effects, key=lambda e: -e["probability"])
         return bool(stated) and stated[0]["name"] in self.right_names
 
@@ -157,7 +157,7 @@ def rate_with_interval(hits: int, of: int) -> str:
 
 
 def table(done: list[Case]) -> list[tuple[str, str]]:
-    """Every count with its interval."""
+    """Return every count with its interval."""
     empty = [c for c in done if not c.effect]
     known = [c for c in done if c.right_names]
     foreign = [c for c in done if c.effect and not c.right_names]

@@ -1,1 +1,1 @@
-"""One physical effect a file; `ankle_physics.term.term_library` finds them all."""
+"""Each file holds one physical effect; `ankle_physics.term.term_library` finds them all."""

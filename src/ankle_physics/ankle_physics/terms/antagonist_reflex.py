@@ -1,4 +1,7 @@
-"""Response to plantarflexion: ``torque = -Ga * w^2/(s^2 + 1.6 w s + w^2) * max(-v(t - delay), 0)``."""  # noqa: E501
+"""The antagonist's reflex responds to plantarflexion.
+
+``torque = -Ga * w^2/(s^2 + 1.6 w s + w^2) * max(-v(t - delay), 0)``.
+"""
 
 from __future__ import annotations
 

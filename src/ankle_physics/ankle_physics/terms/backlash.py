@@ -1,16 +1,16 @@
-"""Play between footplate and foot: the foot stays put while the plate crosses the gap."""
+"""Backlash between footplate and foot: the foot stays put while the plate crosses the gap."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.memory_elements import Play
+from ankle_physics.memory_elements import BacklashOperator
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Backlash(Term):
-    """The foot follows the play operator of the plate's position; it moves only while it is in
+    """The foot follows the backlash operator of the plate's position; it moves only while it is in
     touch. Its acceleration is the plate's while in touch: the impact itself is shorter than the
     band that is measured."""
 
@@ -27,10 +27,10 @@ class Backlash(Term):
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"play": Play(), "last": None}
+        return {"operator": BacklashOperator(), "last": None}
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:
-        foot = state["play"].run(signals.position, float(values["gap"]))
+        foot = state["operator"].run(signals.position, float(values["gap"]))
         before = foot[:1] if state["last"] is None else state["last"]
         state["last"] = foot[-1:] if len(foot) else before
         moving = np.diff(foot, prepend=before) != 0.0

@@ -14,8 +14,10 @@ MUSCLE_DAMPING = 0.8
 
 
 class LongLatencyReflex(Term):
-    """Medium- and long-latency components of the stretch reflex (Grey et al. 2001, J. Physiol. 534,
-    925: 60 to 80 ms; transcortical 90 to 120 ms)."""
+    """Medium- and long-latency components of the stretch reflex (Grey et al. 2001).
+
+    They come after 60 to 80 ms, transcortical ones after 90 to 120 ms (J. Physiol. 534, 925).
+    """
 
     name = "long_latency_reflex"
     place = Place.REFLEX_DYNAMICS

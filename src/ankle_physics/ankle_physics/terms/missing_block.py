@@ -35,8 +35,9 @@ def _levels() -> tuple[Parameter, ...]:
 
 
 class MissingBlock(Term):
-    """What a diagnosis could describe and not name (a Hammerstein block, Westwick & Kearney 2003,
-    Identification of Nonlinear Physiological Systems, chapter 6).
+    """A diagnosis could describe this effect and not name it: a Hammerstein block.
+
+    Source: Westwick & Kearney 2003, Identification of Nonlinear Physiological Systems, chapter 6.
 
     Its numbers hold for movements like those that it was found in.
     """

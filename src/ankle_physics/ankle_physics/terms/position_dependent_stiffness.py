@@ -1,4 +1,7 @@
-"""Stiffness that changes with the angle: ``torque = k1 * (x - xc)^2 / 2``, so that ``dK/dx = k1``."""  # noqa: E501
+"""Stiffness changes with the angle.
+
+``torque = k1 * (x - xc)^2 / 2``, so that ``dK/dx = k1``.
+"""
 
 from __future__ import annotations
 

@@ -16,8 +16,10 @@ MUSCLE_DAMPING = 0.8
 
 
 class PositionReflexGain(Term):
-    """A longer calf has a stronger reflex (Mirbagheri, Barbeau & Kearney 2000, Exp. Brain Res. 135,
-    423: gain rises severalfold towards dorsiflexion)."""
+    """A longer calf has a stronger reflex (Mirbagheri, Barbeau & Kearney 2000).
+
+    The gain rises severalfold towards dorsiflexion (Exp. Brain Res. 135, 423).
+    """
 
     name = "position_reflex_gain"
     place = Place.REFLEX_DYNAMICS

@@ -1,4 +1,7 @@
-"""Depression between stretches: ``drive = r * v``, ``r' = (1 - r)/recovery - max(v, 0) r / size``."""  # noqa: E501
+"""Depression between stretches lowers the reflex drive.
+
+``drive = r * v``, ``r' = (1 - r)/recovery - max(v, 0) r / size``.
+"""
 
 from __future__ import annotations
 

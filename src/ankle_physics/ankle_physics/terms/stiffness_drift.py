@@ -14,7 +14,7 @@ _REFERENCE_TIME = 30.0
 
 
 class StiffnessDrift(Term):
-    """Fatigue, warming up or a change of posture: K and B change at the constant rates kt and bt."""  # noqa: E501
+    """K and B change at the constant rates kt and bt: fatigue, warming up or a new posture."""
 
     name = "stiffness_drift"
     place = Place.INTRINSIC

@@ -182,8 +182,8 @@ def _operating_point(mean: np.ndarray, longest: float, position: float) -> float
 
 @njit
 def _predicting(p: Plan, settled: int) -> bool:
-    """Whether estimates are good enough to be judged by their residual: after half of the settling
-    time.
+    """Say whether estimates are good enough to be judged by their residual: after half of the
+    settling time.
     """
     return settled > p.settling_samples // 2
 

@@ -196,7 +196,7 @@ def _require_start(stream: EstimateStream, source: str) -> None:
 
 
 def _feed_reference(reader: BagReader, stream: EstimateStream) -> None:
-    """All of the recorded reference: what is in the file has come in time."""
+    """Return all of the recorded reference: what is in the file has come in time."""
     if REFERENCE_TOPIC in reader.topics:
         for block in _joined_blocks(reader.blocks(REFERENCE_TOPIC)):
             stream.feed_reference(block)

@@ -100,7 +100,7 @@ def rectified_reference(p: Plan, s: State, index: int) -> tuple[float, float]:
 
 @part
 def _rectified_slope(p: Plan, x: np.ndarray, index: int) -> tuple[float, float]:
-    """The same from a position."""
+    """Return the smoothed derivatives of a position."""
     smooth = weighted(x, index, 0, p.kernels[1])
     if smooth <= p.rest_velocity:
         return smooth, 0.0

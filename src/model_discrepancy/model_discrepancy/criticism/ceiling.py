@@ -1,5 +1,4 @@
-"""How much of the torque any model of the movement can explain: an interval from the recording
-itself.
+"""The recording itself bounds how much of the torque any model of the movement can explain.
 
 Lower end: what model and generic bank together predict on unseen rows. Upper end: pairs of moments
 far apart in time with a similar history of movement; as far as their residuals differ even where
@@ -47,7 +46,10 @@ def ceiling_vaf(
 
 
 def unexplainable_power(columns: Columns, fit: Fit) -> float:
-    """Power [N.m^2] of the residual that differs between moments with the same history of movement."""  # noqa: E501
+    """Return the power [N.m^2] of the residual that no history of movement determines.
+
+    It differs between moments with the same history.
+    """
     rows, m = columns.rows, columns.motion
     position = rows.plain(rows.spectrum(m.position))
     velocity = rows.plain(rows.spectrum(m.velocity))

@@ -1,5 +1,6 @@
-"""What is still predictable: a bank of generic nonlinear regressors, trained on one part, scored on
-the other.
+"""A bank of generic nonlinear regressors shows what is still predictable.
+
+It is trained on one part of the recording and scored on the other.
 
 The regressors know no physics: products of position, velocity and their rectified versions, each
 through a set of overlapping lag windows. What they predict of a residual on data that they were
@@ -28,7 +29,7 @@ _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
 
 @dataclass(frozen=True)
 class Remainder:
-    """What the bank predicts of a residual.
+    """Describes what the bank predicts of a residual.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class Remainder:
 
     @property
     def significant(self) -> bool:
-        """Whether more is predicted than chance does, in both directions, and it matters."""
+        """Say whether more is predicted than chance does, in both directions, and it matters."""
         return (
             self.share > max(self.by_chance, 0.0)
             and self.worst > 0.0
@@ -129,7 +130,7 @@ class GenericBank:
         parts: tuple[np.ndarray, np.ndarray],
         surrogates: np.ndarray | None = None,
     ) -> Remainder:
-        """What the bank predicts of this residual.
+        """Return what the bank predicts of this residual.
 
         Parameters
         ----------
@@ -203,7 +204,7 @@ class GenericBank:
         known: np.ndarray | None = None,
         made: np.ndarray | None = None,
     ) -> np.ndarray:
-        """What each half of the rows predicts of the other, and both of the rows between them.
+        """Return what each half of the rows predicts of the other, and both of the rows between.
 
         Parameters
         ----------

@@ -1,5 +1,6 @@
-"""Where a residual sits: by time after the movement, direction, size, frequency, and what it
-depends on.
+"""A residual is located by time after the movement, direction, size and frequency.
+
+What it depends on is found as well.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Cell:
 
     @property
     def significant(self) -> bool:
-        """Whether the band excludes zero."""
+        """Say whether the band excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
 
@@ -139,7 +140,7 @@ def find_onsets(columns: Columns) -> Onsets:
 
 
 def residual_map(columns: Columns, fit: Fit, seed: int = 0) -> ResidualMap:
-    """Where the residual of this fit sits."""
+    """Return where the residual of this fit sits."""
     rows = columns.rows
     onsets = find_onsets(columns)
     inside = (onsets.time > rows.time[rows.used][0] + 0.1) & (

@@ -1,5 +1,6 @@
-"""What an unexplained mismatch looks like: a static curve followed by linear dynamics, at one place
-in the path.
+"""An unexplained mismatch is described by a static curve followed by linear dynamics.
+
+The block acts at one place in the path.
 
 Hammerstein block ``d(t) = sum_l a_l f(u(t - lag_l))`` with ``f(u) = sum_j b_j hinge_j(u)``, fitted
 to the whitened residual: of all matrices ``theta = a b^T`` of rank one the one with the least
@@ -109,7 +110,7 @@ class MissingBlock:
 
     @property
     def place(self) -> str:
-        """Where in the signal path the block points to, by its input and by when it acts."""
+        """Return where in the signal path the block points to, by its input and by when it acts."""
         first, last = self._acts
         if first >= _REFLEX_S:
             return "reflex dynamics"

@@ -1,5 +1,7 @@
-"""What a residual holds that no movement predicts: tremor, slow torque, a reflex that varies from
-stretch to stretch, and what is beyond a subject's usual variability.
+"""A residual holds parts that no movement predicts, and they are described here.
+
+These are tremor, slow torque, a reflex that varies from stretch to stretch, and what is beyond a
+subject's usual variability.
 
 Generic regressors of the movement cannot see any of them. The first three are properties of every
 subject and no mismatch. A narrow line in the torque, or responses that vary more than a reflex
@@ -54,7 +56,7 @@ _SLOW_HZ = 2.0
 
 @dataclass(frozen=True)
 class Variability:
-    """What no movement predicts.
+    """Describes the part of a residual that no movement predicts.
 
     Attributes
     ----------
@@ -83,7 +85,7 @@ class Variability:
 
     @property
     def unusual(self) -> list[str]:
-        """What is more than a subject's usual variability, one sentence each."""
+        """Return what is more than a subject's usual variability, one sentence each."""
         found = []
         if self.line_hz is not None:
             found.append(
@@ -169,7 +171,7 @@ def _reflex_variation(fitter: Fitter, fit: Fit) -> tuple[tuple[float, float] | N
 
 
 def _stretch_times(fitter: Fitter) -> np.ndarray:
-    """When each stretch of the calf begins [s], also right after another movement."""
+    """Return when each stretch of the calf begins [s], also right after another movement."""
     motion = fitter.motion
     fast = motion.velocity > _STRETCH_SHARE * np.percentile(motion.velocity, 99.5)
     return np.flatnonzero(np.diff(fast.astype(int)) == 1) / motion.rate

@@ -1,5 +1,6 @@
-"""Standard errors from a bootstrap over stretches of the recording (Künsch 1989, Ann. Statist. 17,
-1217).
+"""Standard errors from a bootstrap over stretches of the recording (Künsch 1989).
+
+Source: Ann. Statist. 17, 1217.
 
 The formula of least squares takes the whitened residual for white and the model for right. A
 residual that still holds something predictable breaks both; stretches drawn with replacement do not

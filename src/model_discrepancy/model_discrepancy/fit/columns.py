@@ -122,8 +122,9 @@ class Columns:
         )
 
     def _filter(self, term: Term, terms: Sequence[Term], values: Values) -> np.ndarray | None:
-        """What lies between a term's torque and the reading: straps, for what acts on the foot, and
-        sensor; None for nothing.
+        """Return the filter between a term's torque and the reading; None for nothing.
+
+        It holds the straps, for what acts on the foot, and the sensor.
         """
         filters = []
         for other in terms:

@@ -94,8 +94,9 @@ def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
 
 
 def searched(names: Sequence[str]) -> list[tuple[str, Parameter]]:
-    """What a fit searches for: the nonlinear parameters, and the foot's impedance where a compliant
-    fixation filters by it.
+    """Return the parameters that a fit searches for.
+
+    They are the nonlinear ones, and the foot's impedance where a compliant fixation filters by it.
     """
     coupled = any(issubclass(term_library()[name], CompliantCoupling) for name in names)
     foot = [
@@ -146,16 +147,16 @@ class Fitter:
         return cls(Columns(motion, Rows(len(motion.position), motion.rate, limit)))
 
     def unwhitened(self) -> Fitter:
-        """The same problem by the plain error."""
+        """Return a fitter of this problem that minimises the plain error."""
         return Fitter(self.columns, self.rows.unwhitened())
 
     def along(self, motion: Motion) -> Fitter:
-        """The same problem and whitening with another movement of the same length."""
+        """Return a fitter with this problem and whitening for another movement of that length."""
         return Fitter(Columns(motion, self.rows))
 
     @property
     def motion(self) -> Motion:
-        """What the model is driven by."""
+        """Return the motion that drives the model."""
         return self.columns.motion
 
     def whiten_by(self, noise: np.ndarray) -> None:
@@ -312,8 +313,9 @@ class Fitter:
         return np.column_stack(list(found.values())), list(found)
 
     def room(self, fit: Fit, labels: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
-        """How far each parameter may go down and up; nonlinear ones on their scaled range, where
-        the fit is linear enough.
+        """Return how far each parameter may go down and up.
+
+        Nonlinear ones move on their scaled range, where the fit is linear enough.
         """
         down, up = ranges(labels)
         for k, (name, symbol) in enumerate(labels):
@@ -373,8 +375,9 @@ class Fitter:
         return np.zeros(self.rows.count) if isinstance(change, int) else rows(change) / step
 
     def with_errors(self, fit: Fit) -> Fit:
-        """The same fit with standard errors, parameters at bounds held: of whitened least squares
-        or of stretches, whichever is larger.
+        """Return the fit with standard errors; parameters at bounds are held.
+
+        The errors are those of whitened least squares or of stretches, whichever are larger.
         """
         matrix, labels = self.derivatives(fit)
         used = self.rows.used
@@ -404,7 +407,7 @@ class Fitter:
 
 
 class _Projection:
-    """Residual and Jacobian after the linear parameters are eliminated (Kaufman's approximation)."""  # noqa: E501
+    """Computes residual and Jacobian without the linear parameters (Kaufman's approximation)."""
 
     def __init__(
         self,

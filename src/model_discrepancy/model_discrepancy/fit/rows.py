@@ -1,5 +1,4 @@
-"""From columns at the model's rate to the rows that are fitted: band-passed, optionally whitened,
-at 200 Hz.
+"""Rows that are fitted are made from columns at the model's rate.
 
 All of it is one linear operator on the spectrum, applied alike to torque and to every model column,
 so that filtering changes neither the parameters of a linear joint nor which model is right.
@@ -76,7 +75,7 @@ class Rows:
         self._edge = low_pass(self.frequency, limit, EDGE_ORDER)
 
     def unwhitened(self) -> Rows:
-        """The same operator without a whitening filter."""
+        """Return the same operator without a whitening filter."""
         return Rows(self._samples, self._rate, self.limit)
 
     @property
@@ -91,11 +90,11 @@ class Rows:
         return rfft(column - column.mean(), self._length)[: len(self.frequency)]
 
     def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
-        """What lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
+        """Return what lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
         return self.torque(spectrum * low_pass(self.frequency, cutoff, 4))
 
     def torque(self, spectrum: np.ndarray) -> np.ndarray:
-        """What a spectrum holds below half the row rate, at the columns' rate, shape (n,)."""
+        """Return a spectrum's part below half the row rate, at the columns' rate, shape (n,)."""
         whole = np.zeros(self._length // 2 + 1, dtype=complex)
         whole[: len(spectrum)] = spectrum
         return irfft(whole, self._length)[: self._samples]

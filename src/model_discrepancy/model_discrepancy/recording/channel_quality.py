@@ -1,6 +1,4 @@
-"""What a bag tells about the rig itself: noise of each channel, and how the actuator follows its
-reference.
-"""
+"""A bag shows the noise of each channel and how the actuator follows its reference."""
 
 from __future__ import annotations
 
@@ -68,7 +66,7 @@ def noise_levels(recording: Recording) -> dict[str, float]:
 
 
 def following_response(recording: Recording) -> FollowingResponse | None:
-    """How position follows the reference; None without a reference that moves."""
+    """Return how position follows the reference; None without a reference that moves."""
     reference = recording.reference
     if reference is None or np.std(reference) == 0.0:
         return None

@@ -1,5 +1,6 @@
-"""Play between shaft and encoder, seen where position follows the integrated velocity only beyond a
-gap.
+"""Backlash between shaft and encoder is found from position and velocity.
+
+Position then follows the integrated velocity only beyond a gap.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 from scipy.signal import butter, sosfiltfilt
 
-from ankle_physics.memory_elements import Play
+from ankle_physics.memory_elements import BacklashOperator
 from model_discrepancy.recording.recording import Recording
 
 # Below this frequency position is trusted, above it the integrated velocity, whose drift ends
@@ -19,7 +20,8 @@ CROSSOVER_HZ = 0.5
 LARGEST_GAP = 0.03
 # Gaps below drown in the noise of an encoder (0.1 mrad in the recorded trials).
 SMALLEST_GAP = 3e-4
-# Play must leave less than this share of the disagreement, also of what a wrong gain would leave.
+# Backlash must leave less than this share of the disagreement, also of what a wrong gain would
+# leave.
 LEAST_CUT = 0.5
 
 
@@ -59,7 +61,7 @@ def _best_gap(moved: np.ndarray, read: np.ndarray, rate: float) -> tuple[float, 
     """The gap that brings position nearest to the reading, and the variance that it leaves."""
 
     def apart(gap: float) -> float:
-        return float(np.var(read - _fast(Play().run(moved, gap), rate)))
+        return float(np.var(read - _fast(BacklashOperator().run(moved, gap), rate)))
 
     found = minimize_scalar(
         apart, bounds=(0.0, LARGEST_GAP), method="bounded", options={"xatol": 1e-5}

@@ -35,7 +35,7 @@ ACTIVATION_HZ = 0.3
 
 @dataclass(frozen=True)
 class Motion:
-    """What the model is driven by and compared with, at the model's rate.
+    """Holds the signals that drive the model and are compared with it, at the model's rate.
 
     Attributes
     ----------

@@ -29,8 +29,9 @@ LOWEST_RATE = 250.0
 
 @dataclass(frozen=True)
 class Recording:
-    """One trial, equally sampled, in SI, positive in dorsiflexion; torque is what is needed to move
-    the ankle.
+    """Holds one trial, equally sampled, in SI, positive in dorsiflexion.
+
+    Torque is what is needed to move the ankle.
 
     Attributes
     ----------
@@ -84,7 +85,7 @@ class Recording:
 
     @classmethod
     def unreadable(cls, path: str | Path, reason: str) -> Recording:
-        """What stands for a bag whose samples cannot be used at all."""
+        """Return a placeholder for a bag whose samples cannot be used at all."""
         return cls(LOWEST_RATE, np.zeros(0), np.zeros(0), name=Path(path).name, faults=(reason,))
 
     @property

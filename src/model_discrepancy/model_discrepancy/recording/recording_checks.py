@@ -45,7 +45,7 @@ _MODE_DAMPINGS = (0.05, 0.2)
 
 
 def faults(recording: Recording) -> list[str]:
-    """One sentence for each reason why the recording cannot be diagnosed; empty for a usable one."""  # noqa: E501
+    """Return a sentence for each reason why the recording cannot be diagnosed."""
     found = list(recording.faults)
     if not len(recording.position):
         return found
@@ -144,7 +144,7 @@ def _movement_faults(recording: Recording) -> list[str]:
 def _lost_torque(recording: Recording) -> list[str]:
     """Windows in which the foot moves and the torque does not follow any more."""
     size = int(_WINDOW_S * recording.rate)
-    moved, felt = (
+    moved, measured = (
         np.std(
             band(channel, recording.rate, 3.0, 40.0)[: len(channel) // size * size].reshape(
                 -1, size
@@ -153,7 +153,9 @@ def _lost_torque(recording: Recording) -> list[str]:
         )
         for channel in (recording.position, recording.torque)
     )
-    lost = (moved > 0.5 * np.median(moved)) & (felt < DEAD_SHARE * np.percentile(felt, 90.0))
+    lost = (moved > 0.5 * np.median(moved)) & (
+        measured < DEAD_SHARE * np.percentile(measured, 90.0)
+    )
     if lost.sum() < 2:
         return []
     return [

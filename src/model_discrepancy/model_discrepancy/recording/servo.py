@@ -1,4 +1,4 @@
-"""How the servo follows its command and how far it gives way under load.
+"""The servo's response to its command and its compliance under load are estimated here.
 
 ``position = H reference - C torque``: H is how the drive follows its command, C [rad/N.m] its
 compliance. Both are linear and are fitted to the recording itself by least squares. What the joint
@@ -48,7 +48,7 @@ _STRETCHES = 8
 
 @dataclass(frozen=True)
 class Compliance:
-    """How far the servo gives way under load.
+    """Describes how far the servo gives way under load.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Compliance:
 
     @property
     def significant(self) -> bool:
-        """Whether it differs from zero by three standard errors and is positive."""
+        """Say whether it differs from zero by three standard errors and is positive."""
         value, error = self.at_rest
         return value > 3.0 * error
 

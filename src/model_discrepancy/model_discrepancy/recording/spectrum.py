@@ -80,8 +80,9 @@ def white_density(signal: np.ndarray, rate: float) -> float:
 
 
 def clear_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """As `signal_share`, and 0 where the power is less than twice the noise, which may be noise
-    alone.
+    """Return `signal_share`, and 0 where the power is less than twice the noise.
+
+    Such power may be noise alone.
     """
     share = signal_share(spectrum, frequency)
     return np.where(share < 0.5, 0.0, share)

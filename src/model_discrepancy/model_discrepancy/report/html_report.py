@@ -22,9 +22,11 @@ from model_discrepancy.report.verdict import separating_measurements
 if TYPE_CHECKING:
     from model_discrepancy.diagnose import Diagnosis
 
-_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
+_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;\
+padding:0 1rem;color:#222}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
-table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""  # noqa: E501
+table{border-collapse:collapse}td,th{padding:.2rem .8rem;\
+border-bottom:1px solid #ddd;text-align:left}"""
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -85,7 +87,7 @@ def write_page(title: str, parts: list[str], path: Path) -> None:
 
 
 def what_next(diagnosis: Diagnosis) -> list[str]:
-    """What to record to settle what this recording leaves open, one sentence each."""
+    """Return what to record to settle what this recording leaves open, one sentence each."""
     verdict = diagnosis.verdict
     if verdict.verdict == "bad_recording":
         return [

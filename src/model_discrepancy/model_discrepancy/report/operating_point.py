@@ -29,7 +29,7 @@ _STEP = 0.2
 
 
 def operating_point(motion: Motion, onsets: Onsets) -> OperatingPoint:
-    """Where a recording was made: its mean angle, torque and activation, its middle, its steps."""
+    """Return a recording's mean angle, torque and activation, its middle and its steps."""
     usual = OperatingPoint()
     apart = np.diff(onsets.time)
     return OperatingPoint(

@@ -163,7 +163,7 @@ def residual_picture(
 
 
 def ladder(found: Found) -> str:
-    """What each term takes off the whitened error."""
+    """Draw by how much each term lowers the whitened error."""
     figure = Figure(figsize=(7, 0.6 + 0.4 * max(len(found.effects), 1)))
     axes = figure.add_subplot()
     names = [effect.trial.name.replace("_", " ") for effect in found.effects]
@@ -285,7 +285,7 @@ def block_picture(block: MissingBlock) -> str:
 
 
 def channels_picture(recording: Recording) -> str:
-    """Every channel as it was recorded, for a recording that cannot be used."""
+    """Draw every channel as it was recorded, for a recording that cannot be used."""
     channels = {"position [rad]": recording.position, "torque [N.m]": recording.torque}
     if recording.velocity is not None:
         channels["velocity [rad/s]"] = recording.velocity

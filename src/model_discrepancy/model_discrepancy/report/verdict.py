@@ -1,4 +1,4 @@
-"""From what was found to the verdict: no mismatch, explained, unexplained or a bad recording."""
+"""The verdict is drawn here: no mismatch, explained, unexplained or a bad recording."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Scores:
 
 @dataclass
 class Verdict:
-    """What `diagnose` concludes; `content` is the file of DESIGN's format."""
+    """Holds what `diagnose` concludes; `content` is the file of DESIGN's format."""
 
     verdict: str
     effects: list[dict[str, Any]] = field(default_factory=list)
@@ -124,7 +124,7 @@ def kind(
 def effect_entry(
     effect: Effect, final: Fit, size: Size, first: bool, complete: bool
 ) -> dict[str, Any]:
-    """One effect of ``verdict.json``.
+    """Return one effect of ``verdict.json``.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def effect_entry(
 
 
 def finding_entry(finding: Finding) -> dict[str, Any]:
-    """What the signals themselves show, as an effect."""
+    """Return what the signals themselves show, as an effect."""
     return {
         "name": finding.name,
         "stated": finding.name,
@@ -220,7 +220,7 @@ def alternatives(found: Found) -> list[dict[str, Any]]:
 
 
 def separating_measurements(effects: list[dict[str, Any]]) -> list[str]:
-    """What to measure next to tell the members of each set apart."""
+    """Return what to measure next to tell the members of each set apart."""
     advice = []
     for effect in effects:
         names = set(effect["set"])

@@ -1,4 +1,4 @@
-"""How much torque an effect makes, when, and in which direction: the number in its sentence."""
+"""The size of an effect is the torque that it makes, when, and in which direction."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
 
 
 def torque_share(fitter: Fitter, final: Fit, name: str) -> float:
-    """rms of the torque that one term of a fitted model adds, as a share of the recorded torque's."""  # noqa: E501
+    """Return the rms of the torque that one term adds, as a share of the recorded torque's."""
     used = fitter.rows.used
     return float(np.std(_added(fitter, final, name)[used]) / np.std(fitter.plain_target[used]))
 

@@ -1,4 +1,4 @@
-"""What a library finds where nothing is missing: the null distribution of one recording.
+"""The null distribution of a recording is what a library finds where nothing is missing.
 
 The noise of the recording (what neither the base model nor generic regressors of the movement
 predict) is cut into stretches, and each stretch is given a random sign (wild bootstrap, Wu 1986,

@@ -72,7 +72,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Trial:
-    """One candidate after its joint refit.
+    """Holds one candidate after it was refitted together with all other terms.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Trial:
 
     @property
     def accepted(self) -> bool:
-        """Whether it is no work of chance, holds on unseen rows, and matters."""
+        """Say whether the gain exceeds chance, holds on unseen rows, and is large enough."""
         margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
         return (
             self.gain > margin * self.by_chance
@@ -199,7 +199,7 @@ def align(fitter: Fitter, fit: Fit) -> Fit:
 
 
 def is_alignment(fitter: Fitter, fit: Fit) -> bool:
-    """Whether the channels are apart by less than half a sample."""
+    """Say whether the channels are apart by less than half a sample."""
     return (
         ALIGNMENT in fit.terms
         and abs(fit.values[ALIGNMENT]["skew"]) <= 0.5 * fitter.columns.motion.sample_time
@@ -332,7 +332,7 @@ def _errors(fit: Fit, yardstick: np.ndarray) -> np.ndarray:
 
 
 def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.ndarray) -> None:
-    """What began as an alignment may end as a skew between the channels, and the other way round."""  # noqa: E501
+    """Name an alignment a skew between the channels where it became one, and vice versa."""
     if is_alignment(fitter, current):
         found.effects = [effect for effect in found.effects if effect.trial.name != ALIGNMENT]
     elif ALIGNMENT in current.terms and all(
@@ -461,8 +461,9 @@ def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
 
 
 def _weigh(fitter: Fitter, found: Found, before: np.ndarray) -> None:
-    """What each effect is worth; those that took off next to nothing of the mismatch, or move next
-    to no torque, are refinements.
+    """Measure each effect and mark refinements.
+
+    These lower the mismatch by next to nothing, or move next to no torque.
     """
     final = found.final
     whole = np.abs(before - found.effects[-1].errors)
@@ -504,5 +505,5 @@ def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> 
 
 
 def place_of(name: str) -> Place:
-    """Where in the signal path a term acts."""
+    """Return where in the signal path a term acts."""
     return term_library()[name].place

@@ -71,7 +71,9 @@ class Candidate:
         return signal.next(round(duration * rate))
 
     def motion(self, duration: float, background: float) -> Motion:
-        """What a footplate behind a 30 Hz actuator does, without torque, at the model's rate.
+        """Return the motion of a footplate behind a 30 Hz actuator, at the model's rate.
+
+        No torque acts on it.
 
         Parameters
         ----------

@@ -43,12 +43,12 @@ from model_discrepancy.search.term_search import Found, search
 # Movements that differ by less than this share of their variance are the same: below it position
 # noise of 20 dB would hide a difference.
 LARGEST_MOVEMENT_DIFFERENCE = 0.01
-# A term's difference is told when it changes the torque by this share of its standard deviation or
+# A term's difference is significant when it changes the torque by this share of its deviation or
 # more ...
 LEAST_TORQUE = 0.03
 # ... and a parameter of it by this many standard errors.
 LEAST_ERRORS = 4.0
-# Differences of the actuator that are told: of bandwidth and gain as a ratio, of delay [s].
+# Significant differences of the actuator: of bandwidth and gain as a ratio, of delay [s].
 LEAST_BANDWIDTH_RATIO = 1.1
 LEAST_GAIN_RATIO = 1.03
 LEAST_DELAY_S = 0.002
@@ -58,7 +58,7 @@ _EXTRAPOLATION_RATIO = 1.2
 
 @dataclass
 class Side:
-    """One of the two bags.
+    """Holds one of the two bags and the model fitted to it.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one term adds to the difference.
+    """Describes what one term adds to the difference.
 
     Attributes
     ----------
@@ -108,8 +108,8 @@ class Contribution:
     only: str = ""
 
     @property
-    def told(self) -> bool:
-        """Whether it is large and sure enough."""
+    def significant(self) -> bool:
+        """Say whether it is large and sure enough."""
         sure = bool(self.only) or any(
             abs(z) >= LEAST_ERRORS for _, _, z in self.parameters.values() if np.isfinite(z)
         )
@@ -118,7 +118,7 @@ class Contribution:
 
 @dataclass
 class Comparison:
-    """Everything that was found out about two bags; a bad recording has `reasons` only."""
+    """Holds everything that was found out about two bags; a bad recording has `reasons` only."""
 
     names: tuple[str, str]
     verdict: str
@@ -144,12 +144,13 @@ class Comparison:
             f"The recorded torque differs from the simulated one by {self.rms:.2f} N.m rms "
             f"(the simulation explains {self.vaf:.1f} % of it)"
         )
-        told = [c for c in self.contributions if c.told]
-        if told:
-            others = ", ".join(c.name.replace("_", " ") for c in told[1:4])
+        significant = [c for c in self.contributions if c.significant]
+        if significant:
+            others = ", ".join(c.name.replace("_", " ") for c in significant[1:4])
             return (
                 f"{size}, most of all in "
-                f"{_in_words(told[0])}.{' Also: ' + others + '.' if others else ''}{actuator}"
+                f"{_in_words(significant[0])}."
+                f"{' Also: ' + others + '.' if others else ''}{actuator}"
             )
         if self.block is not None:
             return f"{size}; no known term makes it. {self.block.sentence}{actuator}"
@@ -186,7 +187,7 @@ class Comparison:
                 "torque[N.m]": c.torque,
                 "share_of_torque": c.share,
                 "only": c.only or None,
-                "told": c.told,
+                "told": c.significant,
                 "parameters": {
                     key: [_number(v) for v in values] for key, values in c.parameters.items()
                 },
@@ -305,8 +306,9 @@ def _side(recording: Recording, start: Fit | None, progress: Callable[[str], Non
 
 
 def aligned(simulated: Motion, recorded: Motion) -> tuple[Motion, Motion] | None:
-    """Both motions on the recorded one's clock, cropped to what they share; None where they are not
-    the same movement.
+    """Return both motions on the recorded one's clock, cropped to what they share.
+
+    The result is None where they are not the same movement.
     """
     time = simulated.time
     grid = np.arange(0.0, time[-1], 1.0 / recorded.rate)
@@ -379,7 +381,7 @@ def _extrapolation(first: Side, second: Side) -> list[str]:
 
 
 def _contributions(simulated: Fit, second: Side) -> list[Contribution]:
-    """Every term that either bag holds, the largest first."""
+    """Return every term that either bag holds, the largest first."""
     recorded, fitter = second.found.final, second.fitter
     used = fitter.rows.used
     size = float(np.std(fitter.plain_target[used]))
@@ -442,32 +444,32 @@ def base_parameters(sides: tuple[Side, Side]) -> dict[str, list[tuple[float, flo
 def _actuator_differences(
     simulated: FollowingResponse | None, recorded: FollowingResponse | None
 ) -> list[str]:
-    """One sentence for each way in which position follows the reference differently."""
+    """Return one sentence for each way in which position follows the reference differently."""
     if simulated is None or recorded is None:
         return []
-    told = []
+    differences = []
     a, b = simulated.bandwidth, recorded.bandwidth
     if a is not None and b is not None and max(a / b, b / a) > LEAST_BANDWIDTH_RATIO:
-        told.append(
+        differences.append(
             f"The recorded actuator follows up to {b:.1f} Hz, the simulated one up to {a:.1f} Hz."
         )
     ratio = recorded.slow_gain / simulated.slow_gain
     if max(ratio, 1.0 / ratio) > LEAST_GAIN_RATIO:
-        told.append(
+        differences.append(
             f"Held positions are {recorded.slow_gain:.3f} times the commanded ones, "
             f"{simulated.slow_gain:.3f} in the simulation."
         )
     if abs(recorded.delay - simulated.delay) > LEAST_DELAY_S:
-        told.append(
+        differences.append(
             f"Position follows the reference after {1000 * recorded.delay:.1f} ms, after "
             f"{1000 * simulated.delay:.1f} ms in the simulation."
         )
-    return told
+    return differences
 
 
 def _conclude(result: Comparison, second: Side) -> None:
     """Verdict, place and, where no term makes the difference, the missing block."""
-    told = [c for c in result.contributions if c.told]
+    significant = [c for c in result.contributions if c.significant]
     final = second.found.final
     remainder = GenericBank(second.fitter.columns).remainder(
         second.fitter, final.residual, final.plain, interleaved(second.fitter.rows)
@@ -479,8 +481,8 @@ def _conclude(result: Comparison, second: Side) -> None:
             f"generic regressors predict {100 * remainder.share:.0f} % of what the best model "
             "leaves of the recorded torque"
         )
-    if told:
-        result.place = told[0].place
+    if significant:
+        result.place = significant[0].place
     elif result.block is not None:
         result.place = result.block.place
     elif result.actuator:

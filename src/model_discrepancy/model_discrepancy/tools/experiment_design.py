@@ -1,4 +1,6 @@
-"""Which perturbation tells rival explanations apart: expected discrimination between fitted models.
+"""The best perturbation separates rival explanations.
+
+It is chosen by the expected discrimination between fitted models.
 
 For each pair of a set, one model makes the torque on a candidate movement and the other is refitted
 to it; what then remains of the whitened torque is the noncentrality that a second recording would
@@ -234,7 +236,7 @@ def rank(
 
 
 def _by_activation(values: Values) -> bool:
-    """Whether a model holds a term that follows the subject's own torque."""
+    """Say whether a model holds a term that follows the subject's own torque."""
     return any(
         term_library()[name].place is Place.ACTIVATION or name.startswith("activation")
         for name in values

@@ -125,7 +125,7 @@ def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
 
 
 def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
-    """As `resimulate`, from a bag and the folder of its diagnosis; written to `out`.
+    """Resimulate a bag from the folder of its diagnosis and write the result to `out`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which names of the diagnosis' library count as the right answer to a hidden effect, and why.
+"""Names of the diagnosis' library that count as the right answer to a hidden effect.
 
 The rig's physics is not the library's: a MuJoCo strap has its own mass behind it, a cable its own
 law. A name counts when it says the same physics, or when no perturbation of a recording of that
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Answer(NamedTuple):
-    """What counts as naming an effect.
+    """Describes what counts as naming an effect.
 
     Attributes
     ----------

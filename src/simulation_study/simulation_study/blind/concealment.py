@@ -54,7 +54,7 @@ def interface_version() -> int:
 
 
 def allowed_beside(hidden: list[Path]) -> list[Path]:
-    """Every path that is not on the way down to a hidden folder, as few as possible."""
+    """Return every path that is not on the way down to a hidden folder, as few as possible."""
     hidden = [path.resolve() for path in hidden]
     way = {parent for path in hidden for parent in path.parents}
     allowed: list[Path] = []
@@ -108,7 +108,7 @@ def concealed(command: list[str], hidden: list[Path]) -> list[str]:
 
 
 def works(hidden: list[Path], environment: dict[str, str] | None = None) -> bool:
-    """Whether a concealed process really cannot see the hidden folders: it is tried."""
+    """Try whether a concealed process really cannot see the hidden folders."""
     attempt = (
         "import os, sys\n"
         "for folder in sys.argv[1:]:\n"

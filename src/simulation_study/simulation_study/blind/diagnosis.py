@@ -1,5 +1,6 @@
-"""One diagnosis in a process of its own, which sees the bag and a folder to write to, and not the
-truth.
+"""A diagnosis runs in a process of its own.
+
+It sees the bag and a folder to write to, and not the truth.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def diagnose_case(
 
 
 def is_diagnosed(folder: Path) -> bool:
-    """Whether the case was diagnosed to its end, with whatever result."""
+    """Say whether the case was diagnosed to its end, with whatever result."""
     return (folder / RUN_FILE).exists()
 
 

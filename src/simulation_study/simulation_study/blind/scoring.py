@@ -1,4 +1,4 @@
-"""What a diagnosis got right, once the seal is open.
+"""Diagnoses are scored against the truth once the seal is open.
 
 Every rate comes with its counts. A verdict's named set is, for each effect that it states, the
 effect's name with its ``set``: the names that fit about equally well. A set counts when it holds at
@@ -31,7 +31,7 @@ RIGHT_VERDICT = {"null": "no_mismatch", "unknown": "unexplained", "broken": "bad
 
 
 class CaseScore(NamedTuple):
-    """One case.
+    """Holds the score of one case.
 
     Attributes
     ----------
@@ -124,12 +124,12 @@ def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, A
         return "right"
     sets = [s for s in (named_set(effect) for effect in effects) if len(s) <= LARGEST_SET]
     in_set = [h for h in hidden if h in found or any(_accepts(h, name) for s in sets for name in s)]
-    strange = [
+    wrong = [
         e
         for e in effects
         if not e.get("tentative") and not any(_accepts(h, n) for h in hidden for n in named_set(e))
     ]
-    if len(in_set) == len(hidden) and not strange:
+    if len(in_set) == len(hidden) and not wrong:
         return "set"
     return "partial" if in_set else "wrong_name"
 
@@ -273,7 +273,7 @@ def confusion(scores: list[CaseScore]) -> dict[str, dict[str, int]]:
 
 
 def summarise(scores: list[CaseScore]) -> dict[str, Any]:
-    """Everything that the proof asks for, JSON-ready."""
+    """Return all scores of the study, JSON-ready."""
     of = {
         kind: [s for s in scores if s.kind == kind]
         for kind in ("null", "known", "pair", "unknown", "broken")

@@ -37,7 +37,7 @@ def commitment(salt: bytes, truth: dict[str, Any]) -> str:
 
 
 def root(commitments: dict[str, str]) -> str:
-    """One hash over the commitments of all cases, hexadecimal."""
+    """Return one hash over the commitments of all cases, hexadecimal."""
     return hashlib.sha256(
         "".join(f"{name}:{commitments[name]}\n" for name in sorted(commitments)).encode()
     ).hexdigest()

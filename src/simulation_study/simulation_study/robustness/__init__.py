@@ -1,1 +1,1 @@
-"""Every estimator on an independent rig, with each effect that a laboratory may meet."""
+"""Estimators are compared on an independent rig, with each effect that a laboratory may meet."""

@@ -1,4 +1,4 @@
-"""Which recordings the robustness study makes: effects, strengths, servos, subjects, jumps."""
+"""Recordings of the robustness study: effects, strengths, servos, subjects, jumps."""
 
 from __future__ import annotations
 
@@ -40,7 +40,9 @@ TREMOR = 0.05
 JUMPS = ((1.2, 1.0), (3.0, 1.0), (1.0, 1.4), (1.0, 3.0))
 """Factors on K and G: 20 % and threefold, 40 % and threefold."""
 JUMP_START = {"muscle.K": (45.0, 60.0), "reflex.G": (4.0, 6.0)}
-"""Before a jump [N.m/rad], [N.m.s/rad]: three times as much is still an ankle."""
+"""Before a jump K and G lie in these ranges [N.m/rad], [N.m.s/rad]: three times as much is still an
+ankle.
+"""
 QUICK_EFFECTS = (
     "strap",
     "bearing_friction",
@@ -61,7 +63,7 @@ QUICK_EFFECTS = (
 
 @dataclass(frozen=True)
 class Size:
-    """How large a study is.
+    """Describes how large a study is.
 
     Attributes
     ----------
@@ -91,7 +93,7 @@ QUICK_NULLS = 6
 
 @dataclass(frozen=True)
 class Condition:
-    """One recording.
+    """Describes the conditions of one recording.
 
     Attributes
     ----------
@@ -127,16 +129,16 @@ class Condition:
 
     @property
     def jump_time(self) -> float:
-        """When the jump is [s]."""
+        """Return the time of the jump [s]."""
         return 0.5 * self.seconds
 
     def as_content(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the condition as content for JSON."""
         return asdict(self)
 
 
 def conditions(size: Size, seed: int) -> list[Condition]:
-    """All recordings of a study; the same for the same size and seed.
+    """Return all recordings of a study; the same for the same size and seed.
 
     Parameters
     ----------

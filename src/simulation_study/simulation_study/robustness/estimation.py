@@ -1,4 +1,4 @@
-"""Every estimator on a recording, reduced to the numbers that the study reports."""
+"""Estimates of a recording are reduced to the numbers that the study reports."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def fingerprint() -> str:
 
 
 def estimate_condition(folder: Path) -> Callable[[Condition], dict[str, Any]]:
-    """What a worker does with one condition; recordings are kept in `folder`."""
+    """Make one condition's estimates in a worker; recordings are kept in `folder`."""
     return _Estimation(folder)
 
 
@@ -72,7 +72,7 @@ class _Estimation:
 
 
 def online(name: str, made: Recorded) -> np.ndarray:
-    """All estimates of an online estimator, columns `ESTIMATE_COLUMNS`."""
+    """Return all estimates of an online estimator, columns `ESTIMATE_COLUMNS`."""
     algorithm, settings = ONLINE[name]
     return estimate_signal(
         made.time, made.position, made.velocity, made.torque, algorithm, settings, made.reference

@@ -1,4 +1,4 @@
-"""From the results of all recordings to numbers for each effect and estimator."""
+"""The results of all recordings are summarised for each effect and estimator."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Errors:
 
 @dataclass(frozen=True)
 class Doubt:
-    """What the estimator said of its own estimates.
+    """Counts how often an estimator doubted its estimates, and how often rightly.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def errors(chosen: Iterable[dict[str, Any]], estimator: str, gain: str) -> Error
 
 
 def doubt(chosen: Iterable[dict[str, Any]], estimator: str) -> Doubt:
-    """How often an estimator called its estimates doubtful, and how often rightly."""
+    """Return how often an estimator called its estimates doubtful, and how often rightly."""
     called, large = [], []
     for result in chosen:
         K, G = result["truth"]
