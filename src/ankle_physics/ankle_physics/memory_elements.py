@@ -60,7 +60,7 @@ class BacklashOperator:
         self._state = np.full(1, np.nan)
 
     def run(self, x: np.ndarray, gap: float) -> np.ndarray:
-        """Output of shape (n,), within half a gap of the input."""
+        """Return the output, shape (n,), within half a gap of the input."""
         return _play(np.ascontiguousarray(x, dtype=float), 0.5 * gap, self._state)
 
 

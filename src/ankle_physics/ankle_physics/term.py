@@ -118,7 +118,9 @@ class Turn(NamedTuple):
 
 
 class Term(ABC):
-    """One physical effect. Subclasses state the class attributes and override what they do.
+    """Describes one physical effect.
+
+    Subclasses state the class attributes and override what they do.
 
     Attributes
     ----------

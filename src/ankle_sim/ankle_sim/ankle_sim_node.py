@@ -72,7 +72,7 @@ from ankle_sim.virtual_subject import State, draw_subject
 
 NAME = "ankle_sim"
 USUAL_RATE = 2048.0
-"""[Hz] What the warm-up compiles and prepares for; any other rate works too."""
+"""The warm-up compiles and prepares for this rate [Hz]; any other rate works too."""
 
 
 class AnkleSimNode(AnkleNode):

@@ -15,12 +15,13 @@ from ankle_sim.virtual_subject import State
 HOLD = 60.0
 """[s] Length of a hold (paper)."""
 REACH = 60.0
-"""[s] From one hold to the next: long enough for the estimates to follow (rise time of K 16 s), and
-with it 18 holds fill the paper's four blocks."""
+"""The next hold begins so long [s] after the end of the last: the estimates can follow (rise
+time of K 16 s), and with it 18 holds fill the paper's four blocks.
+"""
 BLOCK = 600.0
-"""[s] Perturbations without a break (paper: 10 to 12.5 minutes)."""
+"""Perturbations last so long [s] without a break (paper: 10 to 12.5 minutes)."""
 BREAK = 150.0
-"""[s] Between blocks (paper: 2.5 to 5 minutes)."""
+"""A break between blocks lasts so long [s] (paper: 2.5 to 5 minutes)."""
 TARGETS = (0.0, -5.0)
 """[N.m] Torque targets (paper); negative: the subject pushes towards plantarflexion."""
 PAPER_HOLDS = ((11, 7), (11, 7), (11, 8))

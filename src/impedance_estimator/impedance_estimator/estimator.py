@@ -62,8 +62,8 @@ class Estimator(ABC):
     """One line that describes the estimator."""
     settings_type: ClassVar[type[EstimatorSettings]] = EstimatorSettings
     uses_reference: ClassVar[bool] = False
-    """Whether samples carry the reference's position [rad] as their last column, NaN where none
-    came.
+    """Says whether samples carry the reference's position [rad] as their last column, NaN where
+    none came.
     """
 
     def __init__(

@@ -46,7 +46,8 @@ SUPPORTED_TERMS = (
 or I, the servo's (the reference is the instrument for it), and voluntary torque, which is noise."""
 SENSORS = (Place.TORQUE_SENSOR,)
 WARM_UP = 0.1
-"""[s] at rest before the first sample and after each gap: longer than every delay and sensor's lag.
+"""The terms rest so long [s] before the first sample and after each gap: longer than every delay
+and sensor's lag.
 """
 LONGEST_STEP = 1.5
 """A step longer than so many sample intervals starts a new stretch."""
@@ -55,9 +56,9 @@ SMOOTHING_HZ = 150.0
 Above the perturbation's band; torque, motion and reference are delayed alike.
 """
 OPERATING_POINT_TIME = 10.0
-"""[s] Over which position and torque are averaged: half the estimator's memory."""
+"""Position and torque are averaged over so long [s]: half the estimator's memory."""
 ACTIVATION_TIME = 1.0
-"""[s] Over which the torque is averaged for terms that follow the muscles' activation."""
+"""Torque is averaged over so long [s] for terms that follow the muscles' activation."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ batch.
 """
 
 SCORES = 4
-"""Of K, B, I and G."""
+"""There is a score for each of K, B, I and G."""
 
 MOMENTS = 8
 """The 6 products of the intrinsic scores, the square of the reflex score, and a constant 1."""

@@ -1,4 +1,4 @@
-"""From blocks of samples to estimates: the one path that the node, the replay and the file share.
+"""Blocks of samples become estimates on one path that node, replay and file share.
 
 The sampling rate is taken from the first 256 samples; samples are judged by their own time, never
 by when their block came. So the result is a function of the samples alone.
@@ -24,18 +24,18 @@ from impedance_estimator.validity import RATE_WINDOW
 TOPIC, REFERENCE_TOPIC = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 RIG_RATE = 2048.0
-"""[Hz] van 't Veld et al. 2018, section III-B.1."""
+"""The rig of van 't Veld et al. 2018, section III-B.1, samples at this rate [Hz]."""
 COMPILATION_DURATION = 2.0
 """So many seconds of samples go through everything once: a block of the simultaneous estimator is
 complete after half a second.
 """
 RESPONSE_RATE = 2.0
-"""[Hz] Reflex impulse responses per second."""
+"""So many reflex impulse responses are sent per second [Hz]."""
 
 
 @dataclass
 class Estimates:
-    """What became due.
+    """Holds the rows and responses that became due.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which samples are used, what an interruption does, and why an estimate is not valid.
+"""This module decides which samples are used and why an estimate is not valid.
 
 A sample is dropped when one of its numbers is not finite or beyond what an ankle or a rig can
 produce, or when its time is not after the newest one. After dropped or missing samples the signal
@@ -51,12 +51,12 @@ REASONS = {
 LARGEST_POSITION = math.pi
 """[rad] An ankle turns by about 1.5 rad in all; larger values are damaged, or degrees."""
 LARGEST_VELOCITY = 100.0
-"""[rad/s] 0.1 rad within 1 ms."""
+"""A larger velocity [rad/s] is damaged: 0.1 rad within 1 ms."""
 LARGEST_TORQUE = 1000.0
 """[N.m] Several times the strongest plantarflexion (about 200 N.m)."""
 
 LEAST_VELOCITY = 0.05
-"""[rad/s] Motion.
+"""A larger velocity [rad/s] counts as motion.
 
 Eight times the rms noise of the paper's velocity signal (0.006 rad/s at 37.7 dB); perturbations
 reach 1 rad/s.

@@ -15,13 +15,14 @@ from simulation_study.rigs import RIGS, record
 from simulation_study.trial import INERTIA, VISCOSITY, Trial
 
 IGNORED_DURATION = 30.0
-"""[s] at the start. van 't Veld et al. 2018, section III-A."""
+"""Estimates of the first seconds [s] are ignored: van 't Veld et al. 2018, section III-A."""
 SNAPSHOT = 30.0
-"""[s] between the estimates that are kept with their standard errors: more than any memory, so that
+"""Estimates are kept with their standard errors at this distance [s]: more than any memory, so that
 they are independent.
 """
 ARRIVAL_DURATION = 2.0
-"""[s] within 10 % of a jump that count as having arrived: three perturbations."""
+"""An estimate has arrived when it stays within 10 % of a jump for so long [s]: three perturbations.
+"""
 GAINS = ("K", "B", "I", "G")
 VALUES = [
     ESTIMATE_COLUMNS.index(name)

@@ -20,7 +20,7 @@ from simulation_study.trial import Ankle, Course, Trial
 SECONDS = 60.0
 """Recordings on which torque is predicted last so long [s]: 100 stretches."""
 SHOWN_DURATION = 0.150
-"""[s] of figure 7 after the start of the stretch."""
+"""Figure 7 shows so much time [s] after the start of the stretch."""
 COLOURS = {"O": "tab:orange", "CE": "tab:blue"}
 
 

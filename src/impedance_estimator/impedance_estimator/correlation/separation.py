@@ -70,7 +70,7 @@ class Plan(NamedTuple):
     settling_samples: float
     pause_samples: int
     memory: float
-    """[s]"""
+    """Memory [s]"""
     estimate_every: int
     batch_samples: int
     intrinsic_factor: float
@@ -78,7 +78,7 @@ class Plan(NamedTuple):
 
 
 class State(NamedTuple):
-    """Everything that is remembered between samples."""
+    """Holds everything that is remembered between samples."""
 
     clock: np.ndarray
     lowpass: np.ndarray

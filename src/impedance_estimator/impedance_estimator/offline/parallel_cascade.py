@@ -46,7 +46,7 @@ class ParallelCascade:
     """Two impulse responses; see the module."""
 
     rate: float
-    """[Hz] of the samples that `predict` takes."""
+    """Rate [Hz] of the samples that `predict` takes."""
     intrinsic_lags: np.ndarray
     """[s], shape (k,)"""
     intrinsic: np.ndarray

@@ -34,13 +34,13 @@ class Prediction:
     """Torques after the filters, at the working rate. All of shape (n,)."""
 
     time: np.ndarray
-    """[s] since the first sample given."""
+    """Time [s] since the first sample given."""
     intrinsic: np.ndarray
     """[N.m]"""
     reflex: np.ndarray
     """[N.m]"""
     measured: np.ndarray
-    """[N.m] The torque through the same filters; NaN where none was given."""
+    """Measured torque [N.m] through the same filters; NaN where none was given."""
 
     @property
     def torque(self) -> np.ndarray:

@@ -70,11 +70,12 @@ INSTRUMENT_RIDGE = 1e-9
 moves is no error.
 """
 LARGEST_DELAY = 0.012
-"""[s] Within the reach of the shifted accelerations."""
+"""A delay [s] of at most this lies within the reach of the shifted accelerations."""
 DELAY_STEP = 0.00025
-"""[s] Of the search for the delay; a parabola through the best three follows."""
+"""The delay is searched in steps of this size [s]; a parabola through the best three follows."""
 FREQUENCIES = np.arange(3.0, 25.0, 3.0)
-"""[Hz] Where the perturbation has its power, and inertia, viscosity and stiffness theirs."""
+"""At these frequencies [Hz] the perturbation has its power, and inertia, viscosity and stiffness
+theirs."""
 SHORTEST_HALF_MEMORY = 5.0
 """A half of the memory must be this long [s] to disagree with the other: a dozen perturbations."""
 

@@ -31,9 +31,10 @@ from impedance_estimator.simultaneous.regression import INTRINSIC
 from impedance_estimator.simultaneous.state import Plan, State
 
 SHORTEST_MEMORY = 1.25
-"""[s] About two perturbations: fewer do not tell stiffness from reflex."""
+"""The shortest memory [s] holds about two perturbations: fewer do not tell stiffness from reflex.
+"""
 HORIZON = 0.5
-"""[s] of torque that is predicted: most of a response to a perturbation.
+"""Torque is predicted over so long [s]: most of a response to a perturbation.
 
 With 1 s, an ankle that swings at 0.2 Hz is no longer followed.
 """

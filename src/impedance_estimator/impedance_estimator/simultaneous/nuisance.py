@@ -21,13 +21,14 @@ EXTRAS = TAPS + 4
 """Nuisance signals: shifted accelerations, relaxing position, yielding position, and position to
 the second and the third power."""
 RELAXATION_TIME = 0.1
-"""[s] Of relaxing tissue: within 0.03 to 0.3 s that short perturbations show (Kirsch & Kearney,
-Exp. Brain Res. 115 (1997))."""
+"""Tissue relaxes with this time constant [s]: within 0.03 to 0.3 s that short perturbations show
+(Kirsch & Kearney, Exp. Brain Res. 115 (1997)).
+"""
 YIELD_TRAVEL = 0.006
 """[rad] Travel over which friction of tissues builds up, and at which cross-bridges yield: 3 to 10
 mrad (Rack & Westbury, J. Physiol. 240 (1974); Loram, J. Physiol. 2007)."""
 CENTRE_TIME = 20.0
-"""[s] Over which the operating point is averaged: the memory."""
+"""The operating point is averaged over the memory [s]."""
 REFERENCE_FILTER_HZ, REFERENCE_FILTER_DAMPING = 35.0, 0.7
 """Nominal actuator between reference and plate: 30 to 60 Hz are usual. An instrument need not be
 exact; within this range the standard errors change by less than 5 %."""

@@ -45,7 +45,7 @@ With 12 every shape of ω 15-30 rad/s, z 0.6-1.0 and D 35-55 ms is met to 0.03 %
 rad/s to 0.02 %.
 """
 LENGTH = 0.8
-"""[s] of the responses: the slowest (ω = 8 rad/s, z = 1) has 2 % of its area after it."""
+"""Responses have this length [s]: the slowest (ω = 8 rad/s, z = 1) has 2 % of its area after it."""
 _GRID = (16, 9, 16)
 
 

@@ -30,7 +30,9 @@ GAINS = 4
 PARAMETERS = 7
 """The gains and three changes of shape. The deviations δ follow."""
 LEAST_GAIN = 0.5
-"""[N.m.s/rad] G₀ at least: with no reflex at all the shape must stay undetermined, not singular."""
+"""G₀ [N.m.s/rad] is at least this: with no reflex at all the shape must stay undetermined, not
+singular.
+"""
 LEAST_PIVOT = 1e-10
 """Smaller pivots of the scaled system count as zero: sums of products of signals with 1e-3 noise
 have no more digits.

@@ -31,7 +31,7 @@ SMOOTHING_WITHOUT_VELOCITY = 0.0025
 power of frequency.
 """
 DECIMATED_RATE = 256.0
-"""[Hz] Three times the bandwidth of the kernel."""
+"""Signals are decimated to three times the bandwidth of the kernel [Hz]."""
 BLOCK = 1.0 / 16.0
 """[s] Resolution of the memory and time between estimates: a twentieth of the rise time that is
 asked for.

@@ -1,4 +1,4 @@
-"""What the simultaneous estimator knows at the start (`Plan`) and what it remembers (`State`)."""
+"""The simultaneous estimator has a `Plan`, fixed at the start, and a `State` that it remembers."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class Plan(NamedTuple):
 
 
 class State(NamedTuple):
-    """Everything that is remembered between samples."""
+    """Holds everything that is remembered between samples."""
 
     clock: np.ndarray
     counters: np.ndarray
@@ -120,7 +120,9 @@ class State(NamedTuple):
     newest ones are always in one piece.
     """
     rectified: np.ndarray
-    """Of the measured motion and of the reference, shape (2, 2 (2 n + 1)), likewise."""
+    """Rectified signals of the measured motion and of the reference, shape (2, 2 (2 n + 1)),
+    likewise.
+    """
     slow_rectified: np.ndarray
     actuator: np.ndarray
     """Filter state of the nominal actuator, shape (2,)."""
@@ -134,7 +136,7 @@ class State(NamedTuple):
     filters: np.ndarray
     """Shape (models, 2, 2, 2 n + 1)."""
     sums: np.ndarray
-    """Of the present block, shape (models, packed)."""
+    """Sums of the present block, shape (models, packed)."""
     ring: np.ndarray
     """Shape (models, capacity, packed)."""
     totals: np.ndarray
@@ -167,7 +169,7 @@ class State(NamedTuple):
     scatter: np.ndarray
     """Observed over expected variance of the scores of K, B, I and G, shape (4,)."""
     signs: np.ndarray
-    """Of doubt, shape (5,), in the order of `doubt.SIGNS`."""
+    """Signs of doubt, shape (5,), in the order of `doubt.SIGNS`."""
     residuals: np.ndarray
     """The newest whitened residuals, newest first."""
     autocovariance: np.ndarray
@@ -179,5 +181,5 @@ class State(NamedTuple):
     recorded: np.ndarray
     """Sums over a stretch, as they are recorded, before they are reduced."""
     packed: np.ndarray
-    """The same, reduced to the regression's signals, packed."""
+    """Sums of the block, reduced to the regression's signals, packed."""
     shape_work: np.ndarray

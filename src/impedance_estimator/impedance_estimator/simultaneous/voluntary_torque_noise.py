@@ -29,8 +29,8 @@ NOISE_MODELS = ((0.3, 2), (1.0, 2), (3.0, 2), (1.1, 4), (3.3, 4))
 0.5-0.7 s. Higher ones leave too little of the reflex, which has its power below 4 Hz. Order 2 is
 torque with white acceleration; order 4 a sharp end."""
 FIRST_MODEL = 4
-"""Until data have chosen: too high a corner costs precision, too low a one takes voluntary torque
-for changes of the ankle.
+"""This model is used until data have chosen: too high a corner costs precision, too low a one takes
+voluntary torque for changes of the ankle.
 """
 SECTIONS = 2
 """Second-order sections of every filter."""

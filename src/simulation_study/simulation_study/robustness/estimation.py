@@ -27,9 +27,9 @@ ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
 OFFLINE = "parallel cascade"
 """Over the whole judged stretch; without standard errors."""
 SNAPSHOT = 30.0
-"""[s] between estimates that count for the standard errors: more than any memory."""
+"""Estimates that count for the standard errors are so far apart [s]: more than any memory."""
 ARRIVAL_DURATION = 2.0
-"""[s] within the tolerance that count as having arrived: three perturbations."""
+"""An estimate has arrived when it stays within the tolerance so long [s]: three perturbations."""
 ARRIVED_OF_JUMP, ARRIVED_OF_VALUE = 0.1, 0.05
 """Tolerance about the new value: the larger of these shares of the jump and of the value. A tenth
 of a small jump lies inside the scatter of any estimator.

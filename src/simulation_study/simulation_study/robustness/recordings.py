@@ -14,10 +14,12 @@ from blind_rig.trial import record, run
 from simulation_study.robustness.conditions import JUMP, Condition, blind_trial
 
 IGNORED_DURATION = 30.0
-"""[s] at the start; longer than any memory. van 't Veld et al. 2018, section III-A."""
+"""Estimates of the first seconds [s] are ignored, longer than any memory. van 't Veld et al. 2018,
+section III-A.
+"""
 MEAN_ESTIMATE_LAG = 10.0
-"""[s] that an estimate lies behind on average: half of the longest memory. The truth is that of the
-samples which the estimates stand for.
+"""An estimate lies so far behind [s] on average: half of the longest memory. The truth is that of
+the samples which the estimates stand for.
 """
 
 

@@ -16,7 +16,7 @@ GAINS = ("K", "G")
 WIDTH = 1.96
 """Standard errors on either side of an estimate that hold the truth in 95 % of cases."""
 LARGE_ERROR = {"K": 15.0, "G": 25.0}
-"""[%] Errors that should be called doubtful."""
+"""Larger errors [%] should be called doubtful."""
 
 
 @dataclass(frozen=True)
