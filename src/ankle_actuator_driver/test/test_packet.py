@@ -250,7 +250,7 @@ DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "rig_protocol.md"
     ],
 )
 def test_the_examples_of_the_specification_are_the_packets_that_it_says(name, packet):
-    (written,) = re.findall(rf"```hex {name}\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
+    (written,) = re.findall(rf"```text {name}\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
     assert bytes.fromhex(written) == build(packet)
     assert same(packet, parse(bytes.fromhex(written)))
 

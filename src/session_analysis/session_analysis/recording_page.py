@@ -15,6 +15,13 @@ import numpy as np
 
 from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_interfaces.continuity import sampling_rate
+from ankle_interfaces.topics import (
+    ANKLE_SAMPLES,
+    EMG_SAMPLES,
+    IMPEDANCE_ESTIMATE,
+    PERTURBATION_REFERENCE,
+    SESSION_EVENT,
+)
 from ankle_node.session_event import SessionEventError, parse
 from session_analysis.html_page import COLOURS, bullets, heading, page, paragraph
 from session_recorder.bag_reader import BagReader
@@ -22,7 +29,9 @@ from session_recorder.errors import BagError
 from session_recorder.loss import MIN_SAMPLED_BLOCK, LossAccount, account_of_bag
 from session_recorder.message_definitions import typestore
 
-SHOWN_TOPICS = ("ankle/samples", "perturbation/reference", "emg/samples", "impedance/estimate")
+SHOWN_TOPICS = tuple(
+    topic.name for topic in (ANKLE_SAMPLES, PERTURBATION_REFERENCE, EMG_SAMPLES, IMPEDANCE_ESTIMATE)
+)
 """Ends of the names of the topics that are drawn."""
 HIDDEN_PREFIXES = ("se_", "t[", "acceleration[")
 MAX_VALUES = 12_000_000
@@ -191,7 +200,7 @@ def _events(bag: BagReader, origin: float) -> list[tuple[float, str]]:
     store = typestore()
     found = []
     for topic, about in bag.topics.items():
-        if not topic.endswith("session/event") or about.type != "std_msgs/msg/String":
+        if not topic.endswith(SESSION_EVENT.name) or about.type != SESSION_EVENT.message:
             continue
         for _, log_time, message in bag.messages([topic]):
             text = str(store.deserialize_cdr(message, about.type).data)  # type: ignore[attr-defined]

@@ -11,7 +11,9 @@ from ankle_bringup.terminal import console
 
 
 def verb(
-    out: Annotated[Path, typer.Option(help="The new file.")] = Path("laboratory.yaml"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The new file.")] = Path(
+        "laboratory.yaml"
+    ),
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
 ) -> None:
     """Write a ROS parameter file with every parameter, its unit, range and default, to be changed.

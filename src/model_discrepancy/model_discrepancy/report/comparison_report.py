@@ -157,7 +157,7 @@ def _terms(result: Comparison) -> list[list[str]]:
             f"{key}: {a:.4g}, {b:.4g} ({z:+.1f})" for key, (a, b, z) in c.parameters.items()
         ).replace("nan", "-")
         name = c.name.replace("_", " ") + (f" ({c.only} only)" if c.only else "")
-        rows.append([name, c.place, f"{c.torque:.3f}", values, "yes" if c.told else "no"])
+        rows.append([name, c.place, f"{c.torque:.3f}", values, "yes" if c.significant else "no"])
     return rows
 
 
