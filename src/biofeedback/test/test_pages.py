@@ -37,11 +37,15 @@ def open_page(browser, laboratory):
 
 
 def cursor(page):
-    """Quality, and the cursor's place in parts of the axes, from its pixels."""
+    """Quality, and the cursor's place in parts of the axes, from its pixels; None before a page
+    that was just opened has drawn anything.
+    """
     found = page.evaluate(
-        """() => { const { quality, x, y, plot } = document.getElementById('screen').dataset;
-                   return [quality, +x, +y, ...plot.split(' ').map(Number)]; }"""
+        """() => { const { quality, x, y, plot } = document.getElementById('screen')?.dataset ?? {};
+                   return plot ? [quality, +x, +y, ...plot.split(' ').map(Number)] : null; }"""
     )
+    if found is None:
+        return None, None, None
     quality, x, y, left, top, wide, tall = found
     return quality, (x - left) / wide, 1.0 - (y - top) / tall
 
@@ -53,6 +57,13 @@ def hold_keys(page, *keys, seconds=1.3):
     page.wait_for_timeout(1000.0 * seconds)
     for key in keys:
         page.keyboard.up(key)
+
+
+def press(page, button):
+    """Press the mouse on the middle of a button, and keep it down."""
+    box = button.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
 
 
 def run_to(laboratory, page, kind):
@@ -157,9 +168,34 @@ def test_what_moves_a_foot_must_be_meant(laboratory, open_page):
     hold_keys(page, "a")
     hold_keys(page, "Enter", "a", seconds=0.4)
     assert laboratory.rig.requests == []
-    box = arm.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
+    press(page, arm)
+    page.locator("#state", has_text="armed").wait_for()
+    page.mouse.up()
+    assert laboratory.rig.requests == ["arm"]
+
+
+def test_an_alarm_that_comes_and_goes_neither_moves_the_buttons_nor_ends_a_hold(
+    laboratory, open_page
+):
+    page = open_page("/operator", 1600, 950)
+    page.locator("#claim").click()
+    arm = page.locator('button[data-command="arm"]:enabled')
+    arm.wait_for()
+    before = arm.bounding_box()
+    arm.click()
+    page.locator("#alarm").wait_for()
+    assert arm.bounding_box() == before
+    # Who slides off the button did not mean it.
+    press(page, arm)
+    page.wait_for_timeout(300)
+    page.mouse.move(before["x"] + before["width"] / 2, before["y"] - 20)
+    page.wait_for_timeout(1200)
+    page.mouse.up()
+    assert laboratory.rig.requests == []
+    # Whatever moves the page, who holds what was pressed means it.
+    press(page, arm)
+    page.wait_for_timeout(300)
+    page.evaluate("document.querySelector('header').style.paddingTop = '150px'")
     page.locator("#state", has_text="armed").wait_for()
     page.mouse.up()
     assert laboratory.rig.requests == ["arm"]

@@ -3,14 +3,25 @@
 export const HOLD_TIME = 1000; // ms; nobody rests a finger on a button for so long by accident, and a typed letter takes 100
 
 // Calls `act` when the button was held for HOLD_TIME; shows the progress as the property --held (0 to 1) and says how when it is only clicked.
+// Who holds it must not lose it because an alarm comes or goes and moves the page: the pointer is captured, and only one that leaves the place
+// where the button was pressed ends the hold.
 export class HeldButton {
   constructor(button, act, tooShort) {
     this.button = button;
     this.act = act;
     this.since = null;
+    this.place = null; // the button's rectangle when the pointer went down
     button.classList.add("held");
-    button.addEventListener("pointerdown", (event) => event.button === 0 && this.begin());
-    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) {
+    button.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || button.disabled) return;
+      this.place = button.getBoundingClientRect();
+      button.setPointerCapture(event.pointerId);
+      this.begin();
+    });
+    button.addEventListener("pointermove", ({ clientX: x, clientY: y }) => {
+      if (this.place && (x < this.place.left || x > this.place.right || y < this.place.top || y > this.place.bottom)) this.cancel();
+    });
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) {
       button.addEventListener(name, () => {
         if (this.since !== null && name === "pointerup") tooShort?.();
         this.cancel();
@@ -39,7 +50,7 @@ export class HeldButton {
   }
 
   cancel() {
-    this.since = null;
+    this.since = this.place = null;
     this.button.style.removeProperty("--held");
   }
 }
