@@ -9,10 +9,11 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 from ankle_interfaces.block import Block, pack, unpack
-from ankle_node.qos import BLOCK_QOS, PUBLISHED_BLOCKS_QOS
+from ankle_node.node import ACKNOWLEDGED
+from ankle_node.qos import BLOCK_QOS, LATEST_QOS, PUBLISHED_BLOCKS_QOS
 from emg_driver.muscles import RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings as PerturbationSettings
@@ -35,9 +36,11 @@ class Laboratory:
     ----------
     emg_topic
         Where the EMG goes.
+    plate
+        Whether the measured velocity of a plate that follows at once is published, too.
     """
 
-    def __init__(self, emg_topic):
+    def __init__(self, emg_topic, plate=False):
         self.nodes = {}
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
@@ -51,9 +54,25 @@ class Laboratory:
             Float64MultiArray, "/perturbation/reference", BLOCK_QOS
         )
         self.emg = self.node.create_publisher(Float64MultiArray, emg_topic, BLOCK_QOS)
+        self.plate = (
+            self.node.create_publisher(Float64MultiArray, "/ankle/samples", BLOCK_QOS)
+            if plate
+            else None
+        )
+        self.processed = {"/perturbation/reference": 0, emg_topic: 0}
+        for topic in self.processed:
+            self.node.create_subscription(
+                String,
+                topic + ACKNOWLEDGED,
+                lambda message, topic=topic: self.processed.update(
+                    {topic: int(message.data.split()[-1])}
+                ),
+                LATEST_QOS,
+            )
         self.signal = PulseStep(PerturbationSettings(rate=RATE, seed=4))
         self.random = np.random.default_rng(1)
-        self.sent = []
+        self.sent, self.velocity = [], []
+        self.newest = 0  # ns, before the newest block was sent
 
     def start(self, name, *arguments):
         self.nodes[name] = node_process(
@@ -99,8 +118,15 @@ class Laboratory:
                 f"not reached: {what}; /diagnostics: {self.health[-3:]}"
             )
 
+    def until_processed(self):
+        """Wait until the one reader of reference and EMG has processed all that was sent.
+
+        Responses do not tell: none comes before the plate's motion could have.
+        """
+        self.until(lambda: min(self.processed.values()) >= self.newest, "all blocks are processed")
+
     def publish(self, begin):
-        """The next block of reference and EMG, the first sample at `begin` [s]."""
+        """The next block of reference, plate and EMG, the first sample at `begin` [s]."""
         at = (len(self.sent) * SIZE + np.arange(SIZE)) / RATE
         position = self.signal.next(SIZE)[:, 0]
         emg = 20e-6 * self.random.standard_normal((SIZE, 4))
@@ -108,11 +134,19 @@ class Laboratory:
             stretched = [0, 2, 3] if onset.direction > 0 else [1]
             emg[np.ix_((at >= onset.time + 0.040) & (at < onset.time + 0.060), stretched)] *= 3.0
         time_ = begin + np.arange(SIZE) / RATE
+        before = self.sent[-1][-1, 1] if self.sent else position[0]
+        velocity = np.diff(position, prepend=before) * RATE
+        self.newest = time.time_ns()
         self.reference.publish(
             pack(Block(("t[s]", "position[rad]"), np.column_stack([time_, position])))
         )
+        if self.plate is not None:
+            self.plate.publish(
+                pack(Block(("t[s]", "velocity[rad/s]"), np.column_stack([time_, velocity])))
+            )
         self.emg.publish(pack(Block(SAMPLE_COLUMNS, np.column_stack([time_, emg]))))
         self.sent.append(np.column_stack([time_, position, emg]))
+        self.velocity.append(velocity)
 
     def run(self, seconds):
         """Perturb and measure in real time."""

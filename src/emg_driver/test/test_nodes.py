@@ -22,10 +22,11 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 chain = pytest.mark.slow
 
 
-def responses(sent):
+def responses(sent, velocity):
     """What the processor makes of all that was sent, shape (k, 10)."""
     processor = EmgProcessor()
     processor.feed_reference(sent[:, 0], sent[:, 1])
+    processor.feed_motion(sent[:, 0], velocity)
     return np.concatenate(
         [processor.feed_emg(sent[:, 0], sent[:, 2:]).rows, processor.finish().rows]
     )
@@ -81,6 +82,7 @@ def test_the_processor_answers_every_onset_as_the_class_does(lab):
                 sent = np.concatenate(laboratory.sent[-32:])
                 same.feed_reference(sent[:, 0], sent[:, 1])
                 expected.extend(same.feed_emg(sent[:, 0], sent[:, 2:]).rows)
+                laboratory.until_processed()
                 laboratory.until(
                     lambda: len(laboratory.blocks[RESPONSE_TOPIC]) >= len(expected), "responses"
                 )
@@ -100,7 +102,7 @@ def test_the_processor_answers_every_onset_as_the_class_does(lab):
 @pytest.fixture(scope="module")
 def laboratory(lab):
     """Nodes that are connected and have run for ten seconds."""
-    made = lab.Laboratory(lab.MADE)
+    made = lab.Laboratory(lab.MADE, plate=True)
     try:
         made.stream = f"nodes of {os.getpid()} at {time.monotonic_ns()}"
         made.start("emg_processor", "-p", "wait_for_readers:=1")
@@ -111,7 +113,10 @@ def laboratory(lab):
         made.listen(RESPONSE_TOPIC)
         made.listen(SAMPLES_TOPIC)
         made.until(
-            lambda: made.emg.get_subscription_count() and made.reference.get_subscription_count(),
+            lambda: all(
+                publisher.get_subscription_count()
+                for publisher in (made.emg, made.reference, made.plate)
+            ),
             "readers",
         )
         made.run(10.0)
@@ -141,7 +146,8 @@ def test_every_sample_comes_through_with_its_value_and_its_time(laboratory):
 
 @chain
 def test_responses_are_those_of_the_samples(laboratory):
-    expected, got = responses(np.concatenate(laboratory.sent)), laboratory.data(RESPONSE_TOPIC)
+    sent, velocity = np.concatenate(laboratory.sent), np.concatenate(laboratory.velocity)
+    expected, got = responses(sent, velocity), laboratory.data(RESPONSE_TOPIC)
     begin, end = laboratory.data(SAMPLES_TOPIC)[[0, -1], 0]
     expected, got = (
         rows[(rows[:, 0] > begin + 1.0) & (rows[:, 0] < end - 0.1)] for rows in (expected, got)
