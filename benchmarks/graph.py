@@ -91,7 +91,7 @@ def main() -> int:
             monitor.spin(1.0)
             processes.stop()
         bag = BagReader(f"{folder}/bag")
-        recorded = {topic: len(bag.signal(topic)[1]) for topic in (REFERENCE, SAMPLES)}
+        recorded = {topic: len(bag.signal(f"/{topic}")[1]) for topic in (REFERENCE, SAMPLES)}
     estimate, reference = (
         np.array(monitor.latencies) * 1e3,
         np.array(monitor.reference_latencies) * 1e3,

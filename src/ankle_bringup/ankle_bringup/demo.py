@@ -19,10 +19,11 @@ from ankle_bringup.demo_session import hold_shares, run_session
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
-from ankle_bringup.live_monitor import ESTIMATE, ONE_MORE_READER, SAMPLES, TRUTH, LiveMonitor
+from ankle_bringup.live_monitor import ONE_MORE_READER, SAMPLES, LiveMonitor
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
 from ankle_bringup.up import status_table
+from ankle_interfaces.topics import ANKLE_SAMPLES, ANKLE_TRUTH, IMPEDANCE_ESTIMATE
 from ankle_node.domain import VARIABLE, take_free_domain
 from impedance_estimator.correlation.conceptual_experimental import ConceptualExperimental
 from impedance_estimator.offline.recorded_estimates import estimate_bag
@@ -138,7 +139,7 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
         if code != 0:
             raise RunError(f"{name} ended with exit code {code} (log: {logs / name}.log)")
     sent = round(seconds * 2048)
-    recorded = len(BagReader(bag).signal(SAMPLES)[1])
+    recorded = len(BagReader(bag).signal(ANKLE_SAMPLES.absolute)[1])
     result.require(
         recorded == sent,
         "samples lost on the way to the bag",
@@ -163,9 +164,9 @@ def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
     with console.status("Estimating straight from the file ..."):
         estimate_bag(bag, file_bag)
     console.print(f"Estimated straight from the file: {time.monotonic() - began:.1f} s.")
-    columns, live = BagReader(bag).signal(ESTIMATE)
-    _, replayed = BagReader(replayed_bag).signal(ESTIMATE)
-    _, from_file = BagReader(file_bag).signal(ESTIMATE)
+    columns, live = BagReader(bag).signal(IMPEDANCE_ESTIMATE.absolute)
+    _, replayed = BagReader(replayed_bag).signal(IMPEDANCE_ESTIMATE.absolute)
+    _, from_file = BagReader(file_bag).signal(IMPEDANCE_ESTIMATE.absolute)
     for name, other in (
         ("replay through the node", replayed),
         ("straight from the file", from_file),
@@ -177,7 +178,7 @@ def regenerate(bag: Path, out: Path, result: Result, console: Console) -> None:
             f"{found.largest:.1e} in {found.rows} estimates",
             f"at most {TOLERANCE:g}",
         )
-    truth_columns, truth = BagReader(bag).signal(TRUTH)
+    truth_columns, truth = BagReader(bag).signal(ANKLE_TRUTH.absolute)
     paper = estimate_bag(bag, algorithm=ConceptualExperimental.name).rows
     demo_pictures.live_run(columns, live, paper, truth_columns, truth, out / "1_live_estimates.png")
     valid = live[live[:, columns.index("valid[1]")] == 1.0]
@@ -218,7 +219,7 @@ def real_ankles(trials: Path, out: Path, result: Result, console: Console) -> No
                 "; ".join(estimated.notes) or "expected valid estimates",
             )
             continue
-        _, samples = BagReader(bag).signal(SAMPLES)
+        _, samples = BagReader(bag).signal(ANKLE_SAMPLES.absolute)
         demo_pictures.real_trial(
             name,
             estimated.rows,
