@@ -25,7 +25,7 @@ SAMPLES = ANKLE_SAMPLES.name
 REFERENCE = PERTURBATION_REFERENCE.name
 TRUTH = ANKLE_TRUTH.name
 ONE_MORE_READER = (
-    "perturbation_generator.wait_for_readers=3",
+    "perturbation_generator.wait_for_readers=4",
     "ankle_sim.wait_for_readers=3",
     "impedance_estimator.wait_for_readers=2",
 )

@@ -10,7 +10,8 @@ import numpy as np
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
-from ankle_interfaces.topics import IMPEDANCE_ESTIMATE
+from ankle_interfaces.topics import ANKLE_SAMPLES, IMPEDANCE_ESTIMATE, PERTURBATION_REFERENCE
+from session_recorder.bag_reader import BagReader
 
 ESTIMATE = IMPEDANCE_ESTIMATE.absolute
 
@@ -36,8 +37,15 @@ def regenerate_by_replay(
     RunError
         A node failed or the replay did not end in time.
     """
+    # The reference is the estimator's instrument, where it was recorded.
+    recorded = BagReader(bag).topics
+    inputs = [
+        topic.absolute
+        for topic in (ANKLE_SAMPLES, PERTURBATION_REFERENCE)
+        if topic.absolute in recorded
+    ]
     graph = load_graph("regenerated").with_settings(
-        [f"record.out={out}", f"replay.bag={bag}", *settings]
+        [f"record.out={out}", f"replay.bag={bag}", f"replay.topics={','.join(inputs)}", *settings]
     )
     with Processes(graph, logs) as processes:
         processes.wait_for_end("replay", patience)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-LONGEST_WAIT = 0.25
-"""Samples wait for so long [s of sample time] for a reference which has come before: several blocks
-more than a loaded machine delays one, and less than a subject notices."""
+LONGEST_WAIT = 2.0
+"""Samples wait for so long [s of sample time] for a reference which has come before: a replay at
+full speed may be as far ahead as a reader's queue is long, which holds one second of blocks."""
 LARGEST_STEP = 0.05
 """A longer step [s] between two samples of a reference is a gap, in which there is no reference."""
 
