@@ -383,6 +383,10 @@ def test_the_rig_decides_and_is_stopped_in_every_case(laboratory):
 
     talk(laboratory, scenario)
     assert laboratory.rig.requests == ["arm", "arm", "start", "stop"]
+    # The rig stops at once; the session follows in its own thread.
+    due = time.monotonic() + 5.0
+    while laboratory.session.state != "idle" and time.monotonic() < due:
+        time.sleep(0.01)
     assert laboratory.session.state == "idle"
 
 
