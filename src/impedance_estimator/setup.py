@@ -21,7 +21,6 @@ setup(
     entry_points={
         "console_scripts": [
             "impedance_estimator = impedance_estimator.impedance_estimator_node:main",
-            "estimate = impedance_estimator.command_line:main",
         ],
     },
 )

@@ -25,7 +25,7 @@ from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
 from ankle_bringup.up import status_table
 from ankle_interfaces.topics import ANKLE_SAMPLES, ANKLE_TRUTH, IMPEDANCE_ESTIMATE
 from ankle_node.domain import VARIABLE, take_free_domain
-from impedance_estimator.correlation.conceptual_experimental import ConceptualExperimental
+from impedance_estimator.algorithms.conceptual_experimental import ConceptualExperimental
 from impedance_estimator.offline.recorded_estimates import estimate_bag
 from impedance_estimator.stream import compile_estimator
 from session_recorder.bag_reader import BagReader

@@ -231,3 +231,23 @@ def test_estimate_without_a_valid_estimate_fails_and_says_why(table, tmp_path):
     assert "none of" in str(result.exception)
     assert "lasts 4.0 s" in str(result.exception)
     assert (tmp_path / "e" / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "no bag at"),
+        (("--algorithm", "XY"), "algorithm 'XY' is not known; allowed: C"),
+        (("--algorithm", "CE", "--highpass", "none"), "'highpass' = 'none' is refused"),
+        (("--algorithm", "simultaneous", "--highpass", "all"), "has no --highpass; C, CE and O"),
+        (("--rig", "nowhere.yaml"), "nowhere.yaml"),
+    ],
+)
+def test_estimate_refuses_bad_input_and_keeps_the_earlier_result(options, words, tmp_path):
+    earlier = tmp_path / "earlier"
+    earlier.mkdir()
+    (earlier / "metadata.yaml").write_text("earlier")
+    result = ankle("estimate", tmp_path / "none", "--out", earlier, "--overwrite", *options)
+    assert result.exit_code != 0
+    assert words in str(result.exception)
+    assert (earlier / "metadata.yaml").read_text() == "earlier"

@@ -53,7 +53,7 @@ class Estimator(ABC):
     ValueError
         A rate out of range, or settings that do not fit the rate.
 
-    A new estimator is a file with a subclass and a line in `algorithms.ALGORITHMS`.
+    A new estimator is one file in `algorithms`, with a subclass called `Algorithm`.
     """
 
     name: ClassVar[str]

@@ -28,7 +28,7 @@ from ankle_sim.virtual_subject import draw_subject
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from emg_driver.offline import MOTION_TOPIC, REFERENCE_TOPIC
 from emg_driver.processor import EmgProcessor
-from impedance_estimator.correlation.conceptual_experimental import ConceptualExperimental
+from impedance_estimator.algorithms.conceptual_experimental import ConceptualExperimental
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
 from impedance_estimator.stream import EstimateStream
 from perturbation_generator.pulse_step import PulseStep

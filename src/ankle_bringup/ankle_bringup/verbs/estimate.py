@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import (
     Algorithm,
     Out,
@@ -16,6 +17,7 @@ from ankle_bringup.terminal import (
     console,
     progress,
     steps,
+    working,
 )
 
 
@@ -23,6 +25,16 @@ def verb(
     bag: Annotated[Path, typer.Argument(help="A bag with ankle/samples.")],
     out: Out = Path("estimates"),
     algorithm: Algorithm = "",
+    highpass: Annotated[
+        str | None, typer.Option(help="C, CE and O: 'torque' as in the paper, or 'all'.")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="The subject's model (YAML); its terms run beside the regression."),
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="The calibrated rig (rig.yaml) of the recording.")
+    ] = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Estimate K, B, I and G from a bag, with the numbers that the node gives.
@@ -30,21 +42,36 @@ def verb(
     Writes a bag with /impedance/estimate and /impedance/reflex_irf, and into its folder
     report.html, estimates.csv and estimates.png. Without one valid estimate it says why, and fails.
 
-    Example: ankle estimate session --out session_estimates
+    Example: ankle estimate session --out session_estimates --rig rig.yaml
     """
-    from impedance_estimator.algorithms import DEFAULT
+    from ankle_interfaces.quantity import quantities
+    from ankle_interfaces.topics import ANKLE_SAMPLES
+    from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
+    from impedance_estimator.known_physics import load_known_physics
     from impedance_estimator.offline.recorded_estimates import estimate_bag
+    from impedance_estimator.stream import compile_estimator
     from session_analysis.estimate_answer import answer, require_valid
     from session_analysis.estimate_report import value_rows, write_estimates
     from session_recorder.bag_reader import BagReader
 
     chosen = algorithm or DEFAULT
+    if chosen not in ALGORITHMS:
+        raise RunError(f"algorithm '{chosen}' is not known; allowed: {', '.join(ALGORITHMS)}")
+    own = ALGORITHMS[chosen].settings_type
+    given: dict[str, Any] = {} if highpass is None else {"highpass": highpass}
+    if not given.keys() <= quantities(own).keys():
+        raise RunError(f"algorithm '{chosen}' has no --highpass; C, CE and O have")
+    settings = own(**given)
+    known = load_known_physics(str(model or ""), str(rig or ""))
+    BagReader(bag).topic(ANKLE_SAMPLES.absolute)  # before an earlier result is removed
     clear_folder(out, overwrite, "metadata.yaml")
+    with working(f"{chosen}: loading compiled code, or compiling it (up to two minutes, once)"):
+        compile_estimator(chosen)
     with progress(f"estimating {bag}") as share:
-        result = estimate_bag(bag, out, chosen, progress=share)
+        result = estimate_bag(bag, out, chosen, settings, known=known, progress=share)
     with steps() as step:
-        settings = BagReader(out).custom_data.get("settings", "")
-        found = answer(bag, result, chosen, settings, step)
+        stated = BagReader(out).custom_data.get("settings", "")
+        found = answer(bag, result, chosen, stated, step)
         report = write_estimates(found, out)
     losses = found.losses.sentences()
     for sentence in losses:

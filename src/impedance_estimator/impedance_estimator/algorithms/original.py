@@ -10,7 +10,7 @@ from impedance_estimator.digital_filters import bessel_lowpass
 
 
 class Original(CorrelationEstimator):
-    """O: velocity and acceleration from position."""
+    """Derives velocity and acceleration from position without a filter (O)."""
 
     name = "O"
     title = "original: 1st-order differences of position, no low-pass"
@@ -18,3 +18,6 @@ class Original(CorrelationEstimator):
     difference_order = 1
     averaging = staticmethod(bessel_lowpass)
     uses_measured_velocity = False
+
+
+Algorithm = Original
