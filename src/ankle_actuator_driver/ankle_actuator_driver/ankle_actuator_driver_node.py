@@ -297,7 +297,9 @@ class ActuatorDriverNode(ManagedNode):
 
 
 def main() -> int:
-    """Entry point of ``ros2 run ankle_actuator_driver ankle_actuator_driver``."""
+    """Start the node: the entry point of ``ros2 run ankle_actuator_driver
+    ankle_actuator_driver``.
+    """
     return run(ActuatorDriverNode)
 
 

@@ -38,7 +38,7 @@ def page_addresses(graph: Graph) -> tuple[str, str] | None:
 
 
 def _entrances(graph: Graph, addresses: tuple[str, str]) -> tuple[str, ...]:
-    """What a browser opens: behind # a token stays in the browser and out of every log."""
+    """Return what a browser opens: behind # a token stays in the browser and out of every log."""
     token = next(
         str(node.parameters.get(TOKEN.name, TOKEN.default))
         for node in graph.nodes

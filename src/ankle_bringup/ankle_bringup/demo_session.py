@@ -79,7 +79,7 @@ def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str
 
 
 async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
-    """The session, and two pages in a browser beside it."""
+    """Return the session, and two pages in a browser beside it."""
     async with AsyncExitStack() as stack:
         pages = {}
         path = find_browser()
@@ -123,7 +123,7 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
 
 
 async def _photograph(pages: dict[str, Page], out: Path) -> None:
-    """One page after the other: a browser hardly serves a page that is not in front."""
+    """Photograph one page after the other: a browser hardly serves one that is not in front."""
     for name, page in pages.items():
         await page.bring_to_front()
         await page.wait_for_timeout(1000.0 * SETTLED)

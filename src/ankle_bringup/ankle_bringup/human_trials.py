@@ -45,7 +45,7 @@ RATE = 1000.0  # Hz; the file itself does not state it in a readable place
 
 
 def cache_folder() -> Path:
-    """The user's folder for fetched recordings."""
+    """Return the user's folder for fetched recordings."""
     import pooch
 
     return Path(pooch.os_cache("ankle"))

@@ -185,7 +185,7 @@ def _si_name(column: str) -> str:
 
 @lru_cache(maxsize=256)
 def _head(columns: tuple[str, ...], n: int) -> bytes:
-    """CDR bytes of everything before the samples."""
+    """Return CDR bytes of everything before the samples."""
     m = len(columns)
     out = bytearray()
 
@@ -222,7 +222,7 @@ def pack(block: Block) -> bytes:
 
 @lru_cache(maxsize=256)
 def _layout(head: bytes, total: int) -> tuple[tuple[str, ...], int, int]:
-    """Columns, n and offset of the samples, read from the bytes before the samples."""
+    """Return columns, n and offset of the samples, read from the bytes before the samples."""
     order = {_LITTLE_ENDIAN: "<", _BIG_ENDIAN: ">"}.get(head[:4])
     if order is None:
         raise BlockError(f"not a CDR message: it starts with {head[:4].hex(' ')}")

@@ -46,7 +46,7 @@ class SessionEvent:
     details: dict[str, Any] = field(default_factory=dict)
 
     def line(self) -> str:
-        """The text of the message."""
+        """Return the text of the message."""
         content = {"event": self.event, "t[s]": self.time, **self.details}
         return yaml.safe_dump(
             content, default_flow_style=True, sort_keys=False, width=10**6

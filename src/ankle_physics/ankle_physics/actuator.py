@@ -29,7 +29,7 @@ LEAST_OVERSAMPLING = 2
 
 
 def oversampling(rate: float) -> int:
-    """Internal samples for each sample at `rate` [Hz]."""
+    """Return internal samples for each sample at `rate` [Hz]."""
     return max(LEAST_OVERSAMPLING, math.ceil(LOWEST_INTERNAL_RATE / rate - 1e-9))
 
 
@@ -118,7 +118,9 @@ class Actuator:
         return self._dynamics.run_with_rates(motion[0], omega, self.servo.damping)
 
     def command(self, reference: np.ndarray) -> np.ndarray:
-        """The interpolated reference that the servo is to follow; arguments and result as `run`."""
+        """Return the interpolated reference that the servo is to follow; arguments and result as
+        `run`.
+        """
         if self._last is None:
             self._last = np.array([reference[0, 0], 0.0, 0.0])
             self._dynamics.settle(float(reference[0, 0]))

@@ -55,14 +55,16 @@ class CompliantCoupling(Term):
 
     @abstractmethod
     def linearised(self, values: Values) -> tuple[float, float]:
-        """Stiffness [N.m/rad] and damping [N.m.s/rad] of the coupling for small extensions."""
+        """Return the stiffness [N.m/rad] and damping [N.m.s/rad] of the coupling for small
+        extensions.
+        """
 
     @abstractmethod
     def coupling_torque(
         self, extension: np.ndarray, rate: np.ndarray, values: Values
     ) -> np.ndarray:
-        """Torque [N.m] on the foot, shape (n,), for plate minus foot angle [rad] and its rate
-        [rad/s].
+        """Return the torque [N.m] on the foot, shape (n,), for plate minus foot angle [rad] and its
+        rate [rad/s].
         """
 
 
@@ -77,7 +79,7 @@ class _Linear:
     b: float
 
     def foot(self, x: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Torque [N.m] of the linear foot."""
+        """Return the torque [N.m] of the linear foot."""
         return self.I * a + self.B * v + self.K * x
 
     def far_from(self, other: _Linear) -> bool:
@@ -185,7 +187,9 @@ class FootLoop:
     def _solve(
         self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]
     ) -> tuple[dict[str, np.ndarray] | None, int]:
-        """Torques on the foot and the rounds it took; None where a window does not converge."""
+        """Return torques on the foot and the rounds it took; None where a window does not
+        converge.
+        """
         linear = self._linear
         assert linear is not None
         omega = math.sqrt((linear.K + linear.k) / linear.I)

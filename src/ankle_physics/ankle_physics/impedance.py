@@ -125,7 +125,8 @@ def impedance(model: Model, at: OperatingPoint | None = None) -> Impedance:
 
 
 def tangent(model: Model, at: OperatingPoint) -> tuple[float, float, float]:
-    """Tangent stiffness [N.m/rad], viscosity [N.m.s/rad] and inertia [kg.m^2] of the joint.
+    """Return the tangent stiffness [N.m/rad], viscosity [N.m.s/rad] and inertia [kg.m^2] of the
+    joint.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def tangent(model: Model, at: OperatingPoint) -> tuple[float, float, float]:
 
 
 def reflex_gain(model: Model, at: OperatingPoint) -> float:
-    """Area of the reflex' impulse response to stretch velocity [N.m.s/rad].
+    """Return the area of the reflex' impulse response to stretch velocity [N.m.s/rad].
 
     Over a train of steps of the recorded size: the reflex torque's integral over time divided by
     the angle through which the calf was stretched. For the paper's reflex this is G itself; a
@@ -198,7 +199,8 @@ def reflex_gain(model: Model, at: OperatingPoint) -> float:
 
 
 def effective_stiffness(model: Model, at: OperatingPoint) -> float:
-    """In-phase stiffness that steps of the recorded size meet between 0.5 and 5 Hz [N.m/rad].
+    """Return the in-phase stiffness that steps of the recorded size meet between 0.5 and 5 Hz
+    [N.m/rad].
 
     The torque of all terms of the subject along a train of steps, without the velocity reflex,
     which G states, and without inertia, regressed on the plate's angle within the band.
@@ -235,7 +237,9 @@ def effective_stiffness(model: Model, at: OperatingPoint) -> float:
 def _static_torque(
     entries: list[Entry], x: float, v: float, a: float, activation: float, time: float
 ) -> float:
-    """Torque [N.m] of memoryless terms at a constant state, `time` seconds into the run."""
+    """Return the torque [N.m] of memoryless terms at a constant state, `time` seconds into the
+    run.
+    """
     n = max(1, round(time * STATIC_RATE) + 1)
     total = 0.0
     for entry in entries:
@@ -257,7 +261,9 @@ def _activation(model: Model, at: OperatingPoint) -> float:
 
 
 def _foot_position(model: Model, at: OperatingPoint) -> float:
-    """Mean angle of the foot [rad]: the plate's, less what a fixation gives way under the load."""
+    """Return the mean angle of the foot [rad]: the plate's, less what a fixation gives way under
+    the load.
+    """
     for entry in model.entries:
         if isinstance(entry.term, CompliantCoupling):
             stiffness, _ = entry.term.linearised(_means(entry.values))
@@ -266,8 +272,8 @@ def _foot_position(model: Model, at: OperatingPoint) -> float:
 
 
 def _train(at: OperatingPoint) -> np.ndarray:
-    """Position, velocity, acceleration of the plate, shape (3, n): steps up and down at random
-    times about the mean angle; quintic edges.
+    """Return position, velocity, acceleration of the plate, shape (3, n): steps up and down at
+    random times about the mean angle; quintic edges.
     """
     random = np.random.default_rng(TRAIN_SEED)
     knots = [np.array([at.position - 0.5 * at.step, 0.0, 0.0])]
@@ -288,7 +294,9 @@ def _train(at: OperatingPoint) -> np.ndarray:
 
 
 def _torque_along(entries: list[Entry], signals: Signals, time: float) -> np.ndarray:
-    """Torque [N.m] of the terms, shape (n,); drifts are at `time` [s] in the train's middle."""
+    """Return the torque [N.m] of the terms, shape (n,); drifts are at `time` [s] in the train's
+    middle.
+    """
     held = copy.deepcopy(entries)
     for entry in held:
         entry.values = _means(entry.values)

@@ -81,7 +81,7 @@ class Model:
 
     @classmethod
     def of(cls, values: Mapping[str, Mapping[str, float]] | None = None, title: str = "") -> Model:
-        """A model from ``{term: {symbol: value}}``; None is the paper's model.
+        """Return a model from ``{term: {symbol: value}}``; None is the paper's model.
 
         What is not given is typical.
 
@@ -117,7 +117,7 @@ class Model:
 
     @classmethod
     def from_content(cls, content: Any) -> Model:
-        """The model in the parsed content of a model file.
+        """Return the model in the parsed content of a model file.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class Model:
         Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
 
     def content(self) -> list[dict[str, Any]]:
-        """The list 'terms' of a model file."""
+        """Return the list 'terms' of a model file."""
         terms = []
         for entry in self.entries:
             item: dict[str, Any] = {"term": entry.term.name}
@@ -197,7 +197,7 @@ class Model:
         return ModelRun(self, rate, seed)
 
     def torque(self, signals: Signals) -> np.ndarray:
-        """Torque [N.m] of shape (n,) over a whole stretch, from rest."""
+        """Return the torque [N.m] of shape (n,) over a whole stretch, from rest."""
         return self.start(signals.rate).torque(signals)
 
 
@@ -248,7 +248,7 @@ class ModelRun:
                 state["count"] += round(seconds * self._rate)
 
     def snapshot(self) -> Any:
-        """The state of every term, for `restore`."""
+        """Return the state of every term, for `restore`."""
         return copy.deepcopy((self._states, self._loop.moving if self._loop else None))
 
     def restore(self, snapshot: Any) -> None:
@@ -261,8 +261,8 @@ class ModelRun:
             self._loop.moving = moving
 
     def torque(self, signals: Signals) -> np.ndarray:
-        """Torque [N.m], shape (n,), of the next stretch; `signals` then holds all intermediate
-        signals.
+        """Return the torque [N.m], shape (n,), of the next stretch; `signals` then holds all
+        intermediate signals.
         """
         self.parts = _walk(self._on_plate, signals)
         given = _walk(self._activation, signals)

@@ -143,11 +143,11 @@ class RigFile:
         return Servo(self.bandwidth.value, damping)
 
     def age(self, now: datetime | None = None) -> float:
-        """Days since the calibration, at `now` (None: the present)."""
+        """Return days since the calibration, at `now` (None: the present)."""
         return ((now or datetime.now(timezone.utc)) - self.calibrated).total_seconds() / 86400.0
 
     def twin(self, subject: Model) -> Model:
-        """The model of rig and subject together, for simulation.
+        """Return the model of rig and subject together, for simulation.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class RigFile:
         )
 
     def text(self) -> str:
-        """The file's text, which `from_text` reads back to the same values."""
+        """Return the file's text, which `from_text` reads back to the same values."""
         content: dict[str, Any] = {
             "rig": self.title,
             "calibrated": self.calibrated.astimezone(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),

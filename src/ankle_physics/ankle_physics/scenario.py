@@ -73,7 +73,9 @@ class Track:
         return f"{self.term}.{self.parameter.key}"
 
     def values(self, time: np.ndarray, before: float) -> np.ndarray:
-        """Values at times [s] of shape (n,), ascending; `before` holds until the first change."""
+        """Return values at times [s] of shape (n,), ascending; `before` holds until the first
+        change.
+        """
         out = np.full(len(time), before)
         start = before
         for index, change in enumerate(self.changes):
@@ -126,7 +128,7 @@ class Scenario:
 
     @classmethod
     def from_content(cls, content: Any) -> Scenario:
-        """The scenario in the parsed content of a scenario file.
+        """Return the scenario in the parsed content of a scenario file.
 
         Raises
         ------

@@ -145,8 +145,8 @@ class ServoLoop:
         )
 
     def _linear(self) -> tuple[float, float, float]:
-        """Inertia, viscosity, stiffness that are solved with the servo; behind a compliant coupling
-        the coupling's own.
+        """Return inertia, viscosity, stiffness that are solved with the servo; behind a compliant
+        coupling the coupling's own.
         """
         own = {entry.term.name: entry for entry in self._entries}
 

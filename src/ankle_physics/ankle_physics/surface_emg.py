@@ -87,7 +87,7 @@ class Electrodes:
     crosstalk_across: float = 0.05
 
     def mixing(self) -> np.ndarray:
-        """X, shape (4, 4)."""
+        """Return X, shape (4, 4)."""
         calf = np.array(STRETCHED_BY) > 0
         mixing = np.where(calf[:, None] == calf[None, :], self.crosstalk, self.crosstalk_across)
         np.fill_diagonal(mixing, 1.0)
@@ -162,7 +162,7 @@ class SurfaceEmg:
         self._count = 0
 
     def run(self, velocity: np.ndarray, background: np.ndarray, reflex: np.ndarray) -> np.ndarray:
-        """The next samples.
+        """Return the next samples.
 
         Parameters
         ----------
@@ -201,8 +201,8 @@ class SurfaceEmg:
         return out
 
     def _volleys(self, velocity: np.ndarray) -> np.ndarray:
-        """Stretch velocity as the motor units of each muscle answer it [rad/s], with the factor of
-        each stretch, shape (n, 4).
+        """Return stretch velocity as the motor units of each muscle answer it [rad/s], with the
+        factor of each stretch, shape (n, 4).
         """
         out = np.empty((len(velocity), 4))
         for direction, members in _GROUPS.items():
@@ -220,8 +220,8 @@ class SurfaceEmg:
         return out
 
     def _draw(self, direction: float, muscles: int) -> np.ndarray:
-        """Factors of one stretch for the muscles of a group: log-normal with mean 1, in part common
-        to them.
+        """Return factors of one stretch for the muscles of a group: log-normal with mean 1, in part
+        common to them.
         """
         variances = (
             math.log1p(self.variability.stretch_common**2),
@@ -236,7 +236,7 @@ class SurfaceEmg:
 
 
 def _noise_gain(sections: np.ndarray) -> float:
-    """Standard deviation that the filter gives to white noise of 1."""
+    """Return the standard deviation that the filter gives to white noise of 1."""
     impulse = np.zeros(4096)
     impulse[0] = 1.0
     return float(np.sqrt(np.sum(sosfilt(sections, impulse) ** 2)))

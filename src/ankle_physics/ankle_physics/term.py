@@ -189,8 +189,8 @@ class Term(ABC):
         """Change a signal of the path in place."""
 
     def response(self, frequency: np.ndarray, values: Values) -> np.ndarray | None:
-        """Frequency response of a linear filter on the measured torque, complex, at each frequency
-        [Hz].
+        """Return the frequency response of a linear filter on the measured torque, complex, at each
+        frequency [Hz].
 
         Terms at the torque sensor state it beside `transform`, so that a fit can apply it to each
         column's spectrum; None for all others.
@@ -198,7 +198,9 @@ class Term(ABC):
         return None
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        """Torque per unit of each linear parameter, each of shape (n,), keyed by symbol."""
+        """Return the torque per unit of each linear parameter, each of shape (n,), keyed by
+        symbol.
+        """
         return {}
 
     @classmethod

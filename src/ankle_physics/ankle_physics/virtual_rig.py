@@ -123,7 +123,7 @@ class VirtualRig:
         entry.values[symbol] = parameter.value(value, term)
 
     def run(self, reference: np.ndarray) -> Samples:
-        """The next stretch.
+        """Return the next stretch.
 
         Parameters
         ----------

@@ -147,7 +147,7 @@ class AnkleSimNode(AnkleNode):
         return self._subject.rig
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Model parameters, noise and the subject's state hold from the next block on."""
+        """Let model parameters, noise and the subject's state hold from the next block on."""
         changes = [
             (*self._of_model[name][1:], float(value))
             for name, value in values.items()
@@ -291,5 +291,5 @@ def make() -> AnkleSimNode:
 
 
 def main() -> int:
-    """Entry point of ``ros2 run ankle_sim ankle_sim``."""
+    """Start the node: the entry point of ``ros2 run ankle_sim ankle_sim``."""
     return run(make)

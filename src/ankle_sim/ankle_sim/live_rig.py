@@ -125,7 +125,8 @@ class LiveRig:
         self._last_position = 0.0
 
     def noise_deviations(self, rate: float) -> np.ndarray:
-        """Standard deviations of the noise at a rate [Hz]: [rad, rad/s, N.m], shape (3,).
+        """Return the standard deviations of the noise at a rate [Hz]: [rad, rad/s, N.m], shape
+        (3,).
 
         A signal-to-noise ratio refers to the whole signal, which a live rig does not know in
         advance. So the paper's pulse-step perturbation is simulated once with the model as it is at

@@ -192,8 +192,8 @@ VOLUNTARY_TORQUE = "voluntary_torque"
 
 
 def with_voluntary_torque(model: Model) -> Model:
-    """The model with a voluntary torque of zero where it has none, so that a level can be set while
-    it runs.
+    """Return the model with a voluntary torque of zero where it has none, so that a level can be
+    set while it runs.
     """
     if model.has(VOLUNTARY_TORQUE):
         return model
@@ -202,14 +202,15 @@ def with_voluntary_torque(model: Model) -> Model:
 
 
 def parameter_name(term: str, symbol: str) -> str:
-    """The node's name for a parameter: its symbol in the paper's terms, ``term.symbol`` in all
-    others.
+    """Return the node's name for a parameter: its symbol in the paper's terms, ``term.symbol`` in
+    all others.
     """
     return symbol if term in PAPER_TERMS else f"{term}.{symbol}"
 
 
 def model_parameters(model: Model) -> dict[str, tuple[Quantity, str, str]]:
-    """Node parameter, term name and symbol of every parameter of the model, by node parameter name.
+    """Return node parameter, term name and symbol of every parameter of the model, by node
+    parameter name.
 
     Defaults are the model's values. Linear parameters can be set while the node runs, the others at
     start.

@@ -100,7 +100,7 @@ def plan(
 
 
 def some_holds(count: int, seed: int, hold: float, reach: float) -> list[PlannedHold]:
-    """A shorter session: `count` holds of `hold` seconds, one third of them at -5 N.m as in the
-    paper.
+    """Return a shorter session: `count` holds of `hold` seconds, one third of them at -5 N.m as in
+    the paper.
     """
     return plan((count - count // 3, count // 3), seed, hold=hold, reach=reach)

@@ -10,7 +10,7 @@ from ankle_interfaces.quantity import Quantity, Value
 
 
 def start_value(node: str, parameter: Quantity) -> Value:
-    """A parameter's start value, read by a short-lived node of the same name.
+    """Return a parameter's start value, read by a short-lived node of the same name.
 
     The defaults of the node's other parameters come from the model, so it must be known before they
     are declared.

@@ -98,7 +98,7 @@ class Subject:
 
 
 def draw_subject(number: int) -> Subject:
-    """The simulated subject of a number, always the same one.
+    """Return the simulated subject of a number, always the same one.
 
     Stiffness of a relaxed ankle 25 to 45 N.m/rad and the paper's B and I (section III-A) within 20
     and 10 %; electrodes differ by a factor of two between people and muscles, as skin and
@@ -189,7 +189,7 @@ class Drive:
     burst: np.ndarray
 
     def towards(self, other: Drive, share: float) -> Drive:
-        """A part of the way to another drive, share 0 to 1."""
+        """Return a part of the way to another drive, share 0 to 1."""
         mix = [
             mine + share * (theirs - mine)
             for mine, theirs in zip(vars(self).values(), vars(other).values(), strict=True)
@@ -271,6 +271,6 @@ class VirtualSubject:
 
 
 def _lognormal(random: np.random.Generator, variation: float) -> np.ndarray:
-    """Four factors of mean 1 with a coefficient of variation."""
+    """Return four factors of mean 1 with a coefficient of variation."""
     variance = math.log1p(variation**2)
     return np.exp(math.sqrt(variance) * random.standard_normal(4) - 0.5 * variance)

@@ -282,5 +282,5 @@ class BiofeedbackNode(AnkleNode):
 
 
 def main() -> int:
-    """Entry point of ``ros2 run biofeedback biofeedback``."""
+    """Start the node: the entry point of ``ros2 run biofeedback biofeedback``."""
     return run(BiofeedbackNode)

@@ -69,8 +69,8 @@ class _Arrival:
         self._heard, self.time = heard, time
 
     def age(self, now: float, heard_now: float) -> float:
-        """The larger one of time since arrival and time since it was true: a reader that lags
-        behind also gives old values.
+        """Return the larger one of time since arrival and time since it was true: a reader that
+        lags behind also gives old values.
         """
         return (
             max(heard_now - self._heard, now - self.time) if math.isfinite(self.time) else math.inf

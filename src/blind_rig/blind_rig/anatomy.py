@@ -281,7 +281,7 @@ class Setup(NamedTuple):
     sensors: Sensors = Sensors()
 
     def get(self, path: str) -> float:
-        """A number by its path, as ``muscle.K``."""
+        """Return a number by its path, as ``muscle.K``."""
         group, field = path.split(".")
         return float(getattr(getattr(self, group), field))
 
@@ -302,5 +302,5 @@ class Setup(NamedTuple):
         return setup
 
     def as_dict(self) -> dict[str, Any]:
-        """Groups of numbers, for the sealed truth."""
+        """Return groups of numbers, for the sealed truth."""
         return {group: getattr(self, group)._asdict() for group in self._fields}

@@ -64,7 +64,7 @@ def _deal(names: list[str], count: int, generator: np.random.Generator) -> list[
 
 
 def plan_cases(count: int, seed: int) -> list[Plan]:
-    """Plans of all cases of a study; the same for the same count and seed.
+    """Return plans of all cases of a study; the same for the same count and seed.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def plan_cases(count: int, seed: int) -> list[Plan]:
 
 
 def _draw_trial(generator: np.random.Generator, hidden: tuple[str, ...]) -> Trial:
-    """A trial without effects, under a protocol that shows what will be hidden in it."""
+    """Return a trial without effects, under a protocol that shows what will be hidden in it."""
     kinds = set(PROTOCOLS)
     for name in hidden:
         kinds &= set(effects.BY_NAME[name].protocols or PROTOCOLS)
@@ -165,8 +165,8 @@ def _brought_in(
 def _hide(
     plan: Plan, generator: np.random.Generator
 ) -> tuple[Trial, dict[str, float], list[dict[str, Any]]]:
-    """A trial without effects, the changes that bring the plan's effects in, and what the truth
-    says about each.
+    """Return a trial without effects, the changes that bring the plan's effects in, and what the
+    truth says about each.
     """
     for draw in range(DRAWS):
         trial = _draw_trial(generator, plan.hidden)

@@ -59,7 +59,7 @@ class Course(NamedTuple):
 def slow_noise(
     n: int, rate: float, low: float, high: float, generator: np.random.Generator
 ) -> np.ndarray:
-    """Gaussian noise of unit rms between two frequencies [Hz]; `low` of 0 is a low-pass."""
+    """Return Gaussian noise of unit rms between two frequencies [Hz]; `low` of 0 is a low-pass."""
     # Drawn at a rate fit for its band, so that the same seed gives the same course at any rate.
     coarse = max(40.0 * high, 20.0)
     count = int(np.ceil(n / rate * coarse)) + int(coarse * 20.0 / max(high, 0.1)) + 8
@@ -77,7 +77,9 @@ def slow_noise(
 
 
 def pink_noise(n: int, rate: float, generator: np.random.Generator) -> np.ndarray:
-    """Noise of unit rms whose power falls as 1/f between `PINK_LOWEST` and `PINK_HIGHEST` [Hz]."""
+    """Return noise of unit rms whose power falls as 1/f between `PINK_LOWEST` and `PINK_HIGHEST`
+    [Hz].
+    """
     coarse = 8.0 * PINK_HIGHEST
     count = int(np.ceil(n / rate * coarse)) + 8
     frequency = np.fft.rfftfreq(count, 1.0 / coarse)
@@ -94,7 +96,9 @@ def pink_noise(n: int, rate: float, generator: np.random.Generator) -> np.ndarra
 def wandering_levels(
     n: int, rate: float, transition: float | None, generator: np.random.Generator
 ) -> np.ndarray:
-    """Levels of unit rms, each reached within `transition` [s]; None: on the way all the time."""
+    """Return levels of unit rms, each reached within `transition` [s]; None: on the way all the
+    time.
+    """
     count = int(n / rate / LEVEL_TIME * 3.0) + 8
     times = np.concatenate([[0.0], np.cumsum(generator.uniform(0.3, 1.7, count) * LEVEL_TIME)])
     values = generator.standard_normal(len(times))
@@ -107,7 +111,7 @@ def wandering_levels(
 
 
 def bursts(n: int, rate: float, generator: np.random.Generator) -> np.ndarray:
-    """Raised-cosine contractions of peak +1 or -1 at random times."""
+    """Return raised-cosine contractions of peak +1 or -1 at random times."""
     out = np.zeros(n)
     length = round(BURST_LENGTH * rate)
     shape = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
@@ -119,7 +123,7 @@ def bursts(n: int, rate: float, generator: np.random.Generator) -> np.ndarray:
 
 
 def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> Course:
-    """Momentary values of a trial.
+    """Return momentary values of a trial.
 
     Parameters
     ----------

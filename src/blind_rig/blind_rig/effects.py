@@ -366,8 +366,8 @@ BY_NAME = {effect.name: effect for effect in (*KNOWN_EFFECTS, *UNKNOWN_EFFECTS)}
 def draw_shape(
     effect: Effect, generator: np.random.Generator
 ) -> tuple[dict[str, float], tuple[float, float]]:
-    """Numbers that go with the effect, drawn, and the (weakest, strongest) magnitude of one of its
-    variants.
+    """Return numbers that go with the effect, drawn, and the (weakest, strongest) magnitude of one
+    of its variants.
     """
     shape = {path: float(generator.uniform(*limits)) for path, limits in effect.shape.items()}
     return shape, effect.ranges[int(generator.integers(len(effect.ranges)))]

@@ -79,7 +79,7 @@ FAULTS: dict[str, Callable[[Recording, np.random.Generator], Recording]] = {
 
 
 def broken(recording: Recording, fault: str, generator: np.random.Generator) -> Recording:
-    """The recording as a broken rig would have stored it.
+    """Return the recording as a broken rig would have stored it.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class TrueImpedance(NamedTuple):
 def true_impedance(
     trial: Trial, done: Run, start: float = 0.0, end: float = math.inf
 ) -> TrueImpedance:
-    """Values between two times [s] of a trial.
+    """Return values between two times [s] of a trial.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def true_impedance(
 
 
 def weight_stiffness(trial: Trial) -> float:
-    """Slope of the foot's weight against its angle [N.m/rad]."""
+    """Return the slope of the foot's weight against its angle [N.m/rad]."""
     rig, angle = trial.setup.rig, trial.operating_angle
     return (
         rig.foot_mass

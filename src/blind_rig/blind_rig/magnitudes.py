@@ -58,7 +58,7 @@ COMPENSATION_DURATION = 8.0
 
 
 def brought_in(trial: Trial, effect: str, level: str) -> Trial:
-    """The trial with an effect at one of `strength.STRENGTHS`.
+    """Return the trial with an effect at one of `strength.STRENGTHS`.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class Protocol(NamedTuple):
 
 
 def draw_protocol(generator: np.random.Generator, kinds: Sequence[str] = PROTOCOLS) -> Protocol:
-    """Kind (one of `kinds`), size, edge and duration.
+    """Return the kind (one of `kinds`), size, edge and duration.
 
     As in the paper and in recorded human trials (steps of up to 30 mrad, edges of 11 to 24 ms).
     """
@@ -49,16 +49,16 @@ def draw_protocol(generator: np.random.Generator, kinds: Sequence[str] = PROTOCO
 
 
 def edge(phase: np.ndarray) -> np.ndarray:
-    """5th-order polynomial from 0 to 1 over phase 0 to 1, without velocity and acceleration at its
-    ends.
+    """Return 5th-order polynomial from 0 to 1 over phase 0 to 1, without velocity and acceleration
+    at its ends.
     """
     p = np.clip(phase, 0.0, 1.0)
     return p**3 * (10.0 - 15.0 * p + 6.0 * p**2)
 
 
 def levels(protocol: Protocol, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] at which edges start and the levels [rad] that they lead to, over the protocol's
-    duration.
+    """Return times [s] at which edges start and the levels [rad] that they lead to, over the
+    protocol's duration.
     """
     times: list[float] = []
     targets: list[float] = []
@@ -92,8 +92,8 @@ def levels(protocol: Protocol, generator: np.random.Generator) -> tuple[np.ndarr
 def command(
     protocol: Protocol, generator: np.random.Generator, rate: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The commanded angle around the operating point [rad], shape (n,), and the times of the edges'
-    starts [s].
+    """Return the commanded angle around the operating point [rad], shape (n,), and the times of the
+    edges' starts [s].
     """
     times, targets = levels(protocol, generator)
     t = np.arange(round(protocol.duration * rate)) / rate

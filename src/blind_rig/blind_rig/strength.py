@@ -61,8 +61,8 @@ def _banded(signal: np.ndarray, rate: float) -> np.ndarray:
 
 
 def unexplained_variance(done: Run, trial: Trial) -> tuple[float, float]:
-    """Variance of the noise-free torque [N.m squared] and the part of it that the paper's model and
-    the voluntary torque leave.
+    """Return the variance of the noise-free torque [N.m squared] and the part of it that the
+    paper's model and the voluntary torque leave.
 
     The regressors come from the position as the sensor shows it: position, velocity, acceleration,
     and the reflex response to delayed rectified velocity with the subject's own delay and dynamics.
@@ -86,8 +86,8 @@ def unexplained_variance(done: Run, trial: Trial) -> tuple[float, float]:
 
 
 def _semi_implicit(omega: float, zeta: float, rate: float) -> tuple[list[float], list[float]]:
-    """Second-order response with unit gain at rest, integrated as `ankle_torque` does: velocity
-    first, then position.
+    """Return second-order response with unit gain at rest, integrated as `ankle_torque` does:
+    velocity first, then position.
     """
     d = 1.0 / rate
     return [omega**2 * d**2], [
@@ -98,16 +98,16 @@ def _semi_implicit(omega: float, zeta: float, rate: float) -> tuple[list[float],
 
 
 def share(trial: Trial, plain: tuple[float, float], seconds: float | None = None) -> float:
-    """Share of variance that a trial's effects add, against `plain`: `unexplained_variance` of the
-    same trial without them.
+    """Return the share of variance that a trial's effects add, against `plain`:
+    `unexplained_variance` of the same trial without them.
     """
     _, left = unexplained_variance(run(trial, seconds), trial)
     return max((left - plain[1]) / plain[0], 1e-9)
 
 
 def compensating_gain(trial: Trial, changes: dict[str, float], without: Run) -> float:
-    """Reflex gain [N.m.s/rad] with which the changed reflex is as large as the plain one along the
-    motion of `without`.
+    """Return the reflex gain [N.m.s/rad] with which the changed reflex is as large as the plain one
+    along the motion of `without`.
 
     A subject with a threshold has a threshold and a gain, not a weaker reflex than others.
     """
@@ -127,7 +127,7 @@ def scale(
     limits: tuple[float, float],
     target: float,
 ) -> Scaled:
-    """The magnitude at which an effect reaches a share.
+    """Return the magnitude at which an effect reaches a share.
 
     Some effects hide again when they grow: a threshold above all velocities is no reflex at all,
     which the paper's model knows. The search stays on the side of the peak towards the weak end.

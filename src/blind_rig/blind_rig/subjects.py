@@ -39,8 +39,8 @@ SAMPLING_RATES = (1000.0, 2048.0)
 
 
 def draw_subject(generator: np.random.Generator) -> Setup:
-    """A subject and a rig without any effect; ranges in `RANGES`, drawn log-uniformly where they
-    span more than a factor of 2.
+    """Return a subject and a rig without any effect; ranges in `RANGES`, drawn log-uniformly where
+    they span more than a factor of 2.
     """
     changes = {}
     for path, (low, high) in RANGES.items():

@@ -121,7 +121,7 @@ def calibrate_rig(
 
 
 def read_signals(bag: Path) -> Signals:
-    """The channels of a bag and its reference at the samples' times.
+    """Return the channels of a bag and its reference at the samples' times.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def rig_file(
     angle: float = 0.0,
     now: datetime | None = None,
 ) -> tuple[RigFile, tuple[str, ...]]:
-    """The rig file of an identified rig, and what could not be found.
+    """Return the rig file of an identified rig, and what could not be found.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _model(values: dict[str, dict[str, Found]]) -> Model:
 
 
 def fingerprint(bag: Path) -> str:
-    """SHA-256 over the files of a bag, by name."""
+    """Return the SHA-256 over the files of a bag, by name."""
     digest = hashlib.sha256()
     for file in sorted(p for p in bag.rglob("*") if p.is_file()):
         digest.update(file.relative_to(bag).as_posix().encode() + b"\0")

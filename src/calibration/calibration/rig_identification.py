@@ -191,7 +191,7 @@ def _rest(signals: Signals) -> slice:
 
 
 def _scatter(samples: np.ndarray) -> float:
-    """Standard deviation without slow drift: from differences of neighbours."""
+    """Return the standard deviation without slow drift: from differences of neighbours."""
     return float(np.std(np.diff(samples)) / math.sqrt(2.0))
 
 
@@ -242,7 +242,7 @@ class _Spectra:
         return (total[width:] - total[:-width]) / width
 
     def time_signal(self, spectrum: np.ndarray) -> np.ndarray:
-        """The signal of a spectrum, shape (length,)."""
+        """Return the signal of a spectrum, shape (length,)."""
         whole = np.zeros(self.length // 2 + 1, dtype=complex)
         whole[self.used] = spectrum
         return irfft(whole, self.length)
@@ -276,7 +276,7 @@ Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def _torque(spectra: _Spectra, motion: np.ndarray) -> _Fit:
-    """Plate and sensor: the description of the sensor with the least BIC."""
+    """Return plate and sensor: the description of the sensor with the least BIC."""
     plain: Response = lambda s, p: np.ones(len(s), dtype=complex)  # noqa: E731
     lagged: Response = lambda s, p: 1.0 / (1.0 + s * p[1])  # noqa: E731
 
@@ -321,7 +321,7 @@ def _fitted(
     response: Response,
     starts: list[list[float]],
 ) -> tuple[float, _Fit]:
-    """Separable least squares: the linear values are solved for within."""
+    """Return separable least squares: the linear values are solved for within."""
     stacked = np.column_stack(list(columns.values()))
     scale = np.linalg.norm(stacked, axis=0)
     goal = _parts(spectra.torque)
@@ -397,7 +397,7 @@ def _velocity_delay(spectra: _Spectra, motion: np.ndarray) -> Found | None:
 
 
 def _servo(spectra: _Spectra, load: np.ndarray) -> _Servo:
-    """Second-order servo with a delay, and how far a load [N.m] moves it."""
+    """Return second-order servo with a delay, and how far a load [N.m] moves it."""
     goal = _parts(spectra.position)
 
     def response(shape: np.ndarray) -> np.ndarray:

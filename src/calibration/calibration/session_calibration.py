@@ -66,7 +66,8 @@ def calibrate_session(
 
 
 def subject_model(diagnosed: Model, title: str) -> Model:
-    """The subject's part of a diagnosed model, with what follows the subject marked as tracked.
+    """Return the subject's part of a diagnosed model, with what follows the subject marked as
+    tracked.
 
     Parameters
     ----------

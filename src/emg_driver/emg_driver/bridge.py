@@ -156,8 +156,8 @@ class EmgBridge:
         return out
 
     def _check_rate(self, chunk: Chunk) -> bool:
-        """Whether samples come as often as declared, by arrival over the last `START` or `RUNNING`
-        seconds; False while it is open.
+        """Return whether samples come as often as declared, by arrival over the last `START` or
+        `RUNNING` seconds; False while it is open.
         """
         self._received += len(chunk.stamps)
         self._arrivals.append((chunk.arrival, self._received))
@@ -183,7 +183,7 @@ class EmgBridge:
         )
 
     def _line_missing(self, elapsed: float) -> float:
-        """Share of samples that gaps explain."""
+        """Return the share of samples that gaps explain."""
         return self.missing / (elapsed * self.stream.rate)
 
     def _bridge(self, chunk: Chunk, out: Bridged) -> None:

@@ -315,8 +315,8 @@ class SampleLine:
         return begin + (end - begin) * np.arange(1, n + 1) / n, jumps
 
     def _explain(self, step: float, stamped: float, came: float) -> tuple[Jump, float]:
-        """Whether stamps that step by `step` [s] mean missing samples or another clock, and the
-        stamp as it counts now [s].
+        """Return whether stamps that step by `step` [s] mean missing samples or another clock, and
+        the stamp as it counts now [s].
         """
         delay = came - stamped
         unexpected = delay - self.drift_filter.delay
@@ -353,8 +353,8 @@ class SampleLine:
         self._smallest, self._window_start = math.inf, came
 
     def _follow(self, error: float, seconds: float) -> float:
-        """One step of the loop after a chunk of so many seconds; returns the correction of the
-        line's end [s].
+        """Take one step of the loop after a chunk of so many seconds; return the correction of
+        the line's end [s].
         """
         self._elapsed += seconds
         omega = 2.0 * math.pi * LOOP

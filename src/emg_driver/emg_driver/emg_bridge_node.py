@@ -206,7 +206,7 @@ class EmgBridgeNode(AnkleNode):
             self._publish(block)
 
     def _look(self) -> None:
-        """Whether samples come."""
+        """State whether samples come."""
         self._hand_out()
         silent = time.monotonic() - self._heard
         if self._source is None or self._bridge is None or silent < self.number("silence"):
@@ -223,5 +223,5 @@ class EmgBridgeNode(AnkleNode):
 
 
 def main() -> None:
-    """Entry point of ``ros2 run emg_driver emg_bridge``."""
+    """Start the node: the entry point of ``ros2 run emg_driver emg_bridge``."""
     sys.exit(run(EmgBridgeNode))

@@ -99,5 +99,5 @@ class EmgOutletNode(AnkleNode):
 
 
 def main() -> None:
-    """Entry point of ``ros2 run emg_driver emg_outlet``."""
+    """Start the node: the entry point of ``ros2 run emg_driver emg_outlet``."""
     sys.exit(run(EmgOutletNode))

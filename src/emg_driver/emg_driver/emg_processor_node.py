@@ -107,5 +107,5 @@ class EmgProcessorNode(AnkleNode):
 
 
 def main() -> None:
-    """Entry point of ``ros2 run emg_driver emg_processor``."""
+    """Start the node: the entry point of ``ros2 run emg_driver emg_processor``."""
     sys.exit(run(EmgProcessorNode))

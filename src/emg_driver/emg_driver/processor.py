@@ -236,7 +236,7 @@ class EmgProcessor:
         self._to_average.clear()
 
     def _due(self, final: bool = False) -> Responses:
-        """Responses to all onsets whose EMG is there."""
+        """Return responses to all onsets whose EMG is there."""
         out = Responses()
         if self.rate is None or not len(self._memory):
             return out
@@ -250,8 +250,8 @@ class EmgProcessor:
         return out
 
     def _next_onset(self, known: float) -> tuple[float, float] | None:
-        """The next onset whose windows end before `known`, commanded ones before those that only
-        the measured velocity shows.
+        """Return the next onset whose windows end before `known`, commanded ones before those that
+        only the measured velocity shows.
         """
         end = self.settings.reflex_end + 1.0 / (self.rate or LOWEST_RATE)
         onset = self._commanded_onset(known)
@@ -273,8 +273,8 @@ class EmgProcessor:
         return None
 
     def _commanded_onset(self, known: float) -> tuple[float, float] | None:
-        """The first commanded onset, at the time when the plate moved; None while that is not
-        known.
+        """Return the first commanded onset, at the time when the plate moved; None while that is
+        not known.
         """
         if not self._from_reference:
             return None
@@ -310,7 +310,7 @@ class EmgProcessor:
         return np.concatenate([[onset, direction], background, reflex])
 
     def _bad_channels(self, end: float, notes: list[str]) -> np.ndarray:
-        """Which channels are bad in the last second before `end`, shape (4,)."""
+        """Return which channels are bad in the last second before `end`, shape (4,)."""
         assert self.rate is not None
         stop = int(np.searchsorted(self._memory.time, end))
         start = int(np.searchsorted(self._memory.time, end - WINDOW))

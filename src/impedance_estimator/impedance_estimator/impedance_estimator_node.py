@@ -155,5 +155,5 @@ class ImpedanceEstimator(AnkleNode):
 
 
 def main() -> None:
-    """Entry point of ``ros2 run impedance_estimator impedance_estimator``."""
+    """Start the node: the entry point of ``ros2 run impedance_estimator impedance_estimator``."""
     sys.exit(run(ImpedanceEstimator))

@@ -99,7 +99,7 @@ class KnownPhysics:
         return self._value("footplate_inertia", "Ip")
 
     def added_stiffness(self, position: float, torque: float, time: float) -> float:
-        """Stiffness that the held terms add to the estimate [N.m/rad].
+        """Return the stiffness that the held terms add to the estimate [N.m/rad].
 
         Parameters
         ----------
@@ -112,7 +112,9 @@ class KnownPhysics:
         return tangent(self.model, at)[0] - self._value("stiffness", "K")
 
     def added_gain(self, position: float, torque: float, time: float) -> float:
-        """Reflex gain that the held terms add to the estimate [N.m.s/rad]; arguments as above."""
+        """Return the reflex gain that the held terms add to the estimate [N.m.s/rad]; arguments as
+        above.
+        """
         if not self.model.has("reflex") or not _shaped(self.model):
             return 0.0
         at = OperatingPoint(position=position, torque=torque, time=time)
@@ -128,7 +130,8 @@ class KnownPhysics:
 
 
 def load_known_physics(model: str = "", rig: str = "") -> KnownPhysics | None:
-    """Known physics from a model file and a rig file; an empty name is none, None where both are.
+    """Return known physics from a model file and a rig file; an empty name is none, None where both
+    are.
 
     Raises
     ------
@@ -163,7 +166,7 @@ class KnownPhysicsRun:
         self._newest = np.nan
 
     def correct(self, samples: np.ndarray) -> np.ndarray:
-        """Samples as a joint alone would give them.
+        """Return samples as a joint alone would give them.
 
         Parameters
         ----------
@@ -246,7 +249,7 @@ class _Path:
         self.run(still)
 
     def run(self, samples: np.ndarray) -> np.ndarray:
-        """Corrected samples of a stretch without gaps."""
+        """Return corrected samples of a stretch without gaps."""
         x = self._late("position", samples[:, 1] - self._zero[0])
         torque_column = 3 if self._measured else 2
         torque = self._late("torque", samples[:, torque_column] - self._zero[1])
@@ -281,7 +284,7 @@ class _Path:
         return np.diff(x, prepend=first) * self._rate
 
     def _sense(self, channel: int, values: np.ndarray) -> np.ndarray:
-        """A signal of the motion through the torque sensor's dynamics."""
+        """Return a signal of the motion through the torque sensor's dynamics."""
         for entry, state in self._sensors[channel]:
             signals = Signals(self._rate, values, values, values)
             signals.torque = values
@@ -298,7 +301,7 @@ class _Path:
     def _foot(
         self, x: np.ndarray, v: np.ndarray, torque: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Motion of the foot [rad], [rad/s] behind its straps."""
+        """Return the motion of the foot [rad], [rad/s] behind its straps."""
         assert self._strap is not None
         stiffness, damping = (float(self._strap.values[s]) for s in ("k_s", "b_s"))
         acceleration = np.diff(v, prepend=self._slope) * self._rate
@@ -329,7 +332,9 @@ class _Path:
 
 
 def _extra_runs(model: Model, rate: float) -> list[tuple[float, ModelRun]]:
-    """Runs whose torques, with their signs, add up to what the held terms add to the joint's."""
+    """Return runs whose torques, with their signs, add up to what the held terms add to the
+    joint's.
+    """
     held = [
         entry
         for entry in model.entries
@@ -346,7 +351,7 @@ def _extra_runs(model: Model, rate: float) -> list[tuple[float, ModelRun]]:
 
 
 def _shaped(model: Model) -> list[Entry]:
-    """Terms that change what the reflex answers."""
+    """Return terms that change what the reflex answers."""
     places = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
     return [
         e for e in model.entries if e.term.name not in SUPPORTED_TERMS and e.term.place in places
@@ -406,7 +411,7 @@ class KnownPhysicsStream:
                 self._stated = True
 
     def complete(self, rows: np.ndarray) -> np.ndarray:
-        """Estimates of the whole joint: with the held terms, without the plate."""
+        """Return estimates of the whole joint: with the held terms, without the plate."""
         rows = rows.copy()
         rows[:, ESTIMATE_COLUMNS.index("K[N.m/rad]")] += self._stiffness
         rows[:, ESTIMATE_COLUMNS.index("G[N.m.s/rad]")] += self._gain

@@ -60,7 +60,7 @@ PARAMETERS = (
 
 
 def settings_from(values: dict[str, Value]) -> EstimatorSettings:
-    """Settings of the algorithm that `values` names, from parameter values by name.
+    """Return settings of the algorithm that `values` names, from parameter values by name.
 
     Parameters at their declared default are left to the algorithm, whose own default may differ; so
     a node with untouched parameters gives what the algorithm gives from a file.

@@ -39,7 +39,7 @@ class ReferenceTrack:
         self._expected = True
 
     def join(self, samples: np.ndarray) -> np.ndarray:
-        """Samples that are ready, with the reference's position as their last column.
+        """Return samples that are ready, with the reference's position as their last column.
 
         Parameters
         ----------

@@ -212,7 +212,7 @@ class EstimateStream:
         return samples
 
     def _advance(self, estimator: Estimator, samples: np.ndarray, parts: _Parts) -> np.ndarray:
-        """Samples up to the next reflex response; returns the rest."""
+        """Process samples up to the next reflex response; return the rest."""
         every = max(round(self.settings.estimate_rate / RESPONSE_RATE), 1) * max(
             round(estimator.rate / self.settings.estimate_rate), 1
         )

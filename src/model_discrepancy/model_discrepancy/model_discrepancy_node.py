@@ -135,5 +135,5 @@ class ModelDiscrepancy(AnkleNode):
 
 
 def main() -> None:
-    """Entry point of ``ros2 run model_discrepancy model_discrepancy``."""
+    """Start the node: the entry point of ``ros2 run model_discrepancy model_discrepancy``."""
     sys.exit(run(ModelDiscrepancy))

@@ -53,7 +53,7 @@ class EdgeTrain:
         self.level = level
 
     def samples(self, first: int, n: int) -> np.ndarray:
-        """Value, derivative and second derivative at samples first ...
+        """Return value, derivative and second derivative at samples first ...
 
         first + n - 1, shape (n, 3).
         """

@@ -153,7 +153,9 @@ class PerturbationGeneratorNode(AnkleNode):
 
 
 def main() -> int:
-    """Entry point of ``ros2 run perturbation_generator perturbation_generator``."""
+    """Start the node: the entry point of ``ros2 run perturbation_generator
+    perturbation_generator``.
+    """
     return run(PerturbationGeneratorNode)
 
 

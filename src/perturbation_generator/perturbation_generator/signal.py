@@ -117,4 +117,4 @@ class Signal(ABC):
 
     @abstractmethod
     def _samples(self, first: int, n: int) -> np.ndarray:
-        """Samples first ... first + n - 1, shape (n, 3); called with first growing by n."""
+        """Return samples first ... first + n - 1, shape (n, 3); called with first growing by n."""

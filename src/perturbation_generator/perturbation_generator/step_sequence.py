@@ -76,7 +76,7 @@ class StepSequence(Signal):
 
     @abstractmethod
     def _draw(self) -> Cycle:
-        """The next cycle."""
+        """Return the next cycle."""
 
     def extremes(self, amplitude: float) -> Extremes:
         """See `Signal.extremes`: levels plus overshoot, for the largest edges as close together as

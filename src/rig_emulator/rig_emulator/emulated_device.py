@@ -243,7 +243,7 @@ class EmulatedDevice:
         self._trip(DeviceFault.EMERGENCY_STOP, now)
 
     def _trip(self, fault: DeviceFault, now: float) -> None:
-        """A fault: stop if the plate may move, then stay off until a reset."""
+        """Enter the fault: stop if the plate may move, then stay off until a reset."""
         if self.fault is DeviceFault.NONE:
             self.fault = fault
         if self.state is DeviceState.OFF:
@@ -296,7 +296,7 @@ class EmulatedDevice:
         self._look(samples, self._begin + (self._ticks - 1) * self._interval)
 
     def _servo(self, now: float) -> Motion:
-        """The command of one servo sample."""
+        """Return the command of one servo sample."""
         self._watch(now)
         if self.state is DeviceState.STOPPING:
             return self._stopping(now)
@@ -340,7 +340,7 @@ class EmulatedDevice:
         return motion
 
     def _beyond(self, motion: Motion) -> bool:
-        """Whether a command passes a limit, by itself or in the step from the last one."""
+        """Return whether a command passes a limit, by itself or in the step from the last one."""
         position, velocity, acceleration = motion
         limits, step = self._limits, position - self.command[0]
         end = position + math.copysign(stopping_distance(velocity, limits.acceleration), velocity)
@@ -355,7 +355,7 @@ class EmulatedDevice:
         )
 
     def _look(self, samples: np.ndarray, now: float) -> None:
-        """What the sensors say of a powered plate."""
+        """Judge what the sensors say of a powered plate."""
         torque = float(samples[-1, 2])
         powered = self.state in (DeviceState.HOLD, DeviceState.FOLLOW)
         powered = powered and not self.faults.unchecked

@@ -68,7 +68,7 @@ class EmulatedRig:
         self.switch(settings.faults)
 
     def clock(self) -> float:
-        """The rig's clock [s]."""
+        """Return the rig's clock [s]."""
         return self._offset + (time.monotonic() - self._started) * (1.0 + self._drift)
 
     def run(self, stop_requested: threading.Event) -> None:
@@ -90,7 +90,9 @@ class EmulatedRig:
         self._show()
 
     def _from_a_stranger(self, sender: tuple[str, int] | None) -> bool:
-        """Whether a packet is not of the address that is obeyed while the plate is powered."""
+        """Return whether a packet is not of the address that is obeyed while the plate is
+        powered.
+        """
         if self.device.state in UNPOWERED or sender == self._peer:
             return False
         self.device.refusals[Refusal.PEER] += 1

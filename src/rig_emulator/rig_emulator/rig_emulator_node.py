@@ -36,12 +36,14 @@ PRIORITY = 10
 
 
 def _declared_for(model: Model) -> list[Quantity]:
-    """The parameters of an emulator with a joint."""
+    """Return the parameters of an emulator with a joint."""
     return [*PARAMETERS, *(parameter for parameter, _, _ in joint_parameters(model).values())]
 
 
 def declared_parameters(values: Mapping[str, Value]) -> list[Quantity]:
-    """The parameters that the node declares for start values, by which its joint is found."""
+    """Return the parameters that the node declares for start values, by which its joint is
+    found.
+    """
     return _declared_for(load_model(str(values.get(MODEL.name, "")), str(values.get(RIG.name, ""))))
 
 
@@ -110,7 +112,7 @@ def make() -> RigEmulatorNode:
 
 
 def main() -> int:
-    """Entry point of ``ros2 run rig_emulator rig_emulator``."""
+    """Start the node: the entry point of ``ros2 run rig_emulator rig_emulator``."""
     return run(make)
 
 

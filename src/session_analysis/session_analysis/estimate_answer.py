@@ -225,7 +225,9 @@ def why_nothing_is_valid(bag: Path) -> str:
 
 
 def _movement(position: np.ndarray, rate: float) -> float:
-    """Standard deviation of position [rad] about its mean of each second, as a median."""
+    """Return the standard deviation of position [rad] about its mean of each second, as a
+    median.
+    """
     length = max(2, min(round(rate), len(position)))
     pieces = position[: len(position) // length * length].reshape(-1, length)
     finite = np.isfinite(pieces).all(axis=1)

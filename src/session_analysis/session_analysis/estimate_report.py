@@ -157,7 +157,7 @@ def _opinion(found: Answer) -> list[str]:
 
 
 def _spans(time: np.ndarray, wanted: np.ndarray) -> list[tuple[float, float]]:
-    """Times in which `wanted` holds, as (start, end); the longest `MAX_SPANS` of them."""
+    """Return times in which `wanted` holds, as (start, end); the longest `MAX_SPANS` of them."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted.astype(int), [0]])))
     last = len(time) - 1
     spans = sorted(edges.reshape(-1, 2).tolist(), key=lambda span: span[0] - span[1])
@@ -165,7 +165,7 @@ def _spans(time: np.ndarray, wanted: np.ndarray) -> list[tuple[float, float]]:
 
 
 def _thinned(columns: Sequence[np.ndarray], most: int) -> list[np.ndarray]:
-    """Means of groups of equal size, so that at most `most` points are left."""
+    """Return means of groups of equal size, so that at most `most` points are left."""
     size = max(1, -(-len(columns[0]) // most))
     if size == 1:
         return list(columns)

@@ -114,6 +114,6 @@ def measure_hold(
 
 
 def _column(rows: np.ndarray, name: str, direction: int) -> np.ndarray:
-    """Values of a column that are finite, of the onsets of one direction."""
+    """Return values of a column that are finite, of the onsets of one direction."""
     values = rows[rows[:, 1] == direction, RESPONSE_COLUMNS.index(name)]
     return values[np.isfinite(values)]

@@ -31,7 +31,9 @@ SUBJECT_KEY = "subject"
 
 
 def _with_doubt(block: Block) -> Block:
-    """Estimates that were recorded before they stated a doubt, with a doubt that is not known."""
+    """Return estimates that were recorded before they stated a doubt, with a doubt that is not
+    known.
+    """
     at = ESTIMATE_COLUMNS.index(DOUBT)
     if block.columns != ESTIMATE_COLUMNS[:at] + ESTIMATE_COLUMNS[at + 1 :]:
         return block

@@ -121,7 +121,7 @@ def second_opinion(recording: Recording) -> SecondOpinion:
 
 
 def _errors(fit, part: slice, count: int, rate: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
-    """Standard errors of K and G from the scatter of disjoint stretches."""
+    """Return the standard errors of K and G from the scatter of disjoint stretches."""
     start, stop, _ = part.indices(count)
     length = int(STRETCH * rate)
     begins = range(start, stop - length + 1, length)

@@ -202,7 +202,9 @@ def _named(progress: Progress | None, what: str) -> Callable[[float], None] | No
 def _most_different_neighbours(
     measures: Sequence[HoldMeasures],
 ) -> tuple[HoldMeasures, HoldMeasures] | None:
-    """Two successive holds of a subject that differ most in K and G, relative to their size."""
+    """Return two successive holds of a subject that differ most in K and G, relative to their
+    size.
+    """
     best, pair = -1.0, None
     for first, second in pairwise(measures):
         gap = second.hold.start - first.hold.end

@@ -157,7 +157,7 @@ def _write_messages(reader: BagReader, topic: str, file: TextIO, progress: Progr
 
 
 def _plain(value: Any, store: Typestore) -> Any:
-    """A message as what JSON knows."""
+    """Return a message as what JSON knows."""
     if hasattr(value, "__msgtype__"):
         return {
             name: _plain(getattr(value, name), store)

@@ -269,7 +269,7 @@ class SampleAccount:
         return news
 
     def _left_of(self, gap: Gap, inside: np.ndarray) -> list[Gap]:
-        """What remains of a gap when samples that follow each other fill a part of it."""
+        """Return what remains of a gap when samples that follow each other fill a part of it."""
         assert self.rate is not None
         ends = ((gap.start, float(inside[0])), (float(inside[-1]), gap.end))
         parts = [Gap(start, end, round((end - start) * self.rate) - 1) for start, end in ends]

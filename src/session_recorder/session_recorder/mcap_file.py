@@ -146,8 +146,8 @@ class McapFile:
         return True
 
     def _index_is_intact(self, stream: BinaryIO) -> bool:
-        """Whether the summary has the checksum that the footer states; the library's reader does
-        not look.
+        """Return whether the summary has the checksum that the footer states; the library's reader
+        does not look.
         """
         stream.seek(self.size - FOOTER_AND_MARK)
         footer = next(StreamReader(stream, skip_magic=True).records)

@@ -73,7 +73,7 @@ def _register_installed(store: Typestore, message_type: str) -> None:
 
 
 def _nested_type(description: tuple) -> str | None:
-    """The message type that a field holds: itself, or as the element of an array."""
+    """Return the message type that a field holds: itself, or as the element of an array."""
     content = description[1]
     while isinstance(content, tuple) and isinstance(content[0], tuple):
         content = content[0][1]

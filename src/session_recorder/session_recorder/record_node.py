@@ -110,8 +110,8 @@ class RecordNode(AnkleNode):
             self.get_logger().info(f"ready: recording into {self.recording.bag.path}")
 
     def _wants(self, topic: str) -> bool:
-        """Whether a topic was named; without names, whether it belongs to this node's namespace or
-        to ROS itself.
+        """Return whether a topic was named; without names, whether it belongs to this node's
+        namespace or to ROS itself.
         """
         if self._named:
             return topic in self._named
@@ -120,8 +120,8 @@ class RecordNode(AnkleNode):
         )
 
     def _name_in_bag(self, topic: str) -> str:
-        """The name without this node's namespace: a bag holds one laboratory, and whoever reads it
-        finds ``/ankle/samples`` whatever the namespace was.
+        """Return the name without this node's namespace: a bag holds one laboratory, and whoever
+        reads it finds ``/ankle/samples`` whatever the namespace was.
         """
         namespace = f"{self.get_namespace().rstrip('/')}/"
         return f"/{topic.removeprefix(namespace)}" if topic.startswith(namespace) else topic
@@ -227,7 +227,7 @@ class RecordNode(AnkleNode):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run session_recorder record`; 1 after an error."""
+    """Start the node: the entry point of `ros2 run session_recorder record`; 1 after an error."""
     made: list[RecordNode] = []
 
     def make() -> RecordNode:

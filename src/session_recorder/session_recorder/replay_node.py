@@ -195,8 +195,8 @@ class ReplayNode(AnkleNode):
         self.health("replay", WARN, sentence)
 
     def _connections(self) -> tuple[frozenset[str], int, int]:
-        """Names of the nodes that read, links that are not up yet, and readers that tell how far
-        they are.
+        """Return names of the nodes that read, links that are not up yet, and readers that tell how
+        far they are.
         """
         nodes: set[str] = set()
         missing = telling = 0
@@ -241,7 +241,10 @@ class ReplayNode(AnkleNode):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run session_recorder replay`; 0 only when everything was delivered."""
+    """Start the node: the entry point of ``ros2 run session_recorder replay``.
+
+    It returns 0 only when everything was delivered.
+    """
     made: list[ReplayNode] = []
 
     def make() -> ReplayNode:

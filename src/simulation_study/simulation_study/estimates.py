@@ -105,7 +105,7 @@ def estimate(name: str, recording: Recording, measured_velocity: bool) -> np.nda
 
 
 def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str, Any]:
-    """Numbers of one estimator in one trial.
+    """Return numbers of one estimator in one trial.
 
     Returns
     -------
@@ -160,8 +160,8 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
 def rise_time(
     time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float
 ) -> float:
-    """Time [s] from the first crossing of 10 % to the first crossing of 90 % of a jump; NaN where
-    one is never reached.
+    """Return the time [s] from the first crossing of 10 % to the first crossing of 90 % of a jump;
+    NaN where one is never reached.
 
     van 't Veld et al. 2018, section III-A: levels of the modelled jump, not of the estimate's own
     steady state.
@@ -187,8 +187,8 @@ def rise_time(
 
 
 def arrival(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], at: float) -> float:
-    """Time [s] from a jump until the values stay within 10 % of it about the new level for
-    `ARRIVAL_DURATION`; NaN where they never do.
+    """Return the time [s] from a jump until the values stay within 10 % of it about the new level
+    for `ARRIVAL_DURATION`; NaN where they never do.
 
     Unlike the rise time it counts the delay before an estimate moves, and what it overshoots.
 

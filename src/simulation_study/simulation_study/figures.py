@@ -122,7 +122,7 @@ def _predicted(
 
 
 def figure6(results: dict[str, dict[str, Any]], path: Path) -> None:
-    """Identified against simulated K and G, both random, rig CE."""
+    """Draw identified against simulated K and G, both random, rig CE."""
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     axes = figure.subplots(1, 2)
     trials = [

@@ -23,8 +23,8 @@ van 't Veld et al. 2018, section IV-B.
 
 
 def motion(recording: Recording, measured_velocity: bool, filtered: bool) -> np.ndarray:
-    """Position [rad], velocity [rad/s] and acceleration [rad/s^2] as an algorithm sees them, shape
-    (n, 3).
+    """Return position [rad], velocity [rad/s] and acceleration [rad/s^2] as an algorithm sees them,
+    shape (n, 3).
 
     Parameters
     ----------
@@ -76,5 +76,5 @@ def after_stretch(velocity: np.ndarray, rate: float) -> np.ndarray:
 
 
 def accuracy(predicted: np.ndarray, true: np.ndarray) -> float:
-    """VAF, equation 1 of van 't Veld et al. 2018 [%]."""
+    """Return VAF, equation 1 of van 't Veld et al. 2018 [%]."""
     return 100.0 * (1.0 - float(np.var(predicted - true) / np.var(true)))

@@ -33,8 +33,8 @@ PLANTED_RMS = 0.5
 
 
 def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray:
-    """Torque that a term adds to the fitted paper model on this movement [N.m], at the motion's
-    rate, shape (n,), scaled to `rms` [N.m].
+    """Return the torque that a term adds to the fitted paper model on this movement [N.m], at the
+    motion's rate, shape (n,), scaled to `rms` [N.m].
 
     Raises
     ------
@@ -56,7 +56,7 @@ def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray
 
 
 def plant(recording: Recording, name: str) -> Recording:
-    """The trial with the term's torque added to the recorded one."""
+    """Return the trial with the term's torque added to the recorded one."""
     motion = motion_of(recording)
     fitter = Fitter.of(motion)
     base = fit_base(fitter)
@@ -72,8 +72,8 @@ def plant(recording: Recording, name: str) -> Recording:
 
 
 def summary(results: list[dict[str, Any]]) -> str:
-    """Names and sets, of the terms that the trial as recorded does not show; what the others did
-    stands beside it.
+    """Return names and sets, of the terms that the trial as recorded does not show; what the others
+    did stands beside it.
     """
     own = {
         r["trial"]: {name for effect in r["effects"] for name in effect[1:]}

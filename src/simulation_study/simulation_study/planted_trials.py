@@ -49,7 +49,7 @@ def simulate_trial(
     protocol: str = "random",
     velocity: bool = True,
 ) -> Recording:
-    """A trial of a random subject through the base model and the planted terms.
+    """Return a trial of a random subject through the base model and the planted terms.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ def _reference(random: np.random.Generator, duration: float, protocol: str) -> n
 
 
 def cases(nulls: int, seed: int, leave_out: bool = False) -> list[dict[str, Any]]:
-    """Trials without mismatch, then one for each term, over rates and protocols; `leave_out` takes
-    the term out of the library.
+    """Return trials without mismatch, then one for each term, over rates and protocols; `leave_out`
+    takes the term out of the library.
     """
     names: list[str | None] = [None] * nulls
     names += [name for name, term in term_library().items() if term.searched]
@@ -184,8 +184,8 @@ def main() -> None:
 def run_all(
     todo: list[dict[str, Any]], run: Callable[[dict[str, Any]], dict[str, Any]], out: Path
 ) -> list[dict[str, Any]]:
-    """Results of all cases; those in ``results.jsonl`` of the folder `out` already are not run
-    again. Cases differ by ``seed``.
+    """Return results of all cases; those in ``results.jsonl`` of the folder `out` already are not
+    run again. Cases differ by ``seed``.
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "results.jsonl"

@@ -85,7 +85,9 @@ for _width in (0.032, 0.040):
 
 
 def joint(ankle: Ankle) -> Model:
-    """The paper's model with an ankle's parameters, and voluntary torque where there is some."""
+    """Return the paper's model with an ankle's parameters, and voluntary torque where there is
+    some.
+    """
     terms = {
         "inertia": {"I": INERTIA},
         "viscosity": {"B": VISCOSITY},
@@ -130,8 +132,8 @@ def record(trial: Trial) -> Recording:
 def _differenced(
     rig: Rig, position: np.ndarray, model: Model, scenario: Scenario, trial: Trial
 ) -> Recording:
-    """The original model: a fixed step, velocity and acceleration as backward differences, no
-    anti-alias filter.
+    """Return the original model: a fixed step, velocity and acceleration as backward differences,
+    no anti-alias filter.
     """
     if model.has("voluntary_torque"):
         raise ValueError(f"trial '{trial.name}': the original model has no voluntary torque")

@@ -34,7 +34,9 @@ READING_ALGORITHMS = (
 
 
 def sensitivity_trials() -> list[Trial]:
-    """The rig as it is with all variants of algorithm C, and every changed rig with O and C."""
+    """Return the rig as it is with all variants of algorithm C, and every changed rig with O
+    and C.
+    """
     return [
         Trial(
             f"{rig}_{seed}".replace(", ", "_").replace(" ", "_"),

@@ -76,7 +76,7 @@ class Row:
 
 
 def published_numbers() -> dict[str, dict[str, str]]:
-    """The paper's table as printed: metric, then column."""
+    """Return the paper's table as printed: metric, then column."""
     text = (
         resources.files("simulation_study")
         .joinpath("published_table2.csv")
@@ -209,7 +209,7 @@ def _variability(estimates: dict[str, Any], parameter: str) -> float:
 
 
 def _over_seeds(values: list[float]) -> Cell:
-    """Median and range; a value that is never reached counts as longer than all others."""
+    """Return median and range; a value that is never reached counts as longer than all others."""
     known = np.where(np.isnan(values), np.inf, values)
     middle = float(np.median(known))
     return Cell(middle if np.isfinite(middle) else np.nan, float(known.min()), float(known.max()))

@@ -62,7 +62,7 @@ def reproduce_table2(
 
 
 def markdown(rows: list[Row], accuracies: list[IntrinsicAccuracy], what: str) -> str:
-    """The paper's table beside ours."""
+    """Return the paper's table beside ours."""
     lines = [
         f"Table II, {what}.",
         "",

@@ -80,7 +80,7 @@ class Case:
         return bool(stated) and stated[0]["name"] in self.right_names
 
     def score_of(self, key: str, true: float) -> tuple[float, float] | None:
-        """Relative error and standard score of K or G; None for a bad recording."""
+        """Return relative error and standard score of K or G; None for a bad recording."""
         entry = self.verdict.parameters.get(key)
         if entry is None or not entry["standard_error"]:
             return None
@@ -148,7 +148,7 @@ def _case(effect: str, number: int, generator: np.random.Generator) -> Case:
 
 
 def rate_with_interval(hits: int, of: int) -> str:
-    """A share with its 95 % interval (Clopper & Pearson 1934) in words."""
+    """Return a share with its 95 % interval (Clopper & Pearson 1934) in words."""
     if of == 0:
         return "none"
     low = float(beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
@@ -199,7 +199,7 @@ def table(done: list[Case]) -> list[tuple[str, str]]:
 
 
 def report(done: list[Case], command: str) -> str:
-    """The counts and every case, as Markdown."""
+    """Return the counts and every case, as Markdown."""
     head = [
         "# Verdicts on the independent rig",
         "",

@@ -121,7 +121,7 @@ def link_names() -> tuple[str, ...]:
 
 
 def _offered() -> dict[str, EntryPoint]:
-    """Lines of other packages by name."""
+    """Return lines of other packages by name."""
     return {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
 
 

@@ -317,7 +317,7 @@ class Bridge:
     def _judge(
         self, time: np.ndarray, motion: np.ndarray, interval: float, now: float, ros: float
     ) -> Decision:
-        """What becomes of a finite, evenly spaced stretch; one that is followed is sent."""
+        """Return what becomes of a finite, evenly spaced stretch; one that is followed is sent."""
         ahead = float(time[-1]) - ros
         if not 0.0 < ahead < LONGEST_BUFFER:
             early = (
@@ -385,7 +385,7 @@ class Bridge:
             self._order(now, Purpose.HEARTBEAT)
 
     def _supervise(self, report: RigReport, now: float) -> None:
-        """What the rig and its sensors say of a powered plate, seen from here."""
+        """Judge from here what the rig and its sensors say of a powered plate."""
         if report.status & Status.YIELDING:
             self._elsewhere_until = now + YIELD_TIME
         elif report.status & Status.REFERENCE_BRIDGED:
@@ -412,7 +412,7 @@ class Bridge:
             self.states.trip(fault, now)
 
     def _elsewhere(self, difference: float, now: float) -> str | None:
-        """Whether the rig commands something else than what it was sent."""
+        """Return whether the rig commands something else than what it was sent."""
         if abs(difference) <= LARGEST_PATH_DIFFERENCE or now < self._elsewhere_until:
             self._elsewhere_since = None
         elif self._elsewhere_since is None:

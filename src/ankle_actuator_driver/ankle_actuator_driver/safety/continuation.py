@@ -214,7 +214,7 @@ class Continuation:
         )
 
     def _rests(self, sample: np.ndarray) -> bool:
-        """Whether the last sample and this one are at rest at the same place."""
+        """Return whether the last sample and this one are at rest at the same place."""
         return bool(
             abs(sample[0] - self._last[0]) <= REST_POSITION
             and max(abs(sample[1]), abs(self._last[1])) <= REST_VELOCITY
@@ -224,7 +224,7 @@ class Continuation:
     def _passed_on_the_path(
         self, time: np.ndarray, motion: np.ndarray, limits: Limits
     ) -> str | None:
-        """The limit that the interpolated path passes, seam included."""
+        """Return the limit that the interpolated path passes, seam included."""
         gap = float(time[0]) - self.end
         if gap <= LONGEST_BRIDGE:
             seam = path_through(np.array([self.end, time[0]]), np.vstack([self._last, motion[0]]))

@@ -75,7 +75,7 @@ def _powers(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _largest_acceleration(c: np.ndarray, length: np.ndarray) -> float:
-    """The exact largest absolute acceleration: at an end, or where the jerk is zero."""
+    """Return the exact largest absolute acceleration: at an end, or where the jerk is zero."""
     c2, c3, c4, c5 = c[:, 2], c[:, 3], c[:, 4], c[:, 5]
 
     def acceleration(s: np.ndarray) -> np.ndarray:

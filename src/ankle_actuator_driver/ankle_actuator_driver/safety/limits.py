@@ -98,7 +98,7 @@ class Limits:
     def _passed_by_steps(
         self, motion: np.ndarray, interval: float, before: float | None
     ) -> str | None:
-        """The limit that the differences of the positions pass."""
+        """Return the limit that the differences of the positions pass."""
         position = motion[:, 0] if before is None else np.concatenate([[before], motion[:, 0]])
         steps = np.diff(position)
         if not len(steps):

@@ -212,7 +212,9 @@ class SensorSupervision:
         return None
 
     def _away(self, window: _Window, new: int) -> str | None:
-        """Whether the plate is away from all positions that were commanded within the lag."""
+        """Return whether the plate is away from all positions that were commanded within the
+        lag.
+        """
         if window.length < SERVO_LAG:
             return None
         newest = window.since(window.time[-1] - AWAY_WINDOW)

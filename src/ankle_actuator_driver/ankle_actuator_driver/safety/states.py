@@ -234,7 +234,7 @@ class SafetyStates:
             )
 
     def _watch_power(self, report: RigReport, now: float) -> None:
-        """A rig that is powered though it should be off gets no more heartbeats."""
+        """Withhold heartbeats from a rig that is powered though it should be off."""
         if self.wanted is not Wanted.OFF or report.state in UNPOWERED or not report.obeys:
             self._powered_since = None
             self.silent = False

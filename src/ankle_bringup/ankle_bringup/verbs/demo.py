@@ -39,7 +39,7 @@ def verb(
 
 
 def _fetched() -> Path:
-    """The folder of the public trials; offers to fetch them where somebody can answer."""
+    """Return the folder of the public trials; offers to fetch them where somebody can answer."""
     from ankle_bringup.errors import RunError
     from ankle_bringup.human_trials import MCGILL, cache_folder, fetch, import_trials
 

@@ -21,7 +21,7 @@ def verb(
     out: Out = Path("emg_responses"),
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
-    """Background and reflex activity of every onset in a bag, with the numbers that the node gives.
+    """Compute background and reflex activity of every onset in a bag, as the node does.
 
     Writes a bag with /emg/responses and /emg/ensemble.
 

@@ -74,7 +74,7 @@ class MissingBlock(Term):
 
     @staticmethod
     def impulse_response(values: Values, rate: float, length: int) -> np.ndarray:
-        """Torque after a unit impulse of the curve's output [N.m/s], shape (length,)."""
+        """Return the torque after a unit impulse of the curve's output [N.m/s], shape (length,)."""
         heights = [float(values[f"h{k}"]) for k in range(1, len(LAGS_S) + 1)]
         lags = [*LAGS_S, LAGS_S[-1] + _TAIL_S]
         return np.asarray(np.interp(np.arange(length) / rate, lags, [*heights, 0.0]))

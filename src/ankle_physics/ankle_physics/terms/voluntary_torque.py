@@ -90,7 +90,9 @@ class _Drift:
         self._place = 0.0  # of the next sample, in knots from self._knots[0]
 
     def run(self, count: int, cutoff: float) -> np.ndarray:
-        """The next samples, shape (count,); the cut-off [Hz] may differ from call to call."""
+        """Return the next samples, shape (count,); the cut-off [Hz] may differ from call to
+        call.
+        """
         step = KNOTS_PER_PERIOD * cutoff / self._rate
         needed = int(self._place + (count - 1) * step) + 2
         self._extend(needed - len(self._knots))
@@ -114,8 +116,8 @@ class _Drift:
 
 @cache
 def _knot_process() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Transition from knot to knot, factor of the noise between knots, factor of the stationary
-    covariance; each (4, 4).
+    """Return the transition from knot to knot, factor of the noise between knots, factor of the
+    stationary covariance; each (4, 4).
 
     The state is the process and its first three derivatives, by the interval between knots.
     """

@@ -55,7 +55,7 @@ class Learner:
     day_spread: float = DAY_SPREAD
 
     def reward_gain(self, course: Course) -> float:
-        """The part of a rewarded trial's deviation by which the subject moves.
+        """Return the part of a rewarded trial's deviation by which the subject moves.
 
         Of a normal distribution, the lower share p has the mean -phi(z_p) / p standard deviations;
         with n trials of which the share p is rewarded, a session moves by n phi(z_p) deviations.

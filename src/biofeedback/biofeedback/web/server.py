@@ -444,7 +444,9 @@ class Server:
 
 
 def _is_stop(text: str) -> bool:
-    """Whether a page's message is a stop: the word, or the command, whatever else it says."""
+    """Return whether a page's message is a stop: the word, or the command, whatever else it
+    says.
+    """
     if text == STOP:
         return True
     if len(text) > LONGEST_MESSAGE or '"stop"' not in text:
@@ -456,7 +458,7 @@ def _is_stop(text: str) -> bool:
 
 
 def _page_files() -> dict[str, bytes]:
-    """Everything under `/pages/`, by name."""
+    """Return everything under `/pages/`, by name."""
     files = {}
     for folder in ("pages", "pages/texts"):
         for entry in (resources.files("biofeedback") / folder).iterdir():

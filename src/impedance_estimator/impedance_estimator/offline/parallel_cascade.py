@@ -76,7 +76,7 @@ class ParallelCascade:
         torque: np.ndarray | None = None,
         velocity: np.ndarray | None = None,
     ) -> Prediction:
-        """Torque of other data under this model.
+        """Return the torque of other data under this model.
 
         Parameters
         ----------
@@ -162,7 +162,9 @@ def parallel_cascade(
 
 
 def _rows(count: int, working_rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Samples with all lags inside the record, and the lags of both responses, in samples."""
+    """Return samples with all lags inside the record, and the lags of both responses, in
+    samples.
+    """
     ahead = round(INTRINSIC_LAG * working_rate)
     reflex = np.arange(
         round(REFLEX_LAGS[0] * working_rate), round(REFLEX_LAGS[1] * working_rate) + 1

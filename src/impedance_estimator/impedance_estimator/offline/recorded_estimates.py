@@ -65,7 +65,7 @@ class OfflineResult:
         return self.rows[self.rows[:, ESTIMATE_COLUMNS.index("valid[1]")] > 0]
 
     def median(self) -> dict[str, float]:
-        """Median of each column over the valid rows, by column name without ``t[s]`` and
+        """Return the median of each column over the valid rows, by column name without ``t[s]`` and
         ``valid[1]``; NaN where none is valid.
         """
         valid = self.valid
@@ -88,8 +88,8 @@ def estimate_signal(
     reference: np.ndarray | None = None,
     known: KnownPhysics | None = None,
 ) -> OfflineResult:
-    """Estimates from arrays of shape (n,): time [s], position [rad], velocity [rad/s] or None,
-    torque [N.m], and the reference's position [rad] where there is one.
+    """Return estimates from arrays of shape (n,): time [s], position [rad], velocity [rad/s] or
+    None, torque [N.m], and the reference's position [rad] where there is one.
 
     `known` is physics of rig and subject that is known beforehand.
 
@@ -123,7 +123,7 @@ def estimate_bag(
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> OfflineResult:
-    """Estimates from ``/ankle/samples`` of a bag, written as a new bag where `out` is given.
+    """Return estimates from ``/ankle/samples`` of a bag, written as a new bag where `out` is given.
 
     The new bag holds ``/impedance/estimate``, many rows to a message, ``/impedance/reflex_irf``,
     at the samples' own time, and what they are made with on ``/impedance/provenance``.

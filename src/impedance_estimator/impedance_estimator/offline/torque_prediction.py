@@ -61,7 +61,7 @@ def predict_torque(
     torque: np.ndarray,
     velocity: np.ndarray | None = None,
 ) -> Prediction:
-    """Torque under an online estimate.
+    """Return the torque under an online estimate.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def predict_torque(
 def checked_signals(
     rate: float, position: np.ndarray, torque: np.ndarray | None, velocity: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-    """Position, torque and velocity as arrays of floats.
+    """Return position, torque and velocity as arrays of floats.
 
     Raises
     ------
@@ -137,15 +137,15 @@ def checked_signals(
 
 
 def decimation(rate: float) -> int:
-    """Samples at `rate` [Hz] for each one at the working rate."""
+    """Return samples at `rate` [Hz] for each one at the working rate."""
     return max(int(rate // WORKING_RATE), 1)
 
 
 def working_signals(
     rate: float, position: np.ndarray, torque: np.ndarray | None, velocity: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Position [rad], velocity [rad/s], acceleration [rad/s^2], rectified velocity [rad/s] and
-    torque [N.m], at the working rate.
+    """Return position [rad], velocity [rad/s], acceleration [rad/s^2], rectified velocity [rad/s]
+    and torque [N.m], at the working rate.
 
     Filtered; the torque is NaN where none was given. Velocity is the derivative of position where
     none was measured.

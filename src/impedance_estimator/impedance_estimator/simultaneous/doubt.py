@@ -31,7 +31,7 @@ _SENTENCES = (
 
 
 def reasons(signs: np.ndarray) -> str:
-    """The signs at or beyond their limits, in words; empty where there is none.
+    """Return the signs at or beyond their limits, in words; empty where there is none.
 
     Parameters
     ----------
@@ -46,7 +46,9 @@ def reasons(signs: np.ndarray) -> str:
 
 
 def doubt_of(s: State) -> float:
-    """The doubt, 0 to 1, after all signs of the state are read; the largest of them counts."""
+    """Return the doubt, 0 to 1, after all signs of the state are read; the largest of them
+    counts.
+    """
     c = s.counters[0]
     if s.autocovariance[0] > 0.0:
         s.signs[1] = max(-float(np.min(s.autocovariance[2:] / s.autocovariance[0])), 0.0)

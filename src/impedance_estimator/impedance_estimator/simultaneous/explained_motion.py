@@ -98,7 +98,7 @@ class Solution(NamedTuple):
 
 
 def memory_of(p: Plan, s: State, sums: np.ndarray, blocks: int) -> Memory:
-    """Matrices from what `nuisance.accumulate` added up over so many blocks."""
+    """Return matrices from what `nuisance.accumulate` added up over so many blocks."""
     size = s.nuisance.combine.shape[1]
     instruments = np.zeros((size, size))
     upper = np.triu_indices(size)
@@ -151,7 +151,7 @@ def eliminated(
 
 
 def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-    """T, shape (m + 4, n); the last row is what is subtracted from the torque."""
+    """Return T, shape (m + 4, n); the last row is what is subtracted from the torque."""
     base = len(projection) - EXTRAS
     combine = np.zeros((base + 1, len(projection)))
     combine[:base] = projection[:, :base].T
@@ -161,7 +161,9 @@ def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
 
 
 def normal_equations(p: Plan, s: State, memory: Memory, combine: np.ndarray) -> np.ndarray:
-    """Sums of products of the unknowns' signals and, last, the torque; shape (m + 8, m + 8)."""
+    """Return sums of products of the unknowns' signals and, last, the torque; shape (m + 8, m
+    + 8).
+    """
     base = len(combine) - 1
     signals, taken = combine[:base], combine[base]
     left = signals @ memory.instruments
@@ -181,7 +183,7 @@ def normal_equations(p: Plan, s: State, memory: Memory, combine: np.ndarray) -> 
 
 
 def prior_of(p: Plan, s: State, variance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Precision, in units of the noise variance, and mean of all unknowns."""
+    """Return precision, in units of the noise variance, and mean of all unknowns."""
     c = s.counters[0]
     width = DEVIATIONS[c["deviation"]] * s.deviation[2] * c["gain"] * p.typical
     precision = variance / np.concatenate([s.prior[1], s.eta[2], width]) ** 2
@@ -192,7 +194,7 @@ def prior_of(p: Plan, s: State, variance: float) -> tuple[np.ndarray, np.ndarray
 
 
 def solve(p: Plan, s: State, normal: np.ndarray, count: float, variance: float) -> Solution:
-    """The regression over a stretch; its evidence as `regression.log_evidence`."""
+    """Return the regression over a stretch; its evidence as `regression.log_evidence`."""
     precision, mean = prior_of(p, s, variance)
     matrix = normal[:-1, :-1] + np.diag(precision)
     scale = 1.0 / np.sqrt(np.diag(matrix))
@@ -264,7 +266,7 @@ def _choose_structure(
 
 
 def intrinsic_response(p: Plan, s: State) -> np.ndarray:
-    """Torque per position of the intrinsic pathway at `FREQUENCIES`, shape (k,)."""
+    """Return the torque per position of the intrinsic pathway at `FREQUENCIES`, shape (k,)."""
     omega = 2.0 * np.pi * FREQUENCIES
     stiffness, damping, inertia = s.solution[:INTRINSIC]
     response = stiffness + 1j * omega * damping - omega**2 * inertia
@@ -277,7 +279,8 @@ def intrinsic_response(p: Plan, s: State) -> np.ndarray:
 def behind_delay(
     response: np.ndarray, stiffness: float, delays: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """B, I, and the relative misfit of joints with a stiffness and a late torque, for each delay.
+    """Return B, I, and the relative misfit of joints with a stiffness and a late torque, for each
+    delay.
 
     Parameters
     ----------
@@ -316,7 +319,7 @@ def _state_delay(p: Plan, s: State) -> None:
 
 
 def _halves_apart(p: Plan, s: State) -> float:
-    """The larger difference of K or G between both halves of the memory, over its error."""
+    """Return the larger difference of K or G between both halves of the memory, over its error."""
     c = s.counters[0]
     half = int(c["length"]) // 2
     if half < SHORTEST_HALF_MEMORY * p.second:

@@ -22,8 +22,8 @@ KERNEL_HALF_WIDTH = 4.5
 
 
 def gaussian_derivatives(sigma: float, rate: float) -> np.ndarray:
-    """Symmetric kernels for a value, its first and its second derivative, shape (3, 2 n + 1), units
-    1, 1/s, 1/s².
+    """Return symmetric kernels for a value, its first and its second derivative, shape (3, 2 n +
+    1), units 1, 1/s, 1/s².
 
     Corrected for sampling and cutting so that they are exact for polynomials of second order.
 

@@ -91,7 +91,7 @@ def process(folder: Path, entry: Entry, diagnosed: bool) -> list[Row]:
 
 
 def _fingerprint(entry: Entry, diagnosed: bool) -> str:
-    """What results depend on: the recording's files, what is stated, the software."""
+    """Return what results depend on: the recording's files, what is stated, the software."""
     digest = hashlib.sha256(f"{software_version()} {DEFAULT} {diagnosed}".encode())
     files = [entry.source] if entry.source.is_file() else sorted(entry.source.iterdir())
     for path in [*files, entry.sidecar]:
@@ -124,7 +124,7 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
 
 
 def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
-    """The bag of a file of another system, by what is stated or else by what is likely."""
+    """Return the bag of a file of another system, by what is stated or else by what is likely."""
     table = read_table(entry.source)
     table.rate = stated.get("rate[Hz]") or table.rate
     columns, sign = stated.get("columns"), stated.get("torque_sign")
@@ -160,8 +160,8 @@ def _estimate_rows(entry: Entry, found: Answer) -> list[Row]:
 
 
 def _relative_rows(entry: Entry, found: Answer, stated: dict[str, Any], bag: Path) -> list[Row]:
-    """K and G in per cent of the largest voluntary torque and by body mass, and the mean torque
-    that they were measured at.
+    """Return K and G in per cent of the largest voluntary torque and by body mass, and the mean
+    torque that they were measured at.
     """
     who = (entry.subject, entry.visit, entry.run)
     columns, data = BagReader(bag).signal(ANKLE_SAMPLES.absolute)

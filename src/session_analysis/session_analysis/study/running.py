@@ -74,7 +74,7 @@ def run_study(
 
 
 def _try(folder: Path, entry: Entry, diagnosed: bool) -> tuple[str, list[Row], str]:
-    """One recording; an error of its data must not end the others."""
+    """Process one recording; an error of its data must not end the others."""
     try:
         return entry.name, process(folder, entry, diagnosed), ""
     except (ValueError, OSError, ArithmeticError) as error:

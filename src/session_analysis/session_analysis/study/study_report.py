@@ -149,7 +149,7 @@ def _text(row: Row | None) -> str:
 
 
 def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list[str]:
-    """Each visit against the first one, with the minimal detectable change beside it."""
+    """Return each visit against the first one, with the minimal detectable change beside it."""
     sentences = []
     for quantity in SHOWN[:2]:
         _, visits, values = visit_table(rows, quantity)
@@ -192,7 +192,9 @@ def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
 
 
 def _torque_figure(rows: Sequence[Row]) -> Any:
-    """K and G over the mean torque; None with too few recordings or without a range of torque."""
+    """Return K and G over the mean torque; None with too few recordings or without a range of
+    torque.
+    """
     from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 

@@ -147,7 +147,8 @@ _MIN_ELEMENT = 8
 
 
 def _object_matrices(workspace: bytes) -> Iterator[np.ndarray]:
-    """Real matrices of doubles with at least `MIN_OBJECT_ROWS` rows, in the order of the stream.
+    """Return real matrices of doubles with at least `MIN_OBJECT_ROWS` rows, in the order of the
+    stream.
 
     Objects of Matlab classes are stored in a hidden workspace, itself a MAT-5 stream behind eight
     bytes of header.
@@ -183,7 +184,9 @@ def _elements(data: bytes, position: int, end: int) -> Iterator[np.ndarray]:
 
 
 def _inner_matrices(data: bytes, position: int, end: int) -> Iterator[np.ndarray]:
-    """Matrices inside a cell array, structure or object: its elements follow its own header."""
+    """Return matrices inside a cell array, structure or object: its elements follow its own
+    header.
+    """
     while position + _MIN_ELEMENT <= end:
         kind, size = struct.unpack_from("<II", data, position)
         if kind >> 16:
@@ -195,7 +198,7 @@ def _inner_matrices(data: bytes, position: int, end: int) -> Iterator[np.ndarray
 
 
 def _double_matrix(data: bytes, position: int, end: int) -> np.ndarray | None:
-    """The matrix in an element, None where it is of another kind or small."""
+    """Return the matrix in an element, None where it is of another kind or small."""
     try:
         flags_kind, flags_size, flags, _ = struct.unpack_from("<IIII", data, position)
         if flags_kind != 6 or flags_size != 8 or flags & 0xFF != _DOUBLE_CLASS or flags & 0x800:

@@ -148,7 +148,7 @@ def understand(
 
 
 def _fits(row: Sequence[Cell], width: int) -> bool:
-    """Whether a row can hold the names: a cell for each column, one more behind (LabVIEW's
+    """Return whether a row can hold the names: a cell for each column, one more behind (LabVIEW's
     comment), or one less (R's row names).
     """
     return abs(len(row) - width) <= (1 if width > 1 else 0) and bool(_texts(row))

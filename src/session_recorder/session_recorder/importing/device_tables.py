@@ -24,7 +24,9 @@ def read(source: Path) -> Table:
 
 
 def _c3d(source: Path) -> Table:
-    """Analog channels by label, coordinates of markers as ``label:x``, ``label:y``, ``label:z``."""
+    """Return analog channels by label, coordinates of markers as ``label:x``, ``label:y``,
+    ``label:z``.
+    """
     ezc3d: Any = optional_library("ezc3d", source, "C3D")
     with source.open("rb") as stream:
         if stream.read(2)[1:] != b"\x50":
@@ -52,7 +54,9 @@ def _c3d(source: Path) -> Table:
 
 
 def _tdms(source: Path) -> Table:
-    """Channels as ``group/channel``; by the channel's name alone where there is one group."""
+    """Return channels as ``group/channel``; by the channel's name alone where there is one
+    group.
+    """
     nptdms: Any = optional_library("nptdms:npTDMS", source, "TDMS")
     groups = nptdms.TdmsFile.read(source).groups()
     channels = [

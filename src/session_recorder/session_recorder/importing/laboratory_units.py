@@ -33,7 +33,7 @@ _CASE_MATTERS = {"mV", "mN.m", "mNm", "mN-m", "N.m", "Nm", "N-m", "mrad", "ms", 
 
 
 def _key(text: str) -> str:
-    """A spelling without what does not distinguish units."""
+    """Return a spelling without what does not distinguish units."""
     text = unicodedata.normalize("NFKC", text).strip().strip("()[]{}<>").strip()
     for sign, plain in (("μ", "u"), ("µ", "u"), ("°", "deg"), ("º", "deg"), ("˚", "deg")):
         text = text.replace(sign, plain)

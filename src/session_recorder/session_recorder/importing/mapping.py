@@ -134,14 +134,14 @@ def propose(table: Table) -> Proposal:
 
 
 def _plain(name: str) -> str:
-    """A column's name as words."""
+    """Return a column's name as words."""
     text = split_header(name)[0]
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     return re.sub(r"[^0-9a-zäöüé]+", " ", text.lower()).strip()
 
 
 def _by_name(table: Table, proposal: Proposal) -> dict[str, str]:
-    """Columns whose name says what they are, by quantity."""
+    """Return columns whose name says what they are, by quantity."""
     candidates: dict[str, list[str]] = {}
     for name in table.columns:
         quantity = _quantity(name, table.units.get(name))
@@ -234,7 +234,7 @@ def _time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampling:
 
 
 def _counting_column(table: Table) -> str | None:
-    """A column that can only be time: it rises in even steps of a plausible size."""
+    """Return a column that can only be time: it rises in even steps of a plausible size."""
     for name, values in table.columns.items():
         if name in table.rates or re.search(_NO_SIGNAL, _plain(name)) or len(values) < 100:
             continue
@@ -248,7 +248,7 @@ def _counting_column(table: Table) -> str | None:
 
 
 def _time_unit(times: np.ndarray) -> str | None:
-    """The unit in which a column of times has a likely rate; None for a counter."""
+    """Return the unit in which a column of times has a likely rate; None for a counter."""
     if len(times) < 2:
         return None
     steps = np.diff(times)
@@ -264,7 +264,7 @@ def _time_unit(times: np.ndarray) -> str | None:
 def _even(
     table: Table, names: Iterable[str], sampling: Sampling, proposal: Proposal
 ) -> dict[str, np.ndarray]:
-    """Columns as they would be imported: evenly spaced, NaN where time has a gap."""
+    """Return columns as they would be imported: evenly spaced, NaN where time has a gap."""
     columns = {name: table.columns[name] for name in names}
     time_name = next((c for n, c in proposal.columns.items() if n.startswith("t[")), None)
     if time_name is None or time_name not in table.columns:
@@ -287,8 +287,9 @@ def _even(
 
 
 def _by_data(table: Table, found: dict[str, str], sampling: Sampling, proposal: Proposal) -> None:
-    """Position and torque among columns whose names say nothing: the pair that an ankle explains
-    best.
+    """Find position and torque among columns whose names say nothing.
+
+    They are the pair that an ankle explains best.
     """
     used = {*found.values(), *proposal.columns.values()}
     free = [name for name in table.columns if name not in used][:_MAX_UNNAMED]
@@ -315,7 +316,7 @@ def _readings(
     torque_unit: str | None,
     rate: float,
 ) -> Iterator[tuple[Intrinsic, str, str]]:
-    """Units of position and torque in which an ankle is possible."""
+    """Return units of position and torque in which an ankle is possible."""
     fit = intrinsic(rate, position, torque)
     if fit is None or abs(fit.inertia) < CERTAIN * fit.inertia_error:
         return

@@ -118,8 +118,8 @@ def _suggest(largest: float, units: dict[str, float], limit: float) -> str:
 
 
 def segments(rate: float, *signals: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
-    """Pieces of `SEGMENT` seconds in which every signal is finite, band-passed to `BAND`, without
-    the ends where the filter rings.
+    """Return pieces of `SEGMENT` seconds in which every signal is finite, band-passed to `BAND`,
+    without the ends where the filter rings.
 
     Parameters
     ----------
@@ -172,8 +172,8 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
 
 
 def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
-    """Contradictions between an ankle's inertia and stiffness and those found under the stated
-    units and sign.
+    """Return contradictions between an ankle's inertia and stiffness and those found under the
+    stated units and sign.
 
     Inertia decides where it is certain, because neither contraction nor reflexes change it;
     stiffness otherwise.

@@ -194,13 +194,15 @@ def import_recording(
 
 
 def _spelled(name: str) -> str:
-    """A stated name with its unit in the project's spelling: ``torque[Nm]`` as ``torque[N.m]``."""
+    """Return a stated name with its unit in the project's spelling: ``torque[Nm]`` as
+    ``torque[N.m]``.
+    """
     quantity, bracket, unit = name.strip().rstrip("]").partition("[")
     return f"{quantity.strip()}[{known_unit(unit) or unit}]" if bracket else name
 
 
 def _meaning(name: str) -> tuple[str, str, float]:
-    """Topic (empty for time), SI column and factor of a stated name."""
+    """Return topic (empty for time), SI column and factor of a stated name."""
     try:
         quantity, unit = split_column(name)
         si, factor = to_si(unit)
@@ -297,8 +299,8 @@ def _convert(
 
 
 def _check_units(columns: Mapping[str, str], declared: Mapping[str, str]) -> list[str]:
-    """Where a stated unit is another than the file declares; both are compared in SI, and what is
-    no unit to us is not judged.
+    """Return where a stated unit is another than the file declares; both are compared in SI, and
+    what is no unit to us is not judged.
     """
     found = []
     for name, column in columns.items():
@@ -430,7 +432,9 @@ def _report_missing(signals: _Signals, missing: str) -> None:
 
 
 def _write(writer: BagWriter, signals: _Signals, missing: str, progress: Progress | None) -> int:
-    """Blocks of all topics in the order of time; returns the samples of the longest topic."""
+    """Write blocks of all topics in the order of time; return the samples of the longest
+    topic.
+    """
     size = max(1, round(signals.rate / BLOCKS_PER_SECOND))
     blocks: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
     for topic, held in signals.columns.items():

@@ -85,7 +85,7 @@ def judge_times(time: np.ndarray) -> Sampling:
 
 
 def _rounded(time: np.ndarray, steps: np.ndarray) -> Sampling | None:
-    """Even times that were written with few digits: all lie within one digit of a line."""
+    """Return even times that were written with few digits: all lie within one digit of a line."""
     different, counts = np.unique(np.round(steps, 9), return_counts=True)
     if not 2 <= len(different) <= 3 or np.any(steps < 0):
         return None

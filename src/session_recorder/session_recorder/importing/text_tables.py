@@ -142,7 +142,9 @@ def _refuse_ambiguous_commas(
 def _numbers(
     lines: _Lines, layout: Layout, delimiter: str | None, decimal: str
 ) -> list[list[float | None]] | np.ndarray:
-    """The numbers row by row: an array where every cell is a plain number, else cell by cell."""
+    """Return the numbers row by row: an array where every cell is a plain number, else cell by
+    cell.
+    """
     body = lines.texts[layout.first :]
     text = "\n".join(body)
     if decimal == "," and delimiter != ",":

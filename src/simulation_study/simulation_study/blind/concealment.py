@@ -45,7 +45,7 @@ class _PathBeneath(ctypes.Structure):
 
 
 def interface_version() -> int:
-    """Version of Landlock in this kernel; 0 where there is none."""
+    """Return the version of Landlock in this kernel; 0 where there is none."""
     if not sys.platform.startswith("linux"):
         return 0
     return max(
@@ -102,7 +102,7 @@ def conceal(hidden: list[Path]) -> None:
 
 
 def concealed(command: list[str], hidden: list[Path]) -> list[str]:
-    """The command line that runs `command` without sight of the hidden folders."""
+    """Return the command line that runs `command` without sight of the hidden folders."""
     flags = [part for path in hidden for part in ("--hide", str(Path(path).resolve()))]
     return [sys.executable, "-I", str(Path(__file__).resolve()), *flags, "--", *command]
 

@@ -51,7 +51,7 @@ def _table(header: list[str], rows: list[list[str]]) -> list[str]:
 def markdown(
     result: dict[str, Any], scores: list[CaseScore], truths: dict[str, dict[str, Any]]
 ) -> str:
-    """The result as a page."""
+    """Return the result as a page."""
     lines = [f"# Blind study: {result['cases']} cases, seed {result['seed']}", ""]
     lines += [
         f"Root hash, printed before the first diagnosis: `{result['root']}`. Truth concealed by "
@@ -158,7 +158,7 @@ def markdown(
 
 
 def _strengths(truth: dict[str, Any]) -> str:
-    """Reached strengths with their shares of the torque's variance."""
+    """Return reached strengths with their shares of the torque's variance."""
     parts = []
     for about in truth["effects"]:
         share = about.get("share")
@@ -169,7 +169,7 @@ def _strengths(truth: dict[str, Any]) -> str:
 
 
 def confusion_picture(table: dict[str, dict[str, int]], file: Path) -> None:
-    """Hidden (rows) against answered (columns), counts in the cells."""
+    """Draw hidden (rows) against answered (columns), counts in the cells."""
     rows = list(table)
     columns = sorted({answer for row in table.values() for answer in row})
     counts = np.array([[table[row].get(column, 0) for column in columns] for row in rows])

@@ -69,8 +69,8 @@ class CaseScore(NamedTuple):
 
 
 def _number(value: Any) -> float | None:
-    """A parameter as DESIGN writes it, [value, standard error] or a mapping or a number; None where
-    it is none of them.
+    """Return a parameter as DESIGN writes it, [value, standard error] or a mapping or a number;
+    None where it is none of them.
     """
     if isinstance(value, dict):
         value = value.get("value")
@@ -82,7 +82,7 @@ def _number(value: Any) -> float | None:
 
 
 def stated_effects(verdict: dict[str, Any]) -> list[dict[str, Any]]:
-    """The effects of a verdict, most probable first; none unless it says ``explained``."""
+    """Return the effects of a verdict, most probable first; none unless it says ``explained``."""
     if verdict.get("verdict") != "explained":
         return []
     return sorted(
@@ -91,7 +91,7 @@ def stated_effects(verdict: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def named_set(effect: dict[str, Any]) -> set[str]:
-    """The effect's name and the rivals that the verdict could not exclude."""
+    """Return the effect's name and the rivals that the verdict could not exclude."""
     return {str(effect.get("name")), *map(str, effect.get("set", []))}
 
 
@@ -100,7 +100,7 @@ def _accepts(hidden: str, name: str) -> bool:
 
 
 def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, Any]) -> str:
-    """Judgement of one verdict, as `CaseScore.outcome`."""
+    """Return the judgement of one verdict, as `CaseScore.outcome`."""
     if kind in RIGHT_VERDICT:
         if said != RIGHT_VERDICT[kind]:
             return said
@@ -162,8 +162,8 @@ def _parameter_errors(truth: dict[str, Any], verdict: dict[str, Any]) -> dict[st
 
 
 def _base_errors(truth: dict[str, Any], model: dict[str, Any] | None) -> dict[str, float]:
-    """Relative errors of the base parameters in an augmented model (DESIGN, "Physics is a list of
-    terms").
+    """Return relative errors of the base parameters in an augmented model (DESIGN, "Physics is a
+    list of terms").
     """
     errors = {}
     for term in (model or {}).get("terms", []):
@@ -234,8 +234,8 @@ def _median(values: Iterable[float]) -> float | None:
 
 
 def calibration(probabilities: list[tuple[float, bool]]) -> dict[str, Any]:
-    """Reliability of stated probabilities: per bin the mean statement and the share that was right;
-    Brier score.
+    """Return reliability of stated probabilities: per bin the mean statement and the share that was
+    right; Brier score.
     """
     p = np.array([statement for statement, _ in probabilities])
     right = np.array([was_right for _, was_right in probabilities], dtype=float)
@@ -260,7 +260,7 @@ def calibration(probabilities: list[tuple[float, bool]]) -> dict[str, Any]:
 
 
 def confusion(scores: list[CaseScore]) -> dict[str, dict[str, int]]:
-    """Hidden (rows) against answered (columns): counts.
+    """Return hidden (rows) against answered (columns): counts.
 
     A pair counts under both names joined, an answer by its most probable name.
     """

@@ -27,12 +27,12 @@ class SealError(RuntimeError):
 
 
 def canonical(truth: dict[str, Any]) -> bytes:
-    """The one byte string for a truth: sorted keys, no spaces, shortest exact floats."""
+    """Return the one byte string for a truth: sorted keys, no spaces, shortest exact floats."""
     return json.dumps(truth, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
 
 def commitment(salt: bytes, truth: dict[str, Any]) -> str:
-    """Salted hash of a truth, hexadecimal."""
+    """Return salted hash of a truth, hexadecimal."""
     return hashlib.sha256(salt + canonical(truth)).hexdigest()
 
 
@@ -114,12 +114,12 @@ class Seal:
         return bytes.fromhex(content["salt"]), content["truth"]
 
     def sealed(self) -> dict[str, str]:
-        """Commitments of all cases that are sealed, by name."""
+        """Return commitments of all cases that are sealed, by name."""
         names = sorted(file.stem for file in self.folder.glob("*.sealed"))
         return {name: commitment(*self._content(name)) for name in names}
 
     def open(self, name: str, committed: str) -> tuple[bytes, dict[str, Any]]:
-        """Salt and truth of a case.
+        """Return salt and truth of a case.
 
         Raises
         ------

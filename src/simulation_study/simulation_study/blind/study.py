@@ -87,7 +87,8 @@ def _spread(
     scheduler: str | None,
     console: Console,
 ) -> Iterator[tuple[str, Any]]:
-    """Results of ``task(*arguments)`` for each job by name, as they finish, with a progress bar.
+    """Return results of ``task(*arguments)`` for each job by name, as they finish, with a progress
+    bar.
 
     Raises
     ------
@@ -149,7 +150,7 @@ def _commit(out: Path, commitments: dict[str, str]) -> str:
 
 
 def _hidden_folders(truth: Path, console: Console) -> list[Path]:
-    """Folders that the diagnosis will not see; none where this machine cannot hide them."""
+    """Return folders that the diagnosis will not see; none where this machine cannot hide them."""
     hidden = [truth, Path(__file__).resolve().parent, Path(blind_rig.__file__).resolve().parent]
     truth.mkdir(parents=True, exist_ok=True, mode=0o700)
     if concealment.interface_version() and concealment.works(hidden):
@@ -270,8 +271,8 @@ def blind(
 def _unmade(
     plans: list[Plan], commitments: dict[str, str], out: Path
 ) -> dict[str, tuple[Plan, Path]]:
-    """Jobs for the cases that are not sealed yet; bags of cases that were interrupted before their
-    seal are made anew.
+    """Return jobs for the cases that are not sealed yet; bags of cases that were interrupted before
+    their seal are made anew.
     """
     jobs = {}
     for plan in plans:
@@ -282,7 +283,7 @@ def _unmade(
 
 
 def _opened(seal: Seal, name: str, committed: str, out: Path) -> dict[str, Any]:
-    """The truth about a case, its hash and its bag's fingerprint verified."""
+    """Return the truth about a case, its hash and its bag's fingerprint verified."""
     salt, secret = seal.open(name, committed)
     if fingerprint(out / "bags" / name) != secret["fingerprint"]:
         raise SealError(f"the bag of {name} was changed after it was sealed")

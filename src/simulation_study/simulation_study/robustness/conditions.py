@@ -196,13 +196,15 @@ def conditions(size: Size, seed: int) -> list[Condition]:
 
 
 def in_drawn_order(planned: list[Condition], seed: int) -> list[Condition]:
-    """The recordings in an order drawn by the seed, so that the first of them are a fair sample."""
+    """Return the recordings in an order drawn by the seed, so that the first of them are a fair
+    sample.
+    """
     order = np.random.default_rng([STREAM, seed, 1]).permutation(len(planned))
     return [planned[k] for k in order]
 
 
 def blind_trial(condition: Condition) -> Trial:
-    """The trial of the independent rig that a condition describes."""
+    """Return the trial of the independent rig that a condition describes."""
     random = np.random.default_rng(condition.seed)
     setup = draw_subject(random)
     level = setup.courses.torque_level

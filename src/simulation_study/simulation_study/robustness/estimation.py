@@ -39,7 +39,9 @@ DOUBT_THRESHOLD = 0.5
 
 
 def fingerprint() -> str:
-    """Hash of the estimators' code: results of other code are not taken for those of this one."""
+    """Return the hash of the estimators' code: results of other code are not taken for those of
+    this one.
+    """
     digest = hashlib.sha256()
     package = Path(impedance_estimator.__file__).parent
     for file in (*sorted(package.rglob("*.py")), Path(__file__)):
@@ -101,7 +103,7 @@ def _first(condition: Condition) -> float:
 
 
 def summarise(rows: np.ndarray, made: Recorded, condition: Condition) -> dict[str, Any]:
-    """Numbers of one online estimator on one recording.
+    """Return numbers of one online estimator on one recording.
 
     Returns
     -------

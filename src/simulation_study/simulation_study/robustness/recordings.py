@@ -54,7 +54,7 @@ class Recorded:
 
 
 def recording(condition: Condition, folder: Path) -> Recorded:
-    """The recording of a condition, simulated where the folder does not hold it yet.
+    """Return the recording of a condition, simulated where the folder does not hold it yet.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _simulate(condition: Condition) -> Recorded:
 
 
 def _write(file: Path, made: Recorded) -> None:
-    """Single precision: its rounding lies a thousand times below the sensors' noise."""
+    """Write single precision: its rounding lies a thousand times below the sensors' noise."""
     file.parent.mkdir(parents=True, exist_ok=True)
     unfinished = file.with_suffix(f".{os.getpid()}.part")
     with unfinished.open("wb") as stream:

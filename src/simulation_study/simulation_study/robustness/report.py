@@ -150,7 +150,7 @@ def _jump(jump: tuple[float, float]) -> str:
 
 
 def _picture(results: Results, path: Path) -> None:
-    """Errors by effect, one panel a gain, and arrival after jumps."""
+    """Draw errors by effect, one panel a gain, and arrival after jumps."""
     effects = effects_of(results)
     figure = Figure(figsize=(13.0, 2.5 + 0.27 * len(effects)), layout="constrained")
     axes = figure.subplots(1, 3, width_ratios=(3, 3, 2))

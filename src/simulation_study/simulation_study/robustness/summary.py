@@ -90,7 +90,7 @@ Results = Mapping[str, dict[str, Any]]
 
 
 def select(results: Results, effect: str | None) -> list[dict[str, Any]]:
-    """Results of one effect; None: of all recordings with an effect."""
+    """Return results of one effect; None: of all recordings with an effect."""
     known = [r for r in results.values() if r["condition"]["effect"] != JUMP]
     if effect is None:
         return [r for r in known if r["condition"]["effect"] != NO_MISMATCH]
@@ -98,13 +98,13 @@ def select(results: Results, effect: str | None) -> list[dict[str, Any]]:
 
 
 def effects_of(results: Results) -> list[str]:
-    """Effects of a study in the order in which they were planned; no mismatch first."""
+    """Return effects of a study in the order in which they were planned; no mismatch first."""
     names = dict.fromkeys(r["condition"]["effect"] for r in results.values())
     return [name for name in names if name != JUMP]
 
 
 def errors(chosen: Iterable[dict[str, Any]], estimator: str, gain: str) -> Errors:
-    """Errors of one estimator over some results."""
+    """Return errors of one estimator over some results."""
     index = GAINS.index(gain)
     signed, spreads, covered = [], [], []
     for result in chosen:
@@ -145,7 +145,7 @@ def doubt(chosen: Iterable[dict[str, Any]], estimator: str) -> Doubt:
 
 
 def arrivals(results: Results, estimator: str, jump: tuple[float, float]) -> Arrivals:
-    """Arrival after one of `JUMPS`."""
+    """Return the arrival after one of `JUMPS`."""
     index = 0 if jump[0] != 1.0 else 1
     times = []
     for result in results.values():
@@ -164,7 +164,7 @@ def arrivals(results: Results, estimator: str, jump: tuple[float, float]) -> Arr
 
 
 def earlier(results: Results, estimator: str, than: str) -> tuple[int, int]:
-    """Runs with a jump in which an estimator arrives before another one, and runs in all.
+    """Return runs with a jump in which an estimator arrives before another one, and runs in all.
 
     A run in which neither arrives counts for none; one in which only the first does, counts.
     """

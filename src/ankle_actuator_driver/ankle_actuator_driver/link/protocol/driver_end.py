@@ -176,7 +176,7 @@ class DriverEnd:
     def _in_turn(
         self, packet: StateReport, now: float, events: list[Event]
     ) -> StateReport | Refusal:
-        """Whether a packet is of the rig that is heard, and newer than the last one."""
+        """Return whether a packet is of the rig that is heard, and newer than the last one."""
         last = self._last
         if last is None:
             return packet
@@ -191,7 +191,7 @@ class DriverEnd:
 
     @staticmethod
     def _out_of_time(packet: Packet, ros: float) -> Refusal | None:
-        """Whether the times in a packet cannot be."""
+        """Return whether the times in a packet cannot be."""
         assert isinstance(packet, StateReport)
         old = packet.sent - packet.first
         if not -1e9 * LARGEST_AGE < old < 1e9 * LARGEST_AGE:
@@ -215,7 +215,7 @@ class DriverEnd:
         return [Interruption(note)]
 
     def _dated(self, packet: StateReport, events: list[Event]) -> tuple[np.ndarray, np.ndarray]:
-        """The samples of a packet with their ROS times, shapes (n,) and (n, 3)."""
+        """Return the samples of a packet with their ROS times, shapes (n,) and (n, 3)."""
         count = len(packet.samples)
         nothing = np.empty(0), np.empty((0, 3))
         if not count or not self.clock.ready:

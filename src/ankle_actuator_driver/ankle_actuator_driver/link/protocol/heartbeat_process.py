@@ -77,7 +77,7 @@ class HeartbeatProcess:
         return self._process.pid
 
     def ended(self) -> bool:
-        """Whether the process is gone."""
+        """Return whether the process is gone."""
         return self._process.poll() is not None
 
     def alive(self) -> None:

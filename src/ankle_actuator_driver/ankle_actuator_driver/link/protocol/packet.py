@@ -287,7 +287,7 @@ def parse(data: bytes, key: bytes = b"") -> Union[Packet, Refusal]:
 
 
 def _misshapen(data: bytes, key: bytes) -> Refusal | None:
-    """What is wrong with a packet before its content is looked at."""
+    """Return what is wrong with a packet before its content is looked at."""
     if len(data) < HEADER_SIZE + DIGEST_SIZE:
         return Refusal.TOO_SHORT
     magic, version, kind, count, *_ = _HEADER.unpack_from(data)

@@ -29,7 +29,7 @@ class Sender(Protocol):
         """Report that the driver hears its rig."""
 
     def ended(self) -> bool:
-        """Whether nothing is sent any more."""
+        """Return whether nothing is sent any more."""
 
     def close(self) -> None:
         """Send nothing any more."""
