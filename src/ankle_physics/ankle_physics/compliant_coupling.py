@@ -26,7 +26,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -51,7 +51,16 @@ RENEWAL_CHANGE = 0.1
 
 
 class CompliantCoupling(Term):
-    """A term at `Place.COUPLING` through which the plate drives the foot by a torque."""
+    """A term at `Place.COUPLING` through which the plate drives the foot by a torque.
+
+    Attributes
+    ----------
+    linear
+        Whether the torque is proportional to extension and rate; False where `linearised` holds for
+        small extensions only.
+    """
+
+    linear: ClassVar[bool] = True
 
     @abstractmethod
     def linearised(self, values: Values) -> tuple[float, float]:

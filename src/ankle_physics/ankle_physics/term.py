@@ -151,6 +151,12 @@ class Term(ABC):
         Whether it follows the slow torque of the recording, and so the very noise that it explains.
     companions
         Terms that come with this one and can be told from the base model only beside it.
+    generalises
+        Terms that are special cases of this one. It fits at least as well as they do by having more
+        parameters, so it is chosen only where it does better than chance beyond them.
+    resolved_by_duration
+        Symbol of a frequency that a recording of duration T tells from its neighbours 1/T away: a
+        search tries as many values; empty where there is none.
     """
 
     name: ClassVar[str]
@@ -165,6 +171,8 @@ class Term(ABC):
     searched: ClassVar[bool] = True
     companions: ClassVar[tuple[str, ...]] = ()
     follows_torque: ClassVar[bool] = False
+    generalises: ClassVar[tuple[str, ...]] = ()
+    resolved_by_duration: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Set the owner of a term by its place where the class does not state it."""

@@ -168,9 +168,9 @@ class SessionWatch:
     def _likely_place(self) -> str:
         """The place of the terms that would explain most of the last window's residual."""
         assert self._fitter is not None
-        found = screen(
-            self._fitter, self._base, {name: grid(name) for name in candidates(self._base)}
-        )
+        rows = self._fitter.rows
+        points = {name: grid(name, rows.count / rows.rate) for name in candidates(self._base)}
+        found = screen(self._fitter, self._base, points)
         best = found[0]
         # Terms of several places that promise nearly the same cannot be told apart without a
         # diagnosis.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.model import Model
 from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.columns import Columns
@@ -47,8 +48,8 @@ def _torques(motion: Motion, extra: dict[str, dict[str, float]]) -> tuple[np.nda
 def test_both_make_the_same_torque(motion: Motion, name: str) -> None:
     without, _ = _torques(motion, {})
     extra = {name: STRENGTHS.get(name, {})}
-    if name == "fixation_compliance":
-        extra = {name: {"k_s": 1200.0, "b_s": 0.5}, "footplate_inertia": {"Ip": 0.003}}
+    if issubclass(term_library()[name], CompliantCoupling):
+        extra = {name: {"k_s": 1200.0, "b_s": 1.0}, "footplate_inertia": {"Ip": 0.003}}
     made, said = _torques(motion, extra)
     effect = float(np.std(made - without))
     assert effect > 0.0

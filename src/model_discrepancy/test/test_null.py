@@ -38,7 +38,7 @@ def test_the_library_gains_less_on_a_clean_recording_than_by_chance(steady):
     problem = prepare(steady)
     rows = problem.fitter.rows
     null = Null.of(problem.noise, rows.time, rows.used)
-    points = {name: grid(name) for name in candidates(problem.base)}
+    points = {name: grid(name, problem.recording.duration) for name in candidates(problem.base)}
     best = screen(problem.fitter, problem.base, points, null)[0]
     assert 0.0 < null.threshold < 0.1
     assert best.share < null.threshold

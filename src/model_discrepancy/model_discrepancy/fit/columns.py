@@ -22,6 +22,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.foot_motion import foot_motion
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, Term, term_library
 from model_discrepancy.fit.rows import Rows
@@ -162,8 +163,20 @@ class Columns:
         return signals
 
     def _move_foot(self, signals: Signals, fixation: CompliantCoupling, values: Values) -> None:
-        """Foot motion behind a compliant fixation: the plate's, filtered."""
+        """Foot motion behind a compliant fixation: the plate's, filtered, or integrated where the
+        fixation is not linear.
+        """
         m = self.motion
+        if not fixation.linear:
+            x, v, a = foot_motion(
+                fixation,
+                values[fixation.name],
+                _foot_impedance(values),
+                (m.position - self.mean_angle, m.velocity),
+                m.rate,
+            )
+            signals.move_foot(x + self.mean_angle, v, a)
+            return
         length = next_fast_len(len(m.position) + int(m.rate), real=True)
         plate = self._remember(
             "plate",
@@ -190,8 +203,13 @@ def transmission(frequency: np.ndarray, fixation: CompliantCoupling, values: Val
     stiffness, damping = fixation.linearised(values[fixation.name])
     s = 2j * np.pi * frequency
     strap = stiffness + damping * s
-    foot = values["inertia"]["I"] * s**2 + values["viscosity"]["B"] * s + values["stiffness"]["K"]
-    return strap / (strap + foot)
+    inertia, viscosity, spring = _foot_impedance(values)
+    return strap / (strap + inertia * s**2 + viscosity * s + spring)
+
+
+def _foot_impedance(values: Values) -> tuple[float, float, float]:
+    """Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
+    return values["inertia"]["I"], values["viscosity"]["B"], values["stiffness"]["K"]
 
 
 def _transforms(term: Term) -> bool:
@@ -201,6 +219,5 @@ def _transforms(term: Term) -> bool:
 def _key(term: Term, values: Values) -> tuple[Any, ...]:
     given = values[term.name]
     if isinstance(term, CompliantCoupling):
-        foot = (values["inertia"]["I"], values["viscosity"]["B"], values["stiffness"]["K"])
-        return (term.name, *given.values(), *foot)
+        return (term.name, *given.values(), *_foot_impedance(values))
     return (term.name, *(given[p.symbol] for p in term.parameters if not p.linear))

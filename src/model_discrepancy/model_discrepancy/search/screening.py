@@ -8,13 +8,15 @@ ones, is projected out first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from ankle_physics.term import Place, term_library
+from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.term import Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import (
     Fit,
@@ -28,6 +30,8 @@ from model_discrepancy.fit.fitter import (
 from model_discrepancy.search.null import Null
 
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}
+# Frequencies of a rhythm that are tried: two for each resolved one over 100 s up to 2 Hz.
+_MOST_FREQUENCIES = 400
 # A column that keeps less than this share of its norm is what the model already has.
 _MIN_NEW_SHARE = 0.02
 # Points at which a candidate that shapes a signal is refined.
@@ -107,14 +111,20 @@ def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
     """Terms that may be added to the model."""
     terms = term_library()
     names = library if library is not None else list(terms)
-    coupled = any(terms[n].place is Place.COUPLING and terms[n].searched for n in fit.terms)
+    coupled = any(moves_foot(n) for n in fit.terms)
     return [
         n
         for n in names
-        if n not in fit.terms
-        and terms[n].searched
-        and not (coupled and terms[n].place is Place.COUPLING)
+        if n not in fit.terms and terms[n].searched and not (coupled and moves_foot(n))
     ]
+
+
+def moves_foot(name: str) -> bool:
+    """Say whether a term lets the foot move differently from the plate; a model holds one such."""
+    term = term_library()[name]
+    return term.place is Place.COUPLING and (
+        issubclass(term, CompliantCoupling) or term.transform is not Term.transform
+    )
 
 
 def with_term(terms: Sequence[str], name: str) -> list[str]:
@@ -127,15 +137,37 @@ def without_term(terms: Sequence[str], name: str) -> list[str]:
     return [n for n in terms if n != name and n not in term_library()[name].companions]
 
 
-def grid(name: str) -> list[Point]:
-    """Points of the candidate's nonlinear parameters, evenly spread over their (scaled) ranges."""
+def grid(name: str, duration: float) -> list[Point]:
+    """Points of the candidate's nonlinear parameters, evenly spread over their (scaled) ranges.
+
+    Parameters
+    ----------
+    name
+        The term.
+    duration
+        Of the recording [s], which resolves frequencies.
+    """
     free = nonlinear([name])
     count = _GRID[min(len(free), 3)]
-    places = (np.arange(count) + 0.5) / count
-    return [
-        {p.symbol: from_unit(p, float(u)) for (_, p), u in zip(free, units, strict=True)}
-        for units in product(places, repeat=len(free))
+    resolved = term_library()[name].resolved_by_duration
+    values = [
+        _resolved(p, duration)
+        if p.symbol == resolved
+        else [from_unit(p, (k + 0.5) / count) for k in range(count)]
+        for _, p in free
     ]
+    return [
+        {p.symbol: value for (_, p), value in zip(free, point, strict=True)}
+        for point in product(*values)
+    ]
+
+
+def _resolved(parameter: Parameter, duration: float) -> list[float]:
+    """Frequencies half a resolution apart, so that a refit finds the one in between."""
+    count = math.ceil(2.0 * duration * (parameter.upper - parameter.lower))
+    return np.linspace(
+        parameter.lower, parameter.upper, min(count, _MOST_FREQUENCIES), dtype=float
+    ).tolist()
 
 
 def _additive(

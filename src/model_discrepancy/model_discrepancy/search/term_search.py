@@ -211,18 +211,25 @@ class _Grids:
     before.
     """
 
-    def __init__(self, library: Sequence[str] | None) -> None:
+    def __init__(self, library: Sequence[str] | None, duration: float) -> None:
         self._library = library
+        self._duration = duration
         self._kept: dict[str, list[Point]] = {}
         self._best: dict[str, list[Point]] = {}
 
     def points(self, fit: Fit) -> dict[str, list[Point]]:
         """For a further term: the whole grid at first, its better half later."""
-        return {name: self._kept.get(name) or grid(name) for name in candidates(fit, self._library)}
+        return {
+            name: self._kept.get(name) or grid(name, self._duration)
+            for name in candidates(fit, self._library)
+        }
 
     def best(self, fit: Fit) -> dict[str, list[Point]]:
         """For a rival: the points that were once the best."""
-        return {name: self._best.get(name) or grid(name) for name in candidates(fit, self._library)}
+        return {
+            name: self._best.get(name) or grid(name, self._duration)
+            for name in candidates(fit, self._library)
+        }
 
     def learn(self, screened: Sequence[Screened]) -> None:
         """Keep the better half of what was tried."""
@@ -258,7 +265,7 @@ def search(
         Called with one line for each step.
     """
     found = Found(base, base)
-    grids = _Grids(library)
+    grids = _Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
     current = _add_terms(fitter, found, base, grids, null, yardstick, progress)
     current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
@@ -310,12 +317,24 @@ def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
     """The best on unseen rows; among those that do about as well, the one that predicts the plain
     torque best.
     """
+    good = [t for t in good if not _needless(t, good)]
     largest = max(min(t.held_out) for t in good)
     equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
     return (
         equal[0]
         if len(equal) == 1
         else min(equal, key=lambda t: sum(halves_errors(fitter, t.fit, plain=True)))
+    )
+
+
+def _needless(general: Trial, good: Sequence[Trial]) -> bool:
+    """Say whether a special case of a term does as well, but for what its further parameters gain
+    by chance.
+    """
+    return any(
+        special.name in term_library()[general.name].generalises
+        and general.gain < special.gain + general.by_chance
+        for special in good
     )
 
 
@@ -488,7 +507,11 @@ def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> 
     for effect in found.effects:
         name, without = effect.trial.name, effect.without
         progress(f"looking for rivals of {name}")
-        points = {other: tried for other, tried in grids.best(without).items() if other != name}
+        points = {
+            other: tried
+            for other, tried in grids.best(without).items()
+            if other != name and name not in term_library()[other].generalises
+        }
         promising = [
             s
             for s in screen(fitter, without, points)

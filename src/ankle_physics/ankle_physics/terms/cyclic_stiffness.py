@@ -1,0 +1,74 @@
+"""Stiffness that follows a cycle: ``torque = (kc cos(w t) + ks sin(w t)) * (x - xc)``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.signals import Signals
+from ankle_physics.term import Parameter, Place, State, Term, Values
+
+
+class CyclicStiffness(Term):
+    """Stiffness rises and falls with the phase of a rhythm: breathing, stepping or a tracked sine.
+
+    Over the stance phase of walking the stiffness of the ankle changes by a factor of four (Rouse
+    et al. 2014, IEEE Trans. Neural Syst. Rehabil. Eng. 22, 870). t counts from the first sample. K
+    is the mean over the cycle.
+    """
+
+    name = "cyclic_stiffness"
+    place = Place.INTRINSIC
+    family = "joint follows activation or time"
+    separated_by = "a recording without the rhythm, and EMG"
+    # Its torque depends on when, and not on the angle alone: no part of the tangent stiffness.
+    has_memory = True
+    resolved_by_duration = "frequency"
+    sentence = "Stiffness rises and falls in a steady rhythm."
+    parameters = (
+        Parameter(
+            "kc",
+            "N.m/rad",
+            -500.0,
+            500.0,
+            20.0,
+            "Rouse et al. 2014: up to a few times the smallest stiffness of the cycle",
+            linear=True,
+        ),
+        Parameter(
+            "ks",
+            "N.m/rad",
+            -500.0,
+            500.0,
+            0.0,
+            "as kc; the two make amplitude and phase",
+            linear=True,
+        ),
+        Parameter(
+            "frequency",
+            "Hz",
+            0.05,
+            2.0,
+            0.25,
+            "breathing 0.2 to 0.3 Hz, stepping 0.5 to 1.2 Hz, slow tracking from 0.05 Hz",
+        ),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "angle about which the spring acts; range of the ankle joint",
+            fitted=False,
+        ),
+    )
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        return {"rate": rate, "count": 0}
+
+    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
+        n = len(signals.position)
+        time = (state["count"] + np.arange(n)) / state["rate"]
+        state["count"] += n
+        phase = 2.0 * np.pi * float(values["frequency"]) * time
+        spring = signals.foot_position - values["xc"]
+        return {"kc": np.cos(phase) * spring, "ks": np.sin(phase) * spring}

@@ -1,0 +1,143 @@
+"""Terms for human trials against integrations that share no code with them."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ankle_physics.model import Model
+from ankle_physics.signals import Signals
+from ankle_physics.term import term_library
+
+RATE = 2048.0
+TIME = np.arange(int(RATE)) / RATE
+
+
+def movement(t):
+    """Position, velocity and acceleration of two sines that start at rest."""
+    x, v, a = 0.0, 0.0, 0.0
+    for size, frequency in ((0.012, 1.3), (0.004, 6.1)):
+        w = 2 * np.pi * frequency
+        x = x + size * (1 - np.cos(w * t))
+        v = v + size * w * np.sin(w * t)
+        a = a + size * w**2 * np.cos(w * t)
+    return x, v, a
+
+
+def torque_of(terms):
+    x, v, a = movement(TIME)
+    return Model.of(terms).torque(Signals(RATE, x, v, a))
+
+
+def integrate(right, states):
+    return solve_ivp(
+        right, [0, TIME[-1]], states, t_eval=TIME, max_step=2e-3, rtol=1e-5, atol=1e-9
+    ).y
+
+
+def test_bonds_of_several_yields_follow_their_equations():
+    yields, weights, recovery = (
+        np.array([0.001, 0.003, 0.009, 0.027]),
+        [40.0, 30.0, 20.0, 10.0],
+        0.4,
+    )
+
+    def right(t, z):
+        v = movement(t)[1]
+        return v - abs(v) * z / yields - z / recovery
+
+    expected = np.array(weights) @ integrate(right, np.zeros(4))
+    given = {f"k{n}": k for n, k in enumerate(weights, 1)}
+    found = torque_of({"distributed_short_range_stiffness": {**given, "recovery": recovery}})
+    assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
+
+
+def test_bonds_of_several_yields_are_the_stiffer_the_smaller_the_movement():
+    stiffness = []
+    for size in (0.0005, 0.006, 0.04):
+        x = size * 0.5 * (1 - np.cos(2 * np.pi * TIME))
+        v = np.gradient(x) * RATE
+        model = Model.of({"distributed_short_range_stiffness": {"recovery": 20.0}})
+        stiffness.append(np.ptp(model.torque(Signals(RATE, x, v, np.gradient(v) * RATE))) / size)
+    assert stiffness[0] > 1.2 * stiffness[1] > 1.2 * 1.2 * stiffness[2]
+
+
+def test_a_part_that_hangs_on_the_plate_pulls_with_its_own_inertia():
+    inertia, w, z = 0.003, 2 * np.pi * 17.0, 0.05
+
+    def right(t, y):
+        x, v, _ = movement(t)
+        return [y[1], 2 * z * w * (v - y[1]) + w**2 * (x - y[0])]
+
+    y = integrate(right, [0.0, 0.0])
+    x, v, _ = movement(TIME)
+    expected = inertia * (2 * z * w * (v - y[1]) + w**2 * (x - y[0]))
+    found = torque_of({"plate_appendage": {"Ia": inertia, "frequency": 17.0, "damping": z}})
+    # The acceleration jumps at the first sample; the appendage feels it half a sample later.
+    assert np.abs(found - expected)[200:].max() < 0.02 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_sensor_that_carries_a_share_rings_by_that_share(share):
+    w, z = 2 * np.pi * 24.0, 0.1
+
+    def right(t, y):
+        return [y[1], w**2 * (80.0 * movement(t)[0] - y[0]) - 2 * z * w * y[1]]
+
+    load = 80.0 * movement(TIME)[0]
+    expected = (1 - share) * load + share * integrate(right, [0.0, 0.0])[0]
+    found = torque_of(
+        {
+            "stiffness": {"K": 80.0},
+            "partial_sensor_mode": {"frequency": 24.0, "damping": z, "share": share},
+        }
+    )
+    assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_a_sensor_mode_states_the_response_that_it_simulates():
+    term = term_library()["partial_sensor_mode"]()
+    values = {"frequency": 24.0, "damping": 0.1, "share": 0.4}
+    signals = Signals(RATE, TIME, TIME, TIME)
+    signals.torque = np.zeros(len(TIME))
+    signals.torque[1] = RATE
+    term.transform(signals, values, term.start(RATE))
+    frequency = np.array([5.0, 20.0, 24.0, 40.0])
+    made = np.array(
+        [np.sum(signals.torque * np.exp(-2j * np.pi * f * (TIME - 1 / RATE))) for f in frequency]
+    )
+    assert np.abs(made / RATE - term.response(frequency, values)).max() < 0.02
+
+
+def test_stiffness_follows_its_rhythm():
+    x, _, _ = movement(TIME)
+    found = torque_of(
+        {"stiffness": {"K": 80.0}, "cyclic_stiffness": {"kc": 12.0, "ks": -9.0, "frequency": 0.5}}
+    )
+    stiffness = 80.0 + 15.0 * np.cos(2 * np.pi * 0.5 * TIME + np.arctan2(9.0, 12.0))
+    assert np.abs(found - stiffness * x).max() < 1e-9
+
+
+@pytest.mark.parametrize("curvature", [-60.0, 0.0, 60.0])
+def test_a_foot_behind_a_strap_that_stiffens_follows_newton(curvature):
+    I, B, K, k, b = 0.0137, 0.63, 100.0, 1500.0, 2.0
+
+    def strap(e, rate):
+        curve = np.expm1(curvature * e) / curvature if curvature else e
+        return k * curve + b * rate
+
+    def right(t, y):
+        x, v, _ = movement(t)
+        return [y[1], (strap(x - y[0], v - y[1]) - B * y[1] - K * y[0]) / I]
+
+    foot = integrate(right, [0.0, 0.0])
+    x, v, _ = movement(TIME)
+    expected = strap(x - foot[0], v - foot[1])
+    found = torque_of(
+        {
+            "inertia": {"I": I},
+            "viscosity": {"B": B},
+            "stiffness": {"K": K},
+            "stiffening_fixation": {"k_s": k, "b_s": b, "curvature": curvature},
+        }
+    )
+    assert np.abs(found - expected)[200:].max() < 5e-3 * np.abs(expected).max()
