@@ -192,7 +192,7 @@ def main() -> int:
                 if given.load:
                     work = [[sys.executable, "-c", BUSY]] * 2
                     work.append([sys.executable, "-c", WRITE, f"{folder}/busy"])
-                    burden = [subprocess.Popen(one) for one in work]
+                    burden = [subprocess.Popen(one, start_new_session=True) for one in work]
                 while len(found) < given.stops:
                     run_again(rig, commander)
                     if pages:

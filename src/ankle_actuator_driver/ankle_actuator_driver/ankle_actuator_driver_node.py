@@ -55,6 +55,7 @@ from ankle_node.derived_topics import joint_states
 from ankle_node.managed_node import ManagedNode
 from ankle_node.node import ERROR, LATEST_QOS, WARN, run
 from ankle_node.qos import publisher_qos, reader_qos
+from ankle_node.real_time import DRIVER_PRIORITY, keep_loaded_objects, take_priority
 
 COMMANDS = ("arm", "start", "stop", "disarm", "reset_fault")
 REPORT_PERIOD = 1.0  # s
@@ -82,6 +83,10 @@ class ActuatorDriverNode(ManagedNode):
         if self.get_parameter("use_sim_time").value:
             raise QuantityError(NO_SIMULATED_TIME)
         self.add_on_set_parameters_callback(self._refuse_simulated_time)
+        keep_loaded_objects()
+        if refusal := take_priority(DRIVER_PRIORITY):
+            self.get_logger().warning(refusal)
+            self.health("priority", WARN, refusal)
         self._fault = ""  # of the last session, still to be reset
         self._session: RigSession | None = None
         self._failure: Exception | None = None
@@ -291,6 +296,7 @@ class ActuatorDriverNode(ManagedNode):
             "reference samples not followed": bridge.unused,
             "reference blocks not followed": bridge.left_out,
             "samples away from the command": bridge.sensors.spikes,
+            "longest pause of the driver [ms]": f"{1e3 * session.longest_pause:.0f}",
             **session.link.figures(),
         }.items():
             self.count(what, value)

@@ -7,6 +7,7 @@ the line.
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 import time
@@ -19,6 +20,7 @@ from ankle_actuator_driver.link.rig_link import RigLink
 from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_actuator_driver.safety.rig import Interruption
 from ankle_actuator_driver.safety.states import CONFIRMATION, POWERED, Answer, State
+from ankle_actuator_driver.safety.watchdog import LOST_AFTER
 
 POLL = 0.004
 """[s] Longest time between two looks at the line and the watchdogs."""
@@ -30,6 +32,10 @@ rig's own watchdog stops the plate."""
 SAME_MOMENT = 50e-6
 """[s] Longest time between two readings of clocks that count as one moment."""
 CLOCK_READINGS = 5
+REPORT_PERIOD = 1.0
+"""[s] Longest time between two pieces of news."""
+LONG_PAUSE = LOST_AFTER / 2
+"""[s] Time without a look at the line that is worth a note: half of what the watchdogs allow."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +93,15 @@ class RigSession:
     clocks
         Reads the steady clock and ROS time at the same moment [s].
     tell
-        Called in a thread of its own after each look at the line.
+        Called in a thread of its own with what a look at the line gave, and at least once a second.
     fail
         Called with an error that ended a thread.
+
+    Attributes
+    ----------
+    longest_pause
+        Longest time between two looks at the line [s]; a computer that is too busy for the rig
+        shows here.
     """
 
     def __init__(
@@ -102,6 +114,8 @@ class RigSession:
     ) -> None:
         self.bridge, self.link = bridge, link
         self._clocks, self._tell, self._fail = clocks, tell, fail
+        self.longest_pause = 0.0
+        self._looked = self._reported = -math.inf  # [s] of the steady clock
         self._busy = threading.Lock()
         self._ended = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -110,6 +124,7 @@ class RigSession:
     def begin(self) -> None:
         """Start to talk; the rig stays off."""
         self._ended.clear()
+        self._looked = -math.inf
         self._threads = [
             threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
             for work, name in ((self._run, "rig"), (self._report, "rig news"))
@@ -221,6 +236,7 @@ class RigSession:
             for arrival in arrivals:
                 bridge.take(arrival.event, arrival.now)
             now, ros = self._clocks()
+            self._note_pause(now)
             if alarm := self.link.alarm():
                 bridge.take(Interruption(alarm), now)
             if bridge.advance(now, ros):
@@ -228,7 +244,20 @@ class RigSession:
             self._send()
             news = News(bridge.samples, bridge.notes, bridge.states.changes, ros)
             bridge.samples, bridge.notes, bridge.states.changes = [], [], []
-        self._news.put(news)
+        if news.blocks or news.notes or news.changes or now - self._reported > REPORT_PERIOD:
+            self._reported = now
+            self._news.put(news)
+
+    def _note_pause(self, now: float) -> None:
+        """Note how long the line was not looked at."""
+        pause, self._looked = now - self._looked, now
+        if math.isinf(pause):
+            return
+        self.longest_pause = max(self.longest_pause, pause)
+        if pause > LONG_PAUSE:
+            self.bridge.notes.append(
+                f"this computer kept the driver from the line for {1e3 * pause:.0f} ms"
+            )
 
     def _report(self) -> None:
         while (news := self._news.get()) is not None:

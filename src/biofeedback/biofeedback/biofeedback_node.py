@@ -22,7 +22,6 @@ Parameters: `biofeedback.parameters`.
 from __future__ import annotations
 
 import asyncio
-import gc
 import threading
 import time
 from collections import deque
@@ -47,6 +46,7 @@ from ankle_interfaces.topics import (
 )
 from ankle_node.node import WARN, AnkleNode, run
 from ankle_node.qos import publisher_qos
+from ankle_node.real_time import PAGES_PRIORITY, keep_loaded_objects, take_priority
 from ankle_node.session_event import SessionEvent
 from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
@@ -111,6 +111,8 @@ class BiofeedbackNode(AnkleNode):
             self.number("frame_rate"),
             self._tls,
         )
+        if refusal := take_priority(PAGES_PRIORITY):
+            self.get_logger().warning(refusal)
         self._began = time.monotonic()
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
@@ -172,10 +174,7 @@ class BiofeedbackNode(AnkleNode):
                 ),
             )
             self.get_logger().info(f"the addresses with their tokens are in {links}")
-        # What was loaded until now stays for good: collections that go through all of it would
-        # hold every thread up for tens of milliseconds, a stop too.
-        gc.collect()
-        gc.freeze()
+        keep_loaded_objects()
         self._serving.set()
 
     def _resume(self, path: Path) -> None:

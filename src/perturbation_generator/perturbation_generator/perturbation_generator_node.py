@@ -23,6 +23,7 @@ from rclpy.time import Time
 from ankle_interfaces.quantity import Value
 from ankle_interfaces.topics import PERTURBATION_REFERENCE
 from ankle_node.node import OK, WARN, AnkleNode, run
+from ankle_node.real_time import GENERATOR_PRIORITY, keep_loaded_objects, take_priority
 from perturbation_generator.limits import limits_from
 from perturbation_generator.pacing import Lateness, Schedule
 from perturbation_generator.parameters import BLOCK_SIZE, LEAD, PARAMETERS, READERS
@@ -51,6 +52,9 @@ class PerturbationGeneratorNode(AnkleNode):
         # One block behind: the next one is due already.
         self._lateness = Lateness(self._block_size / self._signal.settings.rate)
         self._publish = self.block_publisher(PERTURBATION_REFERENCE)
+        keep_loaded_objects()
+        if self._lead > 0.0 and (refusal := take_priority(GENERATOR_PRIORITY)):
+            self.get_logger().warning(refusal)
         self._busy = threading.Lock()
         self._stopped = threading.Event()
         self.health("clock", OK, "")

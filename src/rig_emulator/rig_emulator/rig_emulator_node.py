@@ -17,11 +17,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 
-from ankle_actuator_driver.link.protocol.heartbeat_process import take_priority
 from ankle_actuator_driver.link.protocol.packet import read_key
 from ankle_actuator_driver.link.protocol.transport import UdpTransport
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_node.node import AnkleNode, run
+from ankle_node.real_time import RIG_PRIORITY, keep_loaded_objects, take_priority
 from ankle_physics.model import Model
 from ankle_sim.parameters import RIG
 from ankle_sim.start_values import start_value
@@ -30,9 +30,6 @@ from rig_emulator.settings import MODEL, PARAMETERS, joint_parameters, load_mode
 
 NAME = "rig_emulator"
 REPORT_PERIOD = 1.0  # s
-PRIORITY = 10
-"""Priority in the real-time class: a rig's controller is no usual process; below the heartbeats'
-20."""
 
 
 def _declared_for(model: Model) -> list[Quantity]:
@@ -71,6 +68,9 @@ class RigEmulatorNode(AnkleNode):
         self._ended = threading.Event()
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
+        keep_loaded_objects()
+        if refusal := take_priority(RIG_PRIORITY):
+            self.get_logger().warning(refusal)
         self._thread = threading.Thread(target=self._run, name="rig", daemon=True)
         self._thread.start()
         self.create_timer(REPORT_PERIOD, self._report)
@@ -80,7 +80,6 @@ class RigEmulatorNode(AnkleNode):
         self.get_logger().info(sentence)
 
     def _run(self) -> None:
-        take_priority(PRIORITY)
         try:
             self._rig.run(self._ended)
         except Exception as error:

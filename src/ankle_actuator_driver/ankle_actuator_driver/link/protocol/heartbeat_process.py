@@ -11,7 +11,6 @@ import contextlib
 import ctypes
 import gc
 import json
-import os
 import select
 import signal
 import socket
@@ -20,10 +19,8 @@ import sys
 import time
 
 from ankle_actuator_driver.link.protocol.heartbeats import Heartbeats
+from ankle_node.real_time import HEARTBEATS_PRIORITY, take_priority
 
-PRIORITY = 20
-"""Priority in the real-time class SCHED_RR, of 99: above every usual process, below the kernel's
-threads. Where the system does not allow it, the process runs as any other."""
 LARGEST_MESSAGE = 4096
 """[bytes] Longest message to the process: any packet and the letter before it."""
 POLL = 0.005
@@ -35,15 +32,6 @@ def end_with_parent() -> None:
     """Ask Linux to end this process when its parent ends, however that happens."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def take_priority(priority: int = PRIORITY) -> bool:
-    """Run in the real-time class SCHED_RR; return whether the system allowed it."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
-    except (OSError, AttributeError):
-        return False
-    return True
 
 
 class HeartbeatProcess:
@@ -114,7 +102,7 @@ def main() -> int:
     end_with_parent()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the driver ends it, after the rig is off
-    take_priority()
+    take_priority(HEARTBEATS_PRIORITY)
     line, pair = (socket.socket(fileno=int(number)) for number in sys.argv[1:3])
     pair.setblocking(True)
     settings = json.loads(pair.recv(LARGEST_MESSAGE)[1:])
