@@ -1,244 +1,202 @@
-"""Verdicts counted on the independent rig: recordings without any mismatch and with one effect.
+"""Verdicts counted: recordings without mismatch, with one effect, with two, with what the library
+lacks, and with a term planted in recorded human trials.
 
-Servo stiff or compliant, a reflex that varies from stretch to stretch, tremor, with and without a
-velocity channel: what every laboratory and every subject has, and what is no mismatch. Example:
-``python -m simulation_study.verdict_study --nulls 24 --effects 24 --seed 1 --out docs/results``.
+Example: ``python -m simulation_study.verdict_study --seed 1 --null 24 --effect 24 --out FOLDER``.
+Results are appended to ``cases*.jsonl`` in the folder; an interrupted study goes on where it
+stopped, and ``--part 1/2`` and ``--part 2/2`` share one study between two processes. Every run
+writes ``verdicts.md`` from whatever cases are there.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
+import json
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
-
-import numpy as np
-from scipy.stats import beta
+from typing import Any
 
 from ankle_physics.term import term_library
-from blind_rig import effects
-from blind_rig.impedance import TrueImpedance, true_impedance
-from blind_rig.magnitudes import brought_in
-from blind_rig.protocols import PROTOCOLS, Protocol
-from blind_rig.subjects import OPERATING_ANGLE, draw_subject
-from blind_rig.trial import Trial, record, run
-from model_discrepancy.diagnose import diagnose
-from model_discrepancy.recording.recording import Recording
-from model_discrepancy.report.verdict import Verdict
+from model_discrepancy.diagnose import Diagnosis, diagnose
 from simulation_study.blind.acceptance import ANSWERS
-
-DURATION_S = 60.0
-RATE_HZ = 1000.0
-# A servo gives way by some per cent of the movement on an ankle of 100 N.m/rad.
-SERVO_STIFFNESS = (2000.0, 3000.0)
-SERVO_HZ = (35.0, 60.0)
-# Usual variability of a subject at rest.
-REFLEX_VARIATION = (0.1, 0.3)
-TREMOR_RMS = (0.0, 0.2)
-# From here on a name is stated with confidence.
-MIN_STATED_PROBABILITY = 0.7
-# Answers to these are verdicts, signal findings or variability and no names of terms.
-EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_play"})
+from simulation_study.verdict_cases import KINDS, Plan, made, plans
+from simulation_study.verdict_report import report
 
 
-@dataclass(frozen=True)
-class Case:
-    """Holds one recording and what was found in it."""
+def families(names: list[str]) -> set[str]:
+    """Families of these terms; a term without one is its own.
 
-    effect: str
-    servo: str
-    protocol: str
-    velocity: bool
-    verdict: Verdict
-    truth: TrueImpedance
-    seconds: float
-
-    @property
-    def confident(self) -> list[str]:
-        """Names that are stated with 0.7 or more."""
-        return [
-            e["name"] for e in self.verdict.effects if e["probability"] >= MIN_STATED_PROBABILITY
-        ]
-
-    @property
-    def right_names(self) -> tuple[str, ...]:
-        """Names that answer the hidden effect; none for a null or an unknown effect."""
-        return ANSWERS[self.effect].names if self.effect in ANSWERS else ()
-
-    @property
-    def family_found(self) -> bool:
-        """Say whether a stated effect is of the family of a right answer."""
-        families = {_family(name) for name in self.right_names}
-        return any(_family(e["name"]) in families for e in self.verdict.effects)
-
-    @property
-    def exact(self) -> bool:
-        """Say whether the most probable effect is a right answer."""
-        stated = sorted(self.verdict.effects, key=lambda e: -e["probability"])
-        return bool(stated) and stated[0]["name"] in self.right_names
-
-    def score_of(self, key: str, true: float) -> tuple[float, float] | None:
-        """Return relative error and standard score of K or G; None for a bad recording."""
-        entry = self.verdict.parameters.get(key)
-        if entry is None or not entry["standard_error"]:
-            return None
-        error = entry["augmented"] - true
-        return error / true, error / entry["standard_error"]
-
-
-def _family(name: str) -> str:
+    Parameters
+    ----------
+    names
+        Of terms or of what the signals themselves show.
+    """
     terms = term_library()
-    return terms[name].family or name if name in terms else name
+    return {(terms[n].family or n) if n in terms else n for n in names}
 
 
-def cases(nulls: int, planted: int, seed: int) -> Iterator[Case]:
-    """Simulate and diagnose, one after the other."""
-    generator = np.random.default_rng(seed)
-    names = [
-        e.name
-        for e in (*effects.KNOWN_EFFECTS, *effects.UNKNOWN_EFFECTS)
-        if e.name not in EXCLUDED_EFFECTS
-    ]
-    hidden = [str(n) for n in generator.permutation(names)]
-    wanted = [""] * nulls + [hidden[k % len(hidden)] for k in range(planted)]
-    for number, effect in enumerate(wanted):
-        yield _case(effect, number, np.random.default_rng([seed, number]))
+def right_names(plan: Plan) -> list[list[str]]:
+    """Names that answer each hidden effect; empty for what the library at hand does not hold.
+
+    Parameters
+    ----------
+    plan
+        The case.
+    """
+    if plan.kind == "planted":
+        return [list(plan.hidden)]
+    if plan.kind in ("null", "foreign", "left_out"):
+        return [[] for _ in plan.hidden]
+    return [list(ANSWERS[name].names) for name in plan.hidden]
 
 
-def _case(effect: str, number: int, generator: np.random.Generator) -> Case:
-    compliant = number % 2 == 1
-    velocity = bool(generator.random() < 0.5)
-    known = effects.BY_NAME.get(effect)
-    kinds = list(known.protocols) if known and known.protocols else list(PROTOCOLS)
-    kind = str(generator.choice(kinds))
-    changes = {
-        "courses.stretch_variation": float(generator.uniform(*REFLEX_VARIATION)),
-        "courses.tremor_rms": float(generator.uniform(*TREMOR_RMS)),
-    }
-    if compliant:
-        changes["rig.servo_k"] = float(generator.uniform(*SERVO_STIFFNESS))
-        changes["rig.servo_hz"] = float(generator.uniform(*SERVO_HZ))
-    protocol = Protocol(kind, float(generator.uniform(0.03, 0.045)), 0.024, DURATION_S)
-    trial = Trial(
-        draw_subject(generator).replaced(changes),
-        protocol,
-        RATE_HZ,
-        float(generator.uniform(*OPERATING_ANGLE)),
-        int(generator.integers(2**62)),
-    )
-    if effect:
-        trial = brought_in(trial, effect, "moderate")
-    done = run(trial)
-    made = record(trial, done)
-    recording = Recording(
-        RATE_HZ,
-        made.position,
-        made.torque,
-        made.velocity if velocity else None,
-        made.reference[:, 0],
-        name=f"case {number}",
-    )
+def library_of(plan: Plan) -> list[str] | None:
+    """Terms that the diagnosis may name; without the family of the hidden effect where it is left
+    out.
+
+    Parameters
+    ----------
+    plan
+        The case.
+    """
+    if plan.kind != "left_out":
+        return None
+    gone = families([n for hidden in plan.hidden for n in ANSWERS[hidden].names])
+    return [n for n in term_library() if not families([n]) & gone]
+
+
+def counted(plan: Plan, trials: Path | None) -> dict[str, Any]:
+    """Make one case, diagnose it, and return what the study keeps of it.
+
+    Parameters
+    ----------
+    plan
+        The case.
+    trials
+        Folder of recorded human trials.
+    """
+    recording, truth = made(plan, trials)
     begun = time.process_time()
-    verdict = diagnose(recording).verdict
-    truth = true_impedance(trial, done)
-    servo = "compliant" if compliant else "stiff"
-    return Case(effect, servo, kind, velocity, verdict, truth, time.process_time() - begun)
+    diagnosis = diagnose(recording, library=library_of(plan))
+    seconds = time.process_time() - begun
+    entry = {
+        "case": plan.name,
+        "plan": asdict(plan),
+        "right": right_names(plan),
+        "seconds": round(seconds, 1),
+        **outcome(diagnosis),
+    }
+    if truth is not None:
+        entry["truth"] = {"K[N.m/rad]": truth.K, "G[N.m.s/rad]": truth.G}
+    return entry
 
 
-def rate_with_interval(hits: int, of: int) -> str:
-    """Return a share with its 95 % interval (Clopper & Pearson 1934) in words."""
-    if of == 0:
-        return "none"
-    low = float(beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(0.975, hits + 1, of - hits)) if hits < of else 1.0
-    return f"{hits} of {of} ({100 * hits / of:.0f} %, {100 * low:.0f} to {100 * high:.0f} %)"
+def outcome(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return what a study keeps of a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis
+        Of any recording.
+    """
+    verdict, found = diagnosis.verdict, diagnosis.found
+    kept: dict[str, Any] = {
+        "verdict": verdict.verdict,
+        "effects": [
+            {
+                key: e.get(key)
+                for key in ("name", "stated", "probability", "family", "family_probability", "set")
+            }
+            for e in verdict.effects
+        ],
+        "fit": verdict.fit,
+        "parameters": {k: verdict.parameters.get(k) for k in ("K[N.m/rad]", "G[N.m.s/rad]")},
+        "variability": verdict.variability,
+        "reasons": verdict.reasons,
+    }
+    if found is not None:
+        kept["by_chance"] = found.by_chance
+        kept["near"] = [[t.name, t.gain, list(t.held_out), t.torque_share] for t in found.near]
+    if diagnosis.after is not None:
+        after = diagnosis.after
+        kept["remainder"] = [after.share, after.by_chance, after.worst, after.torque_share]
+    return kept
 
 
-def table(done: list[Case]) -> list[tuple[str, str]]:
-    """Return every count with its interval."""
-    empty = [c for c in done if not c.effect]
-    known = [c for c in done if c.right_names]
-    foreign = [c for c in done if c.effect and not c.right_names]
-    lines = []
-    for servo in ("stiff", "compliant"):
-        own = [c for c in empty if c.servo == servo]
-        wrong = sum(c.verdict.verdict != "no_mismatch" for c in own)
-        lines.append((f"false alarms, {servo} servo", rate_with_interval(wrong, len(own))))
-    named = [(c, name) for c in done for name in c.confident]
-    wrong = sum(name not in c.right_names for c, name in named)
-    lines += [
-        ("names stated with 0.7 or more that are wrong", rate_with_interval(wrong, len(named))),
-        (
-            "moderate effects: family",
-            rate_with_interval(sum(c.family_found for c in known), len(known)),
-        ),
-        ("moderate effects: exact", rate_with_interval(sum(c.exact for c in known), len(known))),
-        (
-            "unknown effects called unexplained",
-            rate_with_interval(
-                sum(c.verdict.verdict == "unexplained" for c in foreign), len(foreign)
-            ),
-        ),
-        (
-            "good recordings called bad",
-            rate_with_interval(sum(c.verdict.verdict == "bad_recording" for c in done), len(done)),
-        ),
-    ]
-    for key, symbol in (("K[N.m/rad]", "K"), ("G[N.m.s/rad]", "G")):
-        scores = [s for c in done if (s := c.score_of(key, float(getattr(c.truth, symbol))))]
-        within = rate_with_interval(sum(abs(z) <= 2.0 for _, z in scores), len(scores))
-        middle = 100 * float(np.median([abs(e) for e, _ in scores])) if scores else math.nan
-        lines += [
-            (f"{symbol}: median error", f"{middle:.1f} %"),
-            (f"{symbol} within two standard errors", within),
-        ]
-    middle = float(np.median([c.seconds for c in done]))
-    return [*lines, ("processor time of a diagnosis, median", f"{middle:.0f} s")]
+def read_cases(folder: Path) -> list[dict[str, Any]]:
+    """Results in the order of the study; of a case that was run twice, the later one.
+
+    Parameters
+    ----------
+    folder
+        With ``cases*.jsonl``.
+    """
+    found = {}
+    for file in sorted(folder.glob("cases*.jsonl")):
+        for line in file.read_text().splitlines():
+            entry = json.loads(line)
+            found[entry["case"]] = entry
+    return sorted(found.values(), key=lambda e: (KINDS.index(e["plan"]["kind"]), e["case"]))
 
 
-def report(done: list[Case], command: str) -> str:
-    """Return the counts and every case, as Markdown."""
-    head = [
-        "# Verdicts on the independent rig",
-        "",
-        f"`{command}`",
-        "",
-        "| | counted (95 % interval) |",
-        "| --- | --- |",
-        *(f"| {name} | {value} |" for name, value in table(done)),
-        "",
-        "| hidden | servo | protocol | velocity | verdict | stated |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for c in done:
-        stated = ", ".join(f"{e['name']} {e['probability']:.2f}" for e in c.verdict.effects)
-        head.append(
-            f"| {c.effect or 'nothing'} | {c.servo} | {c.protocol} | "
-            f"{'yes' if c.velocity else 'no'} | {c.verdict.verdict} | {stated} |"
-        )
-    return "\n".join(head) + "\n"
+def ordered(counts: dict[str, int], seed: int, trials: list[str]) -> list[Plan]:
+    """Every case of a study, all kinds in turn, so that an unfinished one holds some of each.
+
+    Parameters
+    ----------
+    counts, seed, trials
+        As `verdict_cases.plans`.
+    """
+    every = list(plans(counts, seed, trials))
+    return sorted(every, key=lambda p: (p.number + 0.5) / counts[p.kind])
+
+
+def run_part(todo: list[Plan], file: Path, trials: Path | None) -> Iterator[dict[str, Any]]:
+    """Run these cases one after the other and append each to a file.
+
+    Parameters
+    ----------
+    todo
+        Cases.
+    file
+        Receives one line of JSON for each.
+    trials
+        Folder of recorded human trials.
+    """
+    for plan in todo:
+        entry = counted(plan, trials)
+        with file.open("a") as stream:
+            stream.write(json.dumps(entry, default=float) + "\n")
+        yield entry
 
 
 def main() -> None:
     """Run the study and write its table, after every case again."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--nulls", type=int, default=24)
-    parser.add_argument("--effects", type=int, default=24)
+    for kind in KINDS:
+        parser.add_argument(f"--{kind.replace('_', '-')}", type=int, default=0, dest=kind)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--trials", type=Path, help="folder of recorded human trials (mcgill_*)")
+    parser.add_argument("--part", default="1/1", help="k/n: every n-th case, beginning at the k-th")
     options = parser.parse_args()
-    command = (
-        f"python -m simulation_study.verdict_study --nulls {options.nulls} --effects "
-        f"{options.effects} --seed {options.seed} --out {options.out}"
-    )
+    counts = {kind: getattr(options, kind) for kind in KINDS}
+    names = sorted(f.stem for f in options.trials.glob("mcgill_*.npz")) if options.trials else []
+    if counts["planted"] and not names:
+        parser.error("--planted needs --trials FOLDER with mcgill_*.npz")
+    part, of = (int(word) for word in options.part.split("/"))
+    given = " ".join(f"--{k.replace('_', '-')} {n}" for k, n in counts.items() if n)
+    command = f"python -m simulation_study.verdict_study --seed {options.seed} {given}"
     options.out.mkdir(parents=True, exist_ok=True)
-    done: list[Case] = []
-    for case in cases(options.nulls, options.effects, options.seed):
-        done.append(case)
-        print(f"{case.effect or 'nothing'}: {case.verdict.verdict} {case.confident}", flush=True)
-        (options.out / "verdicts.md").write_text(report(done, command))
+    done = {entry["case"] for entry in read_cases(options.out)}
+    todo = [p for p in ordered(counts, options.seed, names)[part - 1 :: of] if p.name not in done]
+    file = options.out / f"cases-{part}.jsonl"
+    for entry in run_part(todo, file, options.trials):
+        stated = ", ".join(f"{e['stated']} {e['probability']}" for e in entry["effects"])
+        print(f"{entry['case']}: {entry['verdict']} {stated} ({entry['seconds']} s)", flush=True)
+        (options.out / "verdicts.md").write_text(report(read_cases(options.out), command))
+    (options.out / "verdicts.md").write_text(report(read_cases(options.out), command))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,218 @@
+"""Recordings whose verdicts are counted: what each hides, and under which conditions.
+
+Every case is drawn from its own seed, so that it can be made again alone. The conditions are what
+laboratories and subjects differ by and what is no mismatch: sampling rate, a velocity channel or
+none, a recorded command or none, quiet or noisy sensors, the protocol, a servo that is stiff or
+gives way, and how much reflex and tremor vary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import decimate
+
+from ankle_physics.term import Place, term_library
+from blind_rig import effects
+from blind_rig.impedance import TrueImpedance, true_impedance
+from blind_rig.magnitudes import brought_in
+from blind_rig.protocols import PROTOCOLS, Protocol
+from blind_rig.subjects import OPERATING_ANGLE, draw_subject
+from blind_rig.trial import Trial, record, run
+from model_discrepancy.recording.recording import Recording
+from simulation_study.human_trials import load_trial
+from simulation_study.planted_in_human import plant
+
+DURATION_S = 60.0
+# The engine runs at 1000 and 2048 Hz; a recording at 500 Hz is one at 1000 Hz, filtered.
+RATES_HZ = (500.0, 1000.0, 2048.0)
+# A servo gives way by some per cent of the movement on an ankle of 100 N.m/rad.
+SERVO_STIFFNESS = (2000.0, 3000.0)
+SERVO_HZ = (35.0, 60.0)
+# Share of a subject's mean reflex by which it varies from stretch to stretch, and rms of tremor
+# [N.m].
+VARIABILITY = {"small": ((0.0, 0.1), (0.0, 0.05)), "large": ((0.15, 0.3), (0.1, 0.2))}
+# Signal to noise of the torque [dB].
+TORQUE_SNR = {"quiet": (32.0, 38.0), "noisy": (24.0, 28.0)}
+# Of a whole study, so that a count of one kind does not change the cases of another.
+KINDS = ("null", "effect", "pair", "foreign", "left_out", "planted")
+# Answers to these are verdicts, findings in the signals or variability, and no names of terms.
+EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_play"})
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Describes one case.
+
+    Attributes
+    ----------
+    kind
+        One of `KINDS`.
+    number
+        Among those of its kind.
+    seed
+        Of everything that is drawn.
+    hidden
+        Names of effects of `blind_rig`, or of the term that is planted in a human trial.
+    servo
+        ``stiff`` or ``compliant``; ``human`` for a recorded trial.
+    protocol
+        One of `blind_rig.protocols.PROTOCOLS`; the trial's name for a recorded one.
+    rate
+        [Hz].
+    velocity, reference
+        Whether these channels are recorded.
+    noise
+        A key of `TORQUE_SNR`.
+    variability
+        A key of `VARIABILITY`.
+    """
+
+    kind: str
+    number: int
+    seed: int
+    hidden: tuple[str, ...]
+    servo: str
+    protocol: str
+    rate: float
+    velocity: bool
+    reference: bool
+    noise: str
+    variability: str
+
+    @property
+    def name(self) -> str:
+        """Name of the case, unique within a study."""
+        return f"{self.kind}-{self.number:03d}-{'+'.join(self.hidden) or 'nothing'}"
+
+
+def plans(counts: dict[str, int], seed: int, trials: Sequence[str] = ()) -> Iterator[Plan]:
+    """Every case of a study.
+
+    Parameters
+    ----------
+    counts
+        Cases of each of `KINDS`.
+    seed
+        Of the whole study.
+    trials
+        Names of recorded trials, for the planted ones.
+    """
+    for place, kind in enumerate(KINDS):
+        generator = np.random.default_rng([seed, place])
+        hidden = _hidden(kind, counts.get(kind, 0), generator)
+        for number, names in enumerate(hidden):
+            drawn = np.random.default_rng([seed, place, number])
+            yield _plan(kind, number, names, drawn, trials)
+
+
+def _hidden(kind: str, count: int, generator: np.random.Generator) -> list[tuple[str, ...]]:
+    """Return what each case of a kind hides: every effect once before any comes again."""
+    if kind == "null":
+        return [()] * count
+    known = [e.name for e in effects.KNOWN_EFFECTS if e.name not in EXCLUDED_EFFECTS]
+    if kind == "planted":
+        terms = term_library().items()
+        # What the position sensor does, changes no torque.
+        names = [n for n, t in terms if t.searched and t.place is not Place.POSITION_SENSOR]
+    else:
+        names = [e.name for e in effects.UNKNOWN_EFFECTS] if kind == "foreign" else known
+    order = [str(n) for k in range(count // len(names) + 2) for n in generator.permutation(names)]
+    if kind != "pair":
+        return [(name,) for name in order[:count]]
+    pairs = []
+    while len(pairs) < count:
+        first, second = (effects.BY_NAME[str(n)] for n in generator.choice(known, 2, replace=False))
+        if first.place != second.place and _protocols((first.name, second.name)):
+            pairs.append((first.name, second.name))
+    return pairs
+
+
+def _protocols(hidden: Sequence[str]) -> list[str]:
+    """Return the protocols under which all of these effects show."""
+    wanted = [effects.BY_NAME[n].protocols or PROTOCOLS for n in hidden if n in effects.BY_NAME]
+    return [kind for kind in PROTOCOLS if all(kind in some for some in wanted)]
+
+
+def _plan(
+    kind: str,
+    number: int,
+    hidden: tuple[str, ...],
+    generator: np.random.Generator,
+    trials: Sequence[str],
+) -> Plan:
+    human = kind == "planted"
+    return Plan(
+        kind,
+        number,
+        int(generator.integers(2**62)),
+        hidden,
+        "human" if human else ("stiff", "compliant")[number % 2],
+        trials[number % len(trials)]
+        if human and trials
+        else str(generator.choice(_protocols(hidden))),
+        1000.0 if human else float(generator.choice(RATES_HZ)),
+        not human and bool(generator.random() < 0.5),
+        not human and bool(generator.random() < 0.7),
+        str(generator.choice(list(TORQUE_SNR))),
+        str(generator.choice(list(VARIABILITY))),
+    )
+
+
+def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedance | None]:
+    """The case's recording, and the true impedance where it is known.
+
+    Parameters
+    ----------
+    plan
+        From `plans`.
+    folder
+        With the recorded trials; needed for planted ones only.
+    """
+    if plan.kind == "planted":
+        assert folder is not None
+        return plant(load_trial(folder / f"{plan.protocol}.npz"), plan.hidden[0]), None
+    trial = _trial(plan)
+    done = run(trial)
+    samples = record(trial, done)
+    channels = [samples.position, samples.torque, samples.velocity, samples.reference[:, 0]]
+    if plan.rate < trial.rate:
+        step = round(trial.rate / plan.rate)
+        channels = [decimate(c, step, ftype="fir", zero_phase=True) for c in channels]
+    position, torque, velocity, reference = channels
+    recording = Recording(
+        plan.rate,
+        position,
+        torque,
+        velocity if plan.velocity else None,
+        reference if plan.reference else None,
+        name=plan.name,
+    )
+    return recording, true_impedance(trial, done)
+
+
+def _trial(plan: Plan) -> Trial:
+    generator = np.random.default_rng(plan.seed)
+    reflex, tremor = VARIABILITY[plan.variability]
+    changes = {
+        "courses.stretch_variation": float(generator.uniform(*reflex)),
+        "courses.tremor_rms": float(generator.uniform(*tremor)),
+        "sensors.torque_snr": float(generator.uniform(*TORQUE_SNR[plan.noise])),
+    }
+    if plan.servo == "compliant":
+        changes["rig.servo_k"] = float(generator.uniform(*SERVO_STIFFNESS))
+        changes["rig.servo_hz"] = float(generator.uniform(*SERVO_HZ))
+    protocol = Protocol(plan.protocol, float(generator.uniform(0.03, 0.045)), 0.024, DURATION_S)
+    trial = Trial(
+        draw_subject(generator).replaced(changes),
+        protocol,
+        max(plan.rate, 1000.0),
+        float(generator.uniform(*OPERATING_ANGLE)),
+        int(generator.integers(2**62)),
+    )
+    for name in plan.hidden:
+        trial = brought_in(trial, name, "moderate")
+    return trial

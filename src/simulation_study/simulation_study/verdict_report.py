@@ -1,0 +1,219 @@
+"""Counts of verdicts with their 95 % intervals, as Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+from ankle_physics.term import term_library
+
+# From here on a name is stated with confidence.
+MIN_STATED_PROBABILITY = 0.7
+# Strata in which false alarms are counted.
+STRATA = ("servo", "protocol", "rate", "velocity", "reference", "noise", "variability")
+Entry = dict[str, Any]
+
+
+def rate_with_interval(hits: int, of: int) -> str:
+    """A share with its 95 % interval (Clopper & Pearson 1934) in words.
+
+    Parameters
+    ----------
+    hits, of
+        Counts.
+    """
+    if of == 0:
+        return "none"
+    low = float(beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(0.975, hits + 1, of - hits)) if hits < of else 1.0
+    return f"{hits} of {of} ({100 * hits / of:.0f} %, {100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def family_of(name: str) -> str:
+    """Family of a name; a name without one is its own.
+
+    Parameters
+    ----------
+    name
+        Of a term, a family or a finding.
+    """
+    terms = term_library()
+    return terms[name].family or name if name in terms else name
+
+
+def answers(entry: Entry) -> list[str]:
+    """Every name that is right in a case.
+
+    Parameters
+    ----------
+    entry
+        A case.
+    """
+    return [name for names in entry["right"] for name in names]
+
+
+def stated_names(entry: Entry) -> list[tuple[str, float, bool]]:
+    """What a verdict states with confidence: a name or a family, its probability, whether it is
+    right.
+
+    Parameters
+    ----------
+    entry
+        A case.
+    """
+    right = answers(entry)
+    of_families = {family_of(name) for name in right}
+    found = []
+    for effect in entry["effects"]:
+        if effect["probability"] >= MIN_STATED_PROBABILITY:
+            found.append((effect["name"], effect["probability"], effect["name"] in right))
+        elif effect["family_probability"] >= MIN_STATED_PROBABILITY:
+            found.append(
+                (effect["family"], effect["family_probability"], effect["family"] in of_families)
+            )
+    return found
+
+
+def named(entry: Entry, exactly: bool) -> bool:
+    """Say whether every hidden effect is among what the verdict names, stated or not.
+
+    Parameters
+    ----------
+    entry
+        A case with effects that the library holds.
+    exactly
+        The name itself, and not its family alone.
+    """
+    said = [e["name"] for e in entry["effects"]]
+    if exactly:
+        return all(any(name in said for name in names) for names in entry["right"])
+    kin = {family_of(name) for name in said}
+    return all(any(family_of(name) in kin for name in names) for names in entry["right"])
+
+
+def score(entry: Entry, key: str) -> tuple[float, float] | None:
+    """Relative error and standard score of K or G; None where there is no truth or no estimate.
+
+    Parameters
+    ----------
+    entry
+        A case.
+    key
+        Name with unit.
+    """
+    estimate = (entry.get("parameters") or {}).get(key)
+    if "truth" not in entry or not estimate or not estimate["standard_error"]:
+        return None
+    error = estimate["augmented"] - entry["truth"][key]
+    return error / entry["truth"][key], error / estimate["standard_error"]
+
+
+def table(entries: list[Entry]) -> list[tuple[str, str]]:
+    """Every count with its interval.
+
+    Parameters
+    ----------
+    entries
+        Cases.
+    """
+    of = {
+        kind: [e for e in entries if e["plan"]["kind"] == kind]
+        for kind in ("null", "effect", "pair", "foreign", "left_out", "planted")
+    }
+    lines = [("false alarms", _share(e["verdict"] != "no_mismatch" for e in of["null"]))]
+    for stratum in STRATA:
+        for value in sorted({e["plan"][stratum] for e in of["null"]}, key=str):
+            own = [e for e in of["null"] if e["plan"][stratum] == value]
+            count = _share(e["verdict"] != "no_mismatch" for e in own)
+            lines.append((f"false alarms, {stratum} {value}", count))
+    for kind, words in (
+        ("effect", "stated with 0.7 or more and wrong, one effect"),
+        ("pair", "stated with 0.7 or more and wrong, two effects"),
+        ("left_out", "stated with 0.7 or more and wrong, family left out"),
+        ("foreign", "stated with 0.7 or more and wrong, foreign to the library"),
+        ("planted", "stated with 0.7 or more and wrong, planted in human trials"),
+    ):
+        lines.append(
+            (words, _share(not right for e in of[kind] for _, _, right in stated_names(e)))
+        )
+    for kind, words in (("effect", "one effect"), ("planted", "planted in human trials")):
+        lines += [
+            (f"{words}: named exactly", _share(named(e, True) for e in of[kind])),
+            (f"{words}: its family named", _share(named(e, False) for e in of[kind])),
+            (f"{words}: overlooked", _share(e["verdict"] == "no_mismatch" for e in of[kind])),
+        ]
+    lines += [
+        ("two effects: both families named", _share(named(e, False) for e in of["pair"])),
+        (
+            "foreign or left out: unexplained",
+            _share(e["verdict"] == "unexplained" for e in of["foreign"] + of["left_out"]),
+        ),
+        (
+            "good recordings called bad",
+            _share(e["verdict"] == "bad_recording" for e in entries),
+        ),
+    ]
+    return [*lines, *_impedance(entries)]
+
+
+def _share(hits: Iterable[bool]) -> str:
+    counted = list(hits)
+    return rate_with_interval(sum(counted), len(counted))
+
+
+def _impedance(entries: list[Entry]) -> list[tuple[str, str]]:
+    lines = []
+    for key, symbol in (("K[N.m/rad]", "K"), ("G[N.m.s/rad]", "G")):
+        for words, kinds in (("without mismatch", ("null",)), ("one effect", ("effect",))):
+            own = [e for e in entries if e["plan"]["kind"] in kinds]
+            scores = [s for e in own if (s := score(e, key))]
+            middle = 100 * float(np.median([abs(r) for r, _ in scores])) if scores else math.nan
+            lines += [
+                (f"{symbol}, {words}: median error", f"{middle:.1f} %"),
+                (
+                    f"{symbol}, {words}: within two standard errors",
+                    _share(abs(z) <= 2.0 for _, z in scores),
+                ),
+            ]
+    seconds = float(np.median([e["seconds"] for e in entries])) if entries else math.nan
+    return [*lines, ("processor time of a diagnosis, median", f"{seconds:.0f} s")]
+
+
+def report(entries: list[Entry], command: str) -> str:
+    """The counts and every case.
+
+    Parameters
+    ----------
+    entries
+        Cases.
+    command
+        With which they are made again.
+    """
+    lines = [
+        "# Verdicts counted",
+        "",
+        f"`{command} --out FOLDER`",
+        "",
+        "| | counted (95 % interval) |",
+        "| --- | --- |",
+        *(f"| {name} | {value} |" for name, value in table(entries)),
+        "",
+        "| case | servo | protocol | rate | velocity | verdict | named (probability; family) |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for entry in entries:
+        plan = entry["plan"]
+        said = ", ".join(
+            f"{e['name']} ({e['probability']:.2f}; {e['family']} {e['family_probability']:.2f})"
+            for e in entry["effects"]
+        )
+        lines.append(
+            f"| {plan['kind']}: {' and '.join(plan['hidden']) or 'nothing'} | {plan['servo']} | "
+            f"{plan['protocol']} | {plan['rate']:g} | {'yes' if plan['velocity'] else 'no'} | "
+            f"{entry['verdict']} | {said} |"
+        )
+    return "\n".join(lines) + "\n"

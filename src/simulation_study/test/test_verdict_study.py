@@ -1,0 +1,115 @@
+"""Counts of verdicts, on hand-made results, and the plan of the study."""
+
+import json
+
+import pytest
+
+from ankle_physics.term import term_library
+from simulation_study.verdict_cases import KINDS, plans
+from simulation_study.verdict_report import named, rate_with_interval, report, stated_names, table
+from simulation_study.verdict_study import families, library_of, ordered, read_cases, right_names
+
+COUNTS = {"null": 6, "effect": 30, "pair": 6, "foreign": 8, "left_out": 6, "planted": 4}
+
+
+def _entry(kind, right, effects, verdict="explained", **plan):
+    given = {
+        "kind": kind,
+        "hidden": [],
+        "servo": "stiff",
+        "protocol": "pulse_step",
+        "rate": 1000.0,
+        "velocity": True,
+        "reference": True,
+        "noise": "quiet",
+        "variability": "small",
+    }
+    return {
+        "case": f"{kind} {right}",
+        "plan": given | plan,
+        "right": right,
+        "verdict": verdict,
+        "seconds": 5.0,
+        "effects": [
+            {"name": n, "probability": p, "family": f, "family_probability": q, "set": [n]}
+            for n, p, f, q in effects
+        ],
+    }
+
+
+def test_a_study_can_be_drawn_again_and_one_kind_does_not_change_another():
+    first = list(plans(COUNTS, 5, ["a", "b"]))
+    assert first == list(plans(COUNTS, 5, ["a", "b"]))
+    fewer = list(plans(COUNTS | {"effect": 2}, 5, ["a", "b"]))
+    assert [p for p in fewer if p.kind == "null"] == [p for p in first if p.kind == "null"]
+    assert list(plans(COUNTS, 6, ["a", "b"])) != first
+    assert {p.kind for p in first} == set(KINDS)
+
+
+def test_an_unfinished_study_holds_some_of_each_kind():
+    begun = ordered(COUNTS, 5, ["a", "b"])[:12]
+    assert {p.kind for p in begun} == set(KINDS)
+
+
+def test_a_reflex_curve_is_hidden_only_where_stretches_differ():
+    for plan in plans(COUNTS, 5, ["a"]):
+        if "reflex_threshold" in plan.hidden:
+            assert plan.protocol == "random_levels"
+
+
+def test_the_whole_family_is_left_out():
+    plan = next(p for p in plans(COUNTS, 5) if p.kind == "left_out")
+    left = library_of(plan)
+    gone = set(term_library()) - set(left)
+    assert gone
+    assert not families(list(gone)) & families(left)
+    assert right_names(plan) == [[]]
+
+
+def test_a_family_counts_where_its_name_is_not_sure():
+    names = [["maxwell_relaxation"]]
+    exact = _entry("effect", names, [("maxwell_relaxation", 0.8, "intrinsic memory", 0.9)])
+    relative = _entry("effect", names, [("thixotropy", 0.5, "intrinsic memory", 0.8)])
+    wrong = _entry("effect", names, [("thixotropy", 0.8, "intrinsic memory", 0.9)])
+    silent = _entry("effect", names, [], verdict="no_mismatch")
+    assert stated_names(exact) == [("maxwell_relaxation", 0.8, True)]
+    assert stated_names(relative) == [("intrinsic memory", 0.8, True)]
+    assert stated_names(wrong) == [("thixotropy", 0.8, False)]
+    assert [named(e, True) for e in (exact, relative, silent)] == [True, False, False]
+    assert [named(e, False) for e in (exact, relative, silent)] == [True, True, False]
+    counts = dict(table([exact, relative, wrong, silent]))
+    assert counts["stated with 0.7 or more and wrong, one effect"].startswith("1 of 3")
+    assert counts["one effect: named exactly"].startswith("1 of 4")
+    assert counts["one effect: overlooked"].startswith("1 of 4")
+
+
+def test_whatever_is_stated_is_wrong_where_the_library_lacks_the_effect():
+    entry = _entry("foreign", [[]], [("backlash", 0.9, "backlash", 0.9)])
+    assert stated_names(entry) == [("backlash", 0.9, False)]
+
+
+def test_false_alarms_are_counted_in_each_stratum():
+    entries = [
+        _entry("null", [], [], verdict="no_mismatch"),
+        _entry("null", [], [], verdict="unexplained", servo="compliant"),
+    ]
+    counts = dict(table(entries))
+    assert counts["false alarms, servo compliant"].startswith("1 of 1")
+    assert counts["false alarms, servo stiff"].startswith("0 of 1")
+    assert "| null: nothing | compliant |" in report(entries, "command")
+
+
+def test_an_interval_is_that_of_the_binomial():
+    assert rate_with_interval(0, 8) == "0 of 8 (0 %, 0 to 37 %)"
+    assert rate_with_interval(0, 0) == "none"
+
+
+def test_the_later_result_of_a_case_counts(tmp_path):
+    first, second = _entry("null", [], [], "unexplained"), _entry("null", [], [], "no_mismatch")
+    (tmp_path / "cases-1.jsonl").write_text(json.dumps(first) + "\n" + json.dumps(second) + "\n")
+    assert [e["verdict"] for e in read_cases(tmp_path)] == ["no_mismatch"]
+
+
+def test_unknown_kinds_are_not_drawn():
+    with pytest.raises(StopIteration):
+        next(plans({"null": 0}, 1))
