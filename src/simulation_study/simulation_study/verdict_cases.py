@@ -123,7 +123,7 @@ def _hidden(kind: str, count: int, generator: np.random.Generator) -> list[tuple
     order = [str(n) for k in range(count // len(names) + 2) for n in generator.permutation(names)]
     if kind != "pair":
         return [(name,) for name in order[:count]]
-    pairs = []
+    pairs: list[tuple[str, ...]] = []
     while len(pairs) < count:
         first, second = (effects.BY_NAME[str(n)] for n in generator.choice(known, 2, replace=False))
         if first.place != second.place and _protocols((first.name, second.name)):
