@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import decimate
+from scipy.signal import resample_poly
 
 from ankle_physics.term import Place, term_library
 from blind_rig import effects
@@ -90,7 +90,7 @@ class Plan:
 
 
 def plans(counts: dict[str, int], seed: int, trials: Sequence[str] = ()) -> Iterator[Plan]:
-    """Every case of a study.
+    """Draw every case of a study.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def _plan(
 
 
 def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedance | None]:
-    """The case's recording, and the true impedance where it is known.
+    """Make the recording of a case, and the true impedance where it is known.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedan
     channels = [samples.position, samples.torque, samples.velocity, samples.reference[:, 0]]
     if plan.rate < trial.rate:
         step = round(trial.rate / plan.rate)
-        channels = [decimate(c, step, ftype="fir", zero_phase=True) for c in channels]
+        channels = [resample_poly(c, 1, step, padtype="line") for c in channels]
     position, torque, velocity, reference = channels
     recording = Recording(
         plan.rate,

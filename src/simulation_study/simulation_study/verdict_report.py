@@ -19,7 +19,7 @@ Entry = dict[str, Any]
 
 
 def rate_with_interval(hits: int, of: int) -> str:
-    """A share with its 95 % interval (Clopper & Pearson 1934) in words.
+    """Return a share with its 95 % interval (Clopper & Pearson 1934) in words.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def rate_with_interval(hits: int, of: int) -> str:
 
 
 def family_of(name: str) -> str:
-    """Family of a name; a name without one is its own.
+    """Return the family of a name; a name without one is its own.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def family_of(name: str) -> str:
 
 
 def answers(entry: Entry) -> list[str]:
-    """Every name that is right in a case.
+    """Return every name that is right in a case.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def answers(entry: Entry) -> list[str]:
 
 
 def stated_names(entry: Entry) -> list[tuple[str, float, bool]]:
-    """What a verdict states with confidence: a name or a family, its probability, whether it is
+    """Return what a verdict states with confidence: a name or a family, its probability, whether it is
     right.
 
     Parameters
@@ -96,7 +96,7 @@ def named(entry: Entry, exactly: bool) -> bool:
 
 
 def score(entry: Entry, key: str) -> tuple[float, float] | None:
-    """Relative error and standard score of K or G; None where there is no truth or no estimate.
+    """Return relative error and standard score of K or G; None where there is no truth or no estimate.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def score(entry: Entry, key: str) -> tuple[float, float] | None:
 
 
 def table(entries: list[Entry]) -> list[tuple[str, str]]:
-    """Every count with its interval.
+    """Return every count with its interval.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _impedance(entries: list[Entry]) -> list[tuple[str, str]]:
 
 
 def report(entries: list[Entry], command: str) -> str:
-    """The counts and every case.
+    """Return the counts and every case.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from simulation_study.verdict_report import report
 
 
 def families(names: list[str]) -> set[str]:
-    """Families of these terms; a term without one is its own.
+    """Return the families of these terms; a term without one is its own.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def families(names: list[str]) -> set[str]:
 
 
 def right_names(plan: Plan) -> list[list[str]]:
-    """Names that answer each hidden effect; empty for what the library at hand does not hold.
+    """Return the names that answer each hidden effect; empty for what the library at hand does not hold.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def right_names(plan: Plan) -> list[list[str]]:
 
 
 def library_of(plan: Plan) -> list[str] | None:
-    """Terms that the diagnosis may name; without the family of the hidden effect where it is left
+    """Return the terms that the diagnosis may name; without the family of the hidden effect where it is left
     out.
 
     Parameters
@@ -125,7 +125,7 @@ def outcome(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def read_cases(folder: Path) -> list[dict[str, Any]]:
-    """Results in the order of the study; of a case that was run twice, the later one.
+    """Read the results in the order of the study; of a case that was run twice, the later one.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def read_cases(folder: Path) -> list[dict[str, Any]]:
 
 
 def ordered(counts: dict[str, int], seed: int, trials: list[str]) -> list[Plan]:
-    """Every case of a study, all kinds in turn, so that an unfinished one holds some of each.
+    """Order every case of a study, all kinds in turn, so that an unfinished one holds some of each.
 
     Parameters
     ----------
