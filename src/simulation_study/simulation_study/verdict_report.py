@@ -57,8 +57,8 @@ def answers(entry: Entry) -> list[str]:
 
 
 def stated_names(entry: Entry) -> list[tuple[str, float, bool]]:
-    """Return what a verdict states with confidence: a name or a family, its probability, whether it is
-    right.
+    """Return names or families that a verdict states with confidence, their probability, and
+    whether they are right.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def named(entry: Entry, exactly: bool) -> bool:
 
 
 def score(entry: Entry, key: str) -> tuple[float, float] | None:
-    """Return relative error and standard score of K or G; None where there is no truth or no estimate.
+    """Return relative error and standard score of K or G; None without truth or estimate.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def families(names: list[str]) -> set[str]:
 
 
 def right_names(plan: Plan) -> list[list[str]]:
-    """Return the names that answer each hidden effect; empty for what the library at hand does not hold.
+    """Return the names that answer each hidden effect; none where the library lacks it.
 
     Parameters
     ----------
@@ -52,8 +52,7 @@ def right_names(plan: Plan) -> list[list[str]]:
 
 
 def library_of(plan: Plan) -> list[str] | None:
-    """Return the terms that the diagnosis may name; without the family of the hidden effect where it is left
-    out.
+    """Return the terms that the diagnosis may name, without a family that is left out.
 
     Parameters
     ----------
