@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ankle_physics.model import Model
-from ankle_physics.term import Owner, Place
-from calibration.errors import CalibrationError
-from model_discrepancy.diagnose import AUGMENTED_FILE, diagnose
+import numpy as np
 
-TRACKED_TERMS = ("inertia", "viscosity", "stiffness")
-"""Intrinsic terms that follow the subject from moment to moment; reflex arcs do as well."""
+from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.rig_file import RigFile
+from ankle_physics.term import Place
+from calibration.errors import CalibrationError
+from impedance_estimator.known_physics import KnownPhysics, KnownPhysicsRun
+from model_discrepancy.diagnose import AUGMENTED_FILE, diagnose
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.recording.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -34,16 +37,23 @@ class CalibratedSession:
 
 
 def calibrate_session(
-    bag: Path | str, folder: Path | str, progress: Callable[[str], None] = lambda _: None
+    source: Recording | Path | str,
+    folder: Path | str,
+    rig: RigFile | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> CalibratedSession:
     """Diagnose a recording and make the subject's model of what was found.
 
     Parameters
     ----------
-    bag
-        60 to 120 s of perturbation on the subject at rest or at a constant torque.
+    source
+        A recording or a bag: 60 to 120 s of perturbation on the subject at rest or at a constant
+        torque.
     folder
         Receives the diagnosis with its report.
+    rig
+        The calibrated rig, which is undone first, so that only what it does not explain is
+        diagnosed; None: everything that is found of the rig goes into the subject's model.
     progress
         Called with the present step.
 
@@ -55,19 +65,58 @@ def calibrate_session(
         No such bag or topic.
     """
     out = Path(folder)
-    found = diagnose(bag, out, progress=progress)
+    try:
+        recording = source if isinstance(source, Recording) else Recording.from_bag(source)
+    except DiagnosisError as error:
+        raise CalibrationError(f"{source} cannot calibrate a session: {error}") from None
+    found = diagnose(without_rig(recording, rig), out, progress=progress)
     verdict = found.verdict
     if verdict.verdict == "bad_recording" or found.found is None:
-        raise CalibrationError(
-            f"{bag} cannot calibrate a session: {'; '.join(verdict.reasons) or 'bad recording'}"
-        )
-    model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {Path(bag).name}")
+        reasons = "; ".join(verdict.reasons) or "bad recording"
+        raise CalibrationError(f"{recording.name} cannot calibrate a session: {reasons}")
+    model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
 
 
-def subject_model(diagnosed: Model, title: str) -> Model:
-    """Return the subject's part of a diagnosed model, with what follows the subject marked as
-    tracked.
+def without_rig(recording: Recording, rig: RigFile | None) -> Recording:
+    """Undo a calibrated rig as the online estimator does: zeros, delays and the torque sensor.
+
+    Parameters
+    ----------
+    recording
+        As it was measured.
+    rig
+        None: the recording is returned as it is.
+
+    Returns
+    -------
+    Recording
+        Position and torque from their zeros and at the same time; the motion has passed the
+        dynamics of the torque sensor. The plate's inertia stays in the torque.
+    """
+    if rig is None:
+        return recording
+    channels = [recording.time, recording.position]
+    if recording.velocity is not None:
+        channels.append(recording.velocity)
+    channels.append(recording.torque)
+    if recording.reference is not None:
+        channels.append(recording.reference)
+    run = KnownPhysicsRun(KnownPhysics(rig), recording.rate, recording.velocity is not None)
+    undone = run.correct(np.column_stack(channels))
+    torque = 3 if recording.velocity is not None else 2
+    return replace(
+        recording,
+        position=undone[:, 1],
+        velocity=None if recording.velocity is None else undone[:, 2],
+        torque=undone[:, torque],
+        reference=None if recording.reference is None else undone[:, torque + 1],
+        notes=(*recording.notes, f"the rig '{rig.title}' was undone first"),
+    )
+
+
+def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> Model:
+    """Return the part of a diagnosed model that the estimator has to know beside the rig's file.
 
     Parameters
     ----------
@@ -75,14 +124,25 @@ def subject_model(diagnosed: Model, title: str) -> Model:
         As the diagnosis writes it.
     title
         Free text of the new model.
+    rig
+        Its terms are left to it, and the inertia of its plate is not the subject's; None: what was
+        found of the rig stays in the model, as nothing else would undo it.
+
+    Returns
+    -------
+    Model
+        Inertia, viscosity, stiffness and reflex follow the subject from moment to moment and are
+        marked as tracked.
     """
+    known = set() if rig is None else {entry.term.name for entry in rig.model.entries}
     entries = [
         copy.deepcopy(entry)
         for entry in diagnosed.entries
-        if entry.term.belongs_to is Owner.SUBJECT and entry.term.place is not Place.ACTIVATION
+        if entry.term.name not in known and entry.term.place is not Place.ACTIVATION
     ]
+    plate = KnownPhysics(rig).plate_inertia
     for entry in entries:
-        entry.tracked = (
-            entry.term.name in TRACKED_TERMS or entry.term.place is Place.REFLEX_DYNAMICS
-        )
+        entry.tracked = entry.term.name in PAPER_TERMS
+        if entry.term.name == "inertia":
+            entry.values["I"] = max(entry.values["I"] - plate, entry.term.parameter("I").lower)
     return Model(entries, title)

@@ -7,7 +7,8 @@ simulates and diagnoses:
 1. zeros are subtracted and the delays of torque and velocity are evened out;
 2. the lag or mode of the torque sensor is applied to the motion, so that both have it;
 3. friction and weight of the plate are subtracted, its inertia from the estimated I;
-4. straps: the foot's motion follows from the plate's and the torque that the straps transmit;
+4. straps: the foot's motion follows from the plate's and the torque that the straps transmit; a
+   gap between both: from the plate's alone;
 5. the torque of every other term along this motion is subtracted.
 
 What is left is the torque of a joint with K, B, I and a reflex, which the estimator follows. The
@@ -36,6 +37,7 @@ from impedance_estimator.estimator import ESTIMATE_COLUMNS
 
 SUPPORTED_TERMS = (
     *PAPER_TERMS,
+    "backlash",
     "channel_skew",
     "fixation_compliance",
     "footplate_inertia",
@@ -229,6 +231,8 @@ class _Path:
         self._strap = (
             model.entry("fixation_compliance") if model.has("fixation_compliance") else None
         )
+        self._gap = model.entry("backlash") if model.has("backlash") else None
+        self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
         self._plate_inertia = known.plate_inertia
         self._slope = 0.0
         self._last = np.nan
@@ -265,6 +269,8 @@ class _Path:
                 self._smoothed(k, values) for k, values in enumerate((x, v, torque, delayed))
             )
             foot, foot_velocity = self._foot(x, v, torque)
+        if self._gap is not None:
+            foot, foot_velocity = self._behind_gap(foot, foot_velocity)
         torque = torque - self._extra_torque(x, v, foot, foot_velocity, torque)
         out = samples.copy()
         out[:, 1], out[:, torque_column] = foot, torque
@@ -309,6 +315,15 @@ class _Path:
         transmitted = torque - self._plate_inertia * acceleration
         stretch = self._stretch.run(transmitted / stiffness, damping / stiffness)
         return x - stretch, v - (transmitted - stiffness * stretch) / damping
+
+    def _behind_gap(
+        self, position: np.ndarray, velocity: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Motion of the foot [rad], [rad/s] that the plate takes along across a gap."""
+        assert self._gap is not None
+        signals = Signals(self._rate, position, velocity, np.zeros(len(position)))
+        self._gap.term.transform(signals, self._gap.values, self._gap_state)
+        return signals.foot_position, signals.foot_velocity
 
     def _extra_torque(
         self,
@@ -375,6 +390,8 @@ class KnownPhysicsStream:
         self._known = known
         self._rate = rate
         self._columns = (1, 3 if measured_velocity else 2)
+        rig = known.rig
+        self._zeros = (rig.zero_position, rig.zero_torque) if rig is not None else (0.0, 0.0)
         self._run = KnownPhysicsRun(known, rate, measured_velocity)
         self._means = [np.nan, np.nan]
         self._samples = 0
@@ -400,7 +417,9 @@ class KnownPhysicsStream:
 
     def restate(self) -> None:
         """State the contribution of the held terms at the present operating point."""
-        position, torque = self._means
+        position, torque = (
+            mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
+        )
         time = self._samples / self._rate
         if np.isfinite(position + torque):
             stiffness = self._known.added_stiffness(position, torque, time)

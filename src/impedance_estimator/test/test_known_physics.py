@@ -161,3 +161,34 @@ def test_no_files_are_no_known_physics(tmp_path):
     assert known is not None
     assert known.rig is None
     assert len(known.subject.entries) == 4
+
+
+def test_a_gap_between_plate_and_foot_gives_the_motion_of_the_foot():
+    x, v, a = motion(4.0)
+    model = Model.of({**CORE, "backlash": {"gap": 0.004}})
+    signals = Signals(RATE, x, v, a)
+    torque = model.start(RATE).torque(signals)
+    out = KnownPhysicsRun(KnownPhysics(subject=model), RATE, True).correct(
+        np.column_stack([np.arange(len(x)) / RATE, x, v, torque])
+    )
+    skip = round(RATE)
+    assert np.std((out[:, 1] - signals.foot_position)[skip:]) < 1e-9
+    assert np.std((x - signals.foot_position)[skip:]) > 0.001
+
+
+def test_the_operating_point_is_that_of_the_corrected_channels():
+    hardening = {"hardening_stiffness": {"k3": 4000.0, "xc": 0.0}}
+    known = KnownPhysics(
+        RigFile("test", datetime(2026, 1, 1, tzinfo=timezone.utc), zero_position=0.1),
+        Model.of({**CORE, **hardening}),
+    )
+    stream = KnownPhysicsStream(known, RATE, True)
+    samples = np.zeros((4096, 4))
+    samples[:, 0] = np.arange(4096) / RATE
+    samples[:, 1] = 0.1
+    stream.correct(samples)
+    stream.restate()
+    # At the rig's zero the hardening spring has no stiffness yet.
+    added = stream.complete(np.zeros((1, len(ESTIMATE_COLUMNS))))[0, 1]
+    assert added == pytest.approx(0.0, abs=0.1)
+    assert known.added_stiffness(0.1, 0.0, 2.0) > 50.0

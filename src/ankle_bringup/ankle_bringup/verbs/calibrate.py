@@ -106,6 +106,10 @@ def session(
     report: Annotated[Path, typer.Option(help="Folder of the diagnosis with its report.")] = Path(
         "session_diagnosis"
     ),
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="The calibrated rig (rig.yaml), undone before the diagnosis."),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
@@ -114,20 +118,22 @@ def session(
     Writes subject.yaml, and the diagnosis with its report. A running impedance_estimator goes on
     with the new model without a restart.
 
-    Example: ankle calibrate session --seconds 90 --out subject.yaml
+    Example: ankle calibrate session --seconds 90 --rig rig.yaml --out subject.yaml
     """
     from ankle_bringup.terminal import clear_folder
+    from ankle_physics.rig_file import RigFile
     from calibration.session_calibration import calibrate_session
 
     _require_new(out, overwrite)
     clear_folder(report, overwrite, "verdict.json")
+    known = RigFile.load(rig) if rig is not None else None
     live = bag is None
     if bag is None:
         bag = into
         _require_new(into, overwrite=False)
         _record_session(into, seconds)
     with working("calibrating the session") as step:
-        found = calibrate_session(bag, report, step)
+        found = calibrate_session(bag, report, known, step)
     found.model.save(out)
     console.print(f"verdict: {found.verdict['verdict']}", style="bold")
     for effect in found.verdict["effects"]:

@@ -1,0 +1,199 @@
+"""Torque that a model of rig and joint predicts while an estimator follows K, B, I and G.
+
+Every parameter comes from before the sample that it predicts: the held terms from a calibration on
+other data, K, B, I and G from the newest estimate that is at least `LEAD` old. So the prediction
+is one on unseen data, although the estimator goes on learning. Behind a compliant fixation the
+foot's motion is simulated; the measured torque does not take part in its own prediction.
+
+Model and measurement pass the same zero-phase filters as the other offline methods
+(`torque_prediction.working_signals`), so the variances accounted for can be compared.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from ankle_physics.model import Entry, Model
+from ankle_physics.signals import Signals
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.known_physics import ACTIVATION_TIME, KnownPhysics
+from impedance_estimator.offline.torque_prediction import (
+    FILTER_ORDER,
+    HIGHPASS,
+    LOWPASS,
+    checked_signals,
+    decimation,
+)
+
+LEAD = 1.0
+"""[s] An estimate predicts torque that is at least this much newer: more than two reflex responses,
+so that nothing which it has seen is among what it predicts."""
+IGNORED = 1.0
+"""[s] Left out at both ends, where filters and delays still settle."""
+SKEW, SPONTANEOUS = "channel_skew", "voluntary_torque"
+"""Undone in the frequency domain, for either sign; and left out, as no movement causes it."""
+CORE = {
+    "stiffness": ("K", "K[N.m/rad]"),
+    "viscosity": ("B", "B[N.m.s/rad]"),
+    "inertia": ("I", "I[kg.m^2]"),
+    "reflex": ("G", "G[N.m.s/rad]"),
+}
+"""Terms that the estimator follows: their parameter, and its column."""
+
+
+class ModelPrediction(NamedTuple):
+    """Predicted and measured torque within the band that is judged.
+
+    Attributes
+    ----------
+    time
+        Since the first sample [s], shape (n,).
+    torque
+        Predicted [N.m], shape (n,).
+    measured
+        [N.m], shape (n,).
+    """
+
+    time: np.ndarray
+    torque: np.ndarray
+    measured: np.ndarray
+
+    @property
+    def vaf(self) -> float:
+        """Variance of the measured torque that is accounted for [%]."""
+        return 100.0 * (1.0 - float(np.var(self.measured - self.torque) / np.var(self.measured)))
+
+
+def predict_with_model(
+    rate: float,
+    known: KnownPhysics,
+    position: np.ndarray,
+    torque: np.ndarray,
+    rows: np.ndarray | None = None,
+    velocity: np.ndarray | None = None,
+) -> ModelPrediction:
+    """Predict the torque along a recording under a calibrated model.
+
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz], at least 250.
+    known
+        Rig and subject; their model has K, B, I and a reflex.
+    position, torque
+        [rad], [N.m], shape (n,).
+    rows
+        Estimates of an online estimator on this recording that knows the same physics, columns
+        `ESTIMATE_COLUMNS`, times since the first sample; None: the model's own K, B, I and G hold.
+    velocity
+        [rad/s], shape (n,), where it was measured; otherwise position is differentiated.
+
+    Raises
+    ------
+    ValueError
+        As `torque_prediction.checked_signals`.
+    ankle_physics.errors.ModelError
+        The model lacks one of `CORE`.
+    """
+    position, checked, velocity = checked_signals(rate, position, torque, velocity)
+    assert checked is not None
+    zero = known.rig.zero_position if known.rig is not None else 0.0
+    motion = _motion(rate, position - zero, velocity)
+    gains = _core_values(known, motion[0], checked, rows, rate)
+    activation = _slow(checked, rate)
+    model = _with_gains(known.model, gains, float(motion[0].mean()))
+    predicted = model.start(rate).torque(Signals(rate, *motion, activation))
+    if known.model.has(SKEW):
+        skew = float(known.model.entry(SKEW).values["skew"])
+        predicted = _shifted(predicted, skew * rate)
+    # The ends go first: derivatives that are held there would ring in the high-pass for seconds.
+    inside = slice(round(IGNORED * rate), -round(IGNORED * rate))
+    lowpass = signal.butter(FILTER_ORDER, LOWPASS, fs=rate, output="sos")
+    highpass = signal.butter(FILTER_ORDER, HIGHPASS, "highpass", fs=rate, output="sos")
+    every = decimation(rate)
+    measured = signal.sosfiltfilt(lowpass, checked)[inside]
+    return ModelPrediction(
+        (np.arange(len(position)) / rate)[inside][::every],
+        signal.sosfiltfilt(highpass, predicted[inside])[::every],
+        signal.sosfiltfilt(highpass, measured)[::every],
+    )
+
+
+def _motion(
+    rate: float, position: np.ndarray, velocity: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return position, velocity and acceleration below `LOWPASS`."""
+    lowpass = signal.butter(FILTER_ORDER, LOWPASS, fs=rate, output="sos")
+    x = signal.sosfiltfilt(lowpass, position)
+    v = _derivative(x, rate) if velocity is None else signal.sosfiltfilt(lowpass, velocity)
+    return x, v, _derivative(v, rate)
+
+
+def _derivative(values: np.ndarray, rate: float) -> np.ndarray:
+    """Return the derivative of fourth order, the ends held."""
+    padded = np.pad(values, 2, mode="edge")
+    return (8.0 * (padded[3:-1] - padded[1:-3]) - padded[4:] + padded[:-4]) * rate / 12.0
+
+
+def _slow(torque: np.ndarray, rate: float) -> np.ndarray:
+    """Return the mean torque of the last `ACTIVATION_TIME` [N.m]."""
+    decay = np.exp(-1.0 / (ACTIVATION_TIME * rate))
+    out, _ = signal.lfilter([1.0 - decay], [1.0, -decay], torque, zi=[decay * torque[0]])
+    return np.asarray(out)
+
+
+def _core_values(
+    known: KnownPhysics,
+    position: np.ndarray,
+    torque: np.ndarray,
+    rows: np.ndarray | None,
+    rate: float,
+) -> dict[str, np.ndarray]:
+    """Return K, B, I and G at every sample, by term, each of shape (n,)."""
+    count = len(position)
+    own = {
+        term: np.full(count, float(known.model.entry(term).values[symbol]))
+        for term, (symbol, _) in CORE.items()
+    }
+    if rows is None:
+        return own
+    valid = rows[rows[:, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0]
+    newest = np.searchsorted(valid[:, 0], np.arange(count) / rate - LEAD, side="right") - 1
+    there = newest >= 0
+    at = float(position.mean()), float(torque.mean()), 0.5 * count / rate
+    held = {
+        "stiffness": known.added_stiffness(*at),
+        "reflex": known.added_gain(*at),
+        "inertia": 0.0,
+        "viscosity": 0.0,
+    }
+    for term, (_, column) in CORE.items():
+        estimated = valid[newest[there], ESTIMATE_COLUMNS.index(column)] - held[term]
+        own[term][there] = estimated
+    return own
+
+
+def _with_gains(model: Model, gains: dict[str, np.ndarray], middle: float) -> Model:
+    """Return the model with changing K, B, I, G and its spring about the mean angle: a change of K
+    then adds no offset."""
+    entries = []
+    for entry in model.entries:
+        name = entry.term.name
+        if name in (SKEW, SPONTANEOUS):
+            continue
+        values = dict(entry.values)
+        if name in CORE:
+            values[CORE[name][0]] = gains[name]
+        if name == "stiffness":
+            values["x0"] = middle
+        entries.append(Entry(entry.term, values))
+    return Model(entries)
+
+
+def _shifted(values: np.ndarray, samples: float) -> np.ndarray:
+    """Return a signal later by so many samples, also a part of one."""
+    at = np.arange(len(values)) - samples
+    return np.interp(at, np.arange(len(values)), values)

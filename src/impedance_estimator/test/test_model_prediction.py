@@ -1,0 +1,95 @@
+"""The torque that a calibrated model predicts on data that it was not fitted to."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from ankle_physics.model import Model
+from ankle_physics.signals import Signals
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.offline.model_prediction import LEAD, predict_with_model
+
+RATE = 1000.0
+CORE = {
+    "inertia": {"I": 0.0137},
+    "viscosity": {"B": 0.63},
+    "stiffness": {"K": 100.0, "x0": 0.0},
+    "reflex": {"G": 10.0},
+}
+
+
+def motion(seconds=12.0):
+    random = np.random.default_rng(7)
+    sections = signal.butter(4, 12.0, fs=RATE, output="sos")
+    x = signal.sosfilt(sections, random.normal(size=round(seconds * RATE)))
+    x *= 0.02 / x.std()
+    v = np.gradient(x, 1.0 / RATE)
+    return x, v, np.gradient(v, 1.0 / RATE)
+
+
+def torque_of(terms, x, v, a):
+    return Model.of(terms).start(RATE).torque(Signals(RATE, x, v, a))
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        {"maxwell_relaxation": {"k": 60.0, "T": 0.08}, "channel_skew": {"skew": 0.003}},
+        {"fixation_compliance": {"k_s": 500.0, "b_s": 1.0}},
+    ],
+)
+def test_the_model_that_made_the_torque_predicts_it_and_the_core_alone_does_not(extra):
+    x, v, a = motion()
+    measured = torque_of({**CORE, **extra}, x, v, a)
+    right = predict_with_model(RATE, KnownPhysics(subject=Model.of({**CORE, **extra})), x, measured)
+    bare = predict_with_model(RATE, KnownPhysics(subject=Model.of(CORE)), x, measured)
+    assert right.vaf > 99.9
+    assert bare.vaf < 95.0
+
+
+def test_a_torque_that_comes_earlier_is_predicted_earlier():
+    x, v, a = motion()
+    late_position = {**CORE, "channel_skew": {"skew": -0.003}}
+    signals = Signals(RATE, x, v, a)
+    measured = Model.of(late_position).start(RATE).torque(signals)
+    found = predict_with_model(
+        RATE, KnownPhysics(subject=Model.of(late_position)), signals.measured_position, measured
+    )
+    assert found.vaf > 99.9
+
+
+def rows_of(times, K):
+    rows = np.zeros((len(times), len(ESTIMATE_COLUMNS)))
+    for name, value in (
+        ("t[s]", times),
+        ("K[N.m/rad]", K),
+        ("B[N.m.s/rad]", 0.63),
+        ("I[kg.m^2]", 0.0137),
+        ("G[N.m.s/rad]", 10.0),
+        ("valid[1]", 1.0),
+    ):
+        rows[:, ESTIMATE_COLUMNS.index(name)] = value
+    return rows
+
+
+def test_estimates_predict_only_what_comes_after_them():
+    """K doubles: rows that say so at once are right from then on, but for the time in which only
+    older rows may be used.
+    """
+    x, v, a = motion()
+    middle = len(x) // 2
+    K = np.where(np.arange(len(x)) < middle, 100.0, 200.0)
+    model = Model.of(CORE)
+    model.entry("stiffness").values["K"] = K
+    measured = model.start(RATE).torque(Signals(RATE, x, v, a))
+    times = np.arange(0.0, 12.0, 1.0 / 16.0)
+    rows = rows_of(times, np.where(times < middle / RATE, 100.0, 200.0))
+    known = KnownPhysics(subject=Model.of(CORE))
+    followed = predict_with_model(RATE, known, x, measured, rows)
+    error = np.abs(followed.torque - followed.measured)
+    since = followed.time - middle / RATE
+    late = (since > LEAD + 0.2) | (since < -0.2)
+    assert error[late].max() < 0.3
+    assert error[(since > 0.0) & (since < LEAD)].max() > 1.0
+    assert followed.vaf > predict_with_model(RATE, known, x, measured).vaf
