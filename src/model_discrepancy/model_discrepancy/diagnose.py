@@ -55,6 +55,7 @@ LOOP_SENTENCE = (
     "no command was recorded and the servo gives way under load: what generic regressors predict "
     "of the rest may be torque that moved the plate, and is no sign of missing physics"
 )
+EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
 
 
 @dataclass
@@ -193,6 +194,8 @@ def _diagnose(
     verdict.rig = _rig(problem)
     if problem.in_a_loop:
         verdict.reasons.append(LOOP_SENTENCE)
+    if problem.activation_by_emg:
+        verdict.reasons.append(EMG_SENTENCE)
     verdict.recording = _conditions(recording, fitter, found.final)
     block = None
     if verdict.verdict == "unexplained":

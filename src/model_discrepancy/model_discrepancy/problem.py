@@ -16,6 +16,7 @@ from model_discrepancy.criticism.generic_bank import GenericBank
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.rows import LOW_PASS_HZ
+from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Compliance, Servo, held_compliance, identify_servo
@@ -55,6 +56,8 @@ class Problem:
         Two interleaved halves of the rows, each bool, shape (rows.count,).
     noise
         Whitened residual without what generic regressors predict of it, shape (rows.count,).
+    activation_by_emg
+        Whether the muscles' activation follows from EMG; else from slow torque.
     """
 
     recording: Recording
@@ -65,6 +68,7 @@ class Problem:
     bank: GenericBank
     parts: tuple[np.ndarray, np.ndarray]
     noise: np.ndarray
+    activation_by_emg: bool = False
 
     @property
     def in_a_loop(self) -> bool:
@@ -101,8 +105,9 @@ def prepare(
         base = fit_base(fitter, terms)
     # What the base model does not make of the movement is voluntary torque, and what is missing.
     left = fitter.rows.torque(base.left)
-    activation = fitter.rows.slow(base.left, ACTIVATION_HZ)
-    motion = replace(motion, activation=float(np.mean(motion.torque)) + activation)
+    activation = float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ)
+    by_emg = emg_activation(recording, motion.velocity, activation, motion.rate, ACTIVATION_HZ)
+    motion = replace(motion, activation=activation if by_emg is None else by_emg)
     compliance = (
         servo.compliance
         if servo is not None
@@ -117,7 +122,9 @@ def prepare(
     fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
     base = align(fitter, fitter.fit(terms, base.values))
     noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())
-    return Problem(recording, servo, compliance, fitter, base, bank, parts, noise)
+    return Problem(
+        recording, servo, compliance, fitter, base, bank, parts, noise, by_emg is not None
+    )
 
 
 def joint_impedance(base: Fit) -> tuple[float, float, float]:
