@@ -35,6 +35,10 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is at
 Algorithm = Annotated[
     str, typer.Option(help="Estimator: 'ankle run impedance_estimator impedance_estimator --help'.")
 ]
+OwnTerms = Annotated[
+    Path | None,
+    typer.Option("--terms", help="Folder of terms of your own (Python files, which are run)."),
+]
 CORES = os.cpu_count() or 1
 Workers = Annotated[int, typer.Option(help="Processes on this machine.")]
 Scheduler = Annotated[

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import sys
 from abc import ABC
 from collections.abc import Mapping
 from contextlib import suppress
@@ -229,12 +230,17 @@ class Term(ABC):
 
 @cache
 def term_library() -> dict[str, type[Term]]:
-    """Return every term in `ankle_physics.terms` by its name."""
+    """Return every term by its name: those in `ankle_physics.terms` and one's own."""
     import ankle_physics.terms as package
 
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
-    found = {term.name: term for term in _subclasses(Term) if hasattr(term, "name")}
+    # A class whose module was refused is still a subclass, but its module is gone.
+    found = {
+        term.name: term
+        for term in _subclasses(Term)
+        if hasattr(term, "name") and term.__module__ in sys.modules
+    }
     return dict(sorted(found.items()))
 
 

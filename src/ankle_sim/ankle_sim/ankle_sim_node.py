@@ -49,6 +49,7 @@ from ankle_node.qos import publisher_qos
 from ankle_physics.actuator import Servo
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
+from ankle_physics.own_terms import load_terms
 from ankle_physics.rig_file import RigFile
 from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
@@ -61,6 +62,7 @@ from ankle_sim.parameters import (
     STATE_PARAMETERS,
     SUBJECT,
     SUBJECT_PARAMETERS,
+    TERMS,
     VOLUNTARY_TORQUE,
     model_parameters,
     with_voluntary_torque,
@@ -259,7 +261,8 @@ class AnkleSimNode(AnkleNode):
 
 
 def make_model(values: Mapping[str, Any]) -> Model:
-    """The model that the values of the parameters `model`, `subject` and `rig` name."""
+    """The model that the values of the parameters `model`, `subject`, `terms` and `rig` name."""
+    load_terms(str(values.get(TERMS.name, "")))
     path, subject = str(values.get(MODEL.name, "")), int(values.get(SUBJECT.name, 0))
     rig = str(values.get(RIG.name, ""))
     if path:
@@ -285,7 +288,10 @@ def make() -> AnkleSimNode:
     """The node with the model that its parameters name."""
     return AnkleSimNode(
         make_model(
-            {parameter.name: start_value(NAME, parameter) for parameter in (MODEL, SUBJECT, RIG)}
+            {
+                parameter.name: start_value(NAME, parameter)
+                for parameter in (MODEL, TERMS, SUBJECT, RIG)
+            }
         )
     )
 

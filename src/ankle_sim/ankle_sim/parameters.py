@@ -18,6 +18,12 @@ MODEL = Quantity(
     description="Model file (YAML); empty: the model of van 't Veld et al. 2018, figure 1.",
     start_only=True,
 )
+TERMS = Quantity(
+    "terms",
+    default="",
+    description="Folder of terms of one's own (Python) that the model may hold; empty: none.",
+    start_only=True,
+)
 SCENARIO = Quantity(
     "scenario",
     default="",
@@ -36,6 +42,7 @@ RIG = Quantity(
 _PAPER = SignalToNoise()
 RIG_PARAMETERS = (
     MODEL,
+    TERMS,
     SCENARIO,
     RIG,
     Quantity(

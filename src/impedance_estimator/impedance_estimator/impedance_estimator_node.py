@@ -29,12 +29,14 @@ from ankle_interfaces.topics import (
     PERTURBATION_REFERENCE,
 )
 from ankle_node.node import ERROR, LATEST_QOS, OK, WARN, AnkleNode, run
+from ankle_physics.own_terms import load_terms
 from impedance_estimator.known_physics import load_known_physics
 from impedance_estimator.live_estimates import Compilation, LiveEstimates
 from impedance_estimator.parameters import (
     MODEL,
     PARAMETERS,
     RIG,
+    TERMS,
     WAIT_FOR_READERS,
     settings_from,
 )
@@ -81,6 +83,7 @@ class ImpedanceEstimator(AnkleNode):
 
     def _make_stream(self, values: dict[str, Value]) -> EstimateStream:
         try:
+            load_terms(str(values[TERMS.name]))
             known = load_known_physics(str(values[MODEL.name]), str(values[RIG.name]))
             return EstimateStream(str(values["algorithm"]), settings_from(values), known)
         except (ValueError, OSError) as error:

@@ -37,6 +37,12 @@ MODEL = Quantity(
         "regression. Empty: none."
     ),
 )
+TERMS = Quantity(
+    "terms",
+    default="",
+    description="Folder of terms of one's own (Python) that the model may hold; empty: none.",
+    start_only=True,
+)
 RIG = Quantity(
     "rig",
     default="",
@@ -46,6 +52,7 @@ RIG = Quantity(
 PARAMETERS = (
     WAIT_FOR_READERS,
     MODEL,
+    TERMS,
     RIG,
     Quantity(
         "algorithm",

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+from ankle_bringup.terminal import Out, Overwrite, OwnTerms, clear_folder, console, working
 
 
 def verb(
@@ -17,6 +17,7 @@ def verb(
         Path | None,
         typer.Option(help="A model file as the baseline, instead of the paper's model refitted."),
     ] = None,
+    terms: OwnTerms = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Find where the joint model fails on a recording, and which physics was left out.
@@ -27,8 +28,10 @@ def verb(
     """
     import json
 
+    from ankle_physics.own_terms import load_terms
     from model_discrepancy.diagnose import diagnose
 
+    load_terms(terms or "")
     clear_folder(out, overwrite, "verdict.json")
     with working("diagnosing") as step:
         found = diagnose(bag, out, model, progress=step)

@@ -13,6 +13,7 @@ from ankle_bringup.terminal import (
     Algorithm,
     Out,
     Overwrite,
+    OwnTerms,
     clear_folder,
     console,
     progress,
@@ -35,6 +36,7 @@ def verb(
     rig: Annotated[
         Path | None, typer.Option(help="The calibrated rig (rig.yaml) of the recording.")
     ] = None,
+    terms: OwnTerms = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Estimate K, B, I and G from a bag, with the numbers that the node gives.
@@ -46,6 +48,7 @@ def verb(
     """
     from ankle_interfaces.quantity import quantities
     from ankle_interfaces.topics import ANKLE_SAMPLES
+    from ankle_physics.own_terms import load_terms
     from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
     from impedance_estimator.known_physics import load_known_physics
     from impedance_estimator.offline.recorded_estimates import estimate_bag
@@ -62,6 +65,7 @@ def verb(
     if not given.keys() <= quantities(own).keys():
         raise RunError(f"algorithm '{chosen}' has no --highpass; C, CE and O have")
     settings = own(**given)
+    load_terms(terms or "")
     known = load_known_physics(str(model or ""), str(rig or ""))
     BagReader(bag).topic(ANKLE_SAMPLES.absolute)  # before an earlier result is removed
     clear_folder(out, overwrite, "metadata.yaml")

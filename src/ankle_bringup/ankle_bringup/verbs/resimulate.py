@@ -7,13 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+from ankle_bringup.terminal import Out, Overwrite, OwnTerms, clear_folder, console, working
 
 
 def verb(
     bag: Annotated[Path, typer.Argument(help="The recorded bag.")],
     diagnosis: Annotated[Path, typer.Argument(help="Folder that `ankle diagnose` wrote for it.")],
     out: Out = Path("resimulation"),
+    terms: OwnTerms = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Run the recording's own movement through the simulation, with and without the new physics.
@@ -22,8 +23,10 @@ def verb(
 
     Example: ankle resimulate session session_diagnosis --out session_simulated
     """
+    from ankle_physics.own_terms import load_terms
     from model_discrepancy.tools.resimulation import resimulate_bag
 
+    load_terms(terms or "")
     clear_folder(out, overwrite, "resimulation.png")
     with working("simulating"):
         result = resimulate_bag(bag, diagnosis, out)
