@@ -4,14 +4,16 @@
 | --- | --- | --- | --- |
 | impedance/estimate | in | Float64MultiArray | t[s],K[N.m/rad],G[N.m.s/rad],valid[1]: the cursor |
 | ankle/samples | in | Float64MultiArray | t[s],position[rad],velocity[rad/s],torque[N.m] |
-| emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V]: traces |
+| emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V]: traces, activity |
+| emg/responses | in, in a course | Float64MultiArray | each onset: the reflex of a trial |
 | /diagnostics | in, out | DiagnosticArray | health, recording, free disk; own frames and pages |
 | rig/state | in | String | state of the rig's driver |
 | rig/operator_alive | out | String | 10 Hz while an operator's page is alive: id of the session |
 | session/event | out | String | holds, targets, start, pause, stop, faults, notes |
 
 Services that it calls: `arm`, `start`, `stop`, `reset_fault` of the rig's driver
-(std_srvs/Trigger), parameters of `ankle_sim`.
+(std_srvs/Trigger), `perturb` of the perturbation generator in a conditioning course, parameters of
+`ankle_sim`.
 
 Threads: the executor takes the graph's messages; `SessionRunner` has the session and its clock;
 `RigServices` the calls to the rig; the pages' server and the file with the progress have one each.
@@ -39,6 +41,7 @@ from ankle_interfaces.continuity import Finding
 from ankle_interfaces.topics import (
     ANKLE_SAMPLES,
     DIAGNOSTICS,
+    EMG_RESPONSES,
     EMG_SAMPLES,
     IMPEDANCE_ESTIMATE,
     MUSCLES,
@@ -52,6 +55,9 @@ from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
 from biofeedback.session import saved_session
+from biofeedback.session.course import load_course
+from biofeedback.session.course_file import CourseFile
+from biofeedback.session.perturbation_request import PerturbationRequest
 from biofeedback.session.protocol import load_protocol
 from biofeedback.session.rig_services import RigServices
 from biofeedback.session.runner import SessionRunner
@@ -84,7 +90,12 @@ class BiofeedbackNode(AnkleNode):
         host = self.text("host")
         self._access = Access(host, self.text("token"))
         self._tls = tls_context(self.text("certificate"), self.text("key"))
-        session = Session(load_protocol(self.text("protocol")))
+        self._course = self._open_course()
+        session = (
+            Session(load_protocol(self.text("protocol")))
+            if self._course is None
+            else Session(next_of_course=self._course.next_session)
+        )
         self._signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
         self._rig, self._subject = RigServices(self, self.text("rig")), SimulatedSubject(self)
         self._events = self.create_publisher(
@@ -101,6 +112,7 @@ class BiofeedbackNode(AnkleNode):
             self._record,
             self.now,
             self._keep_progress,
+            None if self._course is None else PerturbationRequest(self),
         )
         presenter = Presenter(self._signals, self.number("cursor_frequency"), self.text("language"))
         self._server = Server(
@@ -129,7 +141,9 @@ class BiofeedbackNode(AnkleNode):
         self._look()
         self._ankle = self.block_subscription(ANKLE_SAMPLES, self._take_samples)
         self.block_subscription(IMPEDANCE_ESTIMATE, self._take_estimates, ESTIMATE)
-        self.block_subscription(EMG_SAMPLES, self._take_emg)
+        self._emg = self.block_subscription(EMG_SAMPLES, self._take_emg)
+        if self._course is not None:
+            self.block_subscription(EMG_RESPONSES, self._take_responses)
         self.create_subscription(
             DiagnosticArray, DIAGNOSTICS.name, self._take_diagnostics, DIAGNOSTICS_KEPT
         )
@@ -138,6 +152,15 @@ class BiofeedbackNode(AnkleNode):
             self._runner.close()
             self._rig.close()
             raise self._failure or OSError(f"the pages were not there within {START_PATIENCE:g} s")
+
+    def _open_course(self) -> CourseFile | None:
+        """The course that this node leads, from the record of its subject."""
+        if not self.text("course"):
+            return None
+        subject = self.text("subject")
+        named = self.text("course_record")
+        path = Path(named) if named else saved_session.state_folder() / f"course_{subject}.yaml"
+        return CourseFile(path, load_course(self.text("course")), subject, self._warn_of_progress)
 
     def _serve(self, host: str, port: int) -> None:
         asyncio.set_event_loop(self._loop)
@@ -198,6 +221,9 @@ class BiofeedbackNode(AnkleNode):
 
     def _keep_progress(self, present: dict[str, Any]) -> None:
         """Keep progress on disk: at each step, and once a second while the clock runs."""
+        conditioning = self._runner.session.conditioning
+        if self._course is not None and conditioning is not None:
+            self._course.keep(conditioning.session)
         timeless = {"elapsed": 0.0, "clock": 0.0}
         stepped = {**present, **timeless} != {**self._saved, **timeless}
         if not stepped and (
@@ -245,7 +271,11 @@ class BiofeedbackNode(AnkleNode):
         self._signals.feed_estimates(block.data, time.monotonic())
 
     def _take_emg(self, block: Block, findings: list[Finding]) -> None:
-        self._signals.feed_emg(block.data)
+        if self._emg.rate:
+            self._signals.feed_emg(block.data, self._emg.rate, time.monotonic())
+
+    def _take_responses(self, block: Block, findings: list[Finding]) -> None:
+        self._signals.feed_responses(block.data)
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         namespace = f"{self.get_namespace().rstrip('/')}/"
@@ -276,6 +306,8 @@ class BiofeedbackNode(AnkleNode):
         self._send_events()
         if self._progress is not None:
             self._progress.close()
+        if self._course is not None:
+            self._course.close()
         self._rig.close()
         super().destroy_node()
 

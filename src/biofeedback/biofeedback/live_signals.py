@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,12 +16,15 @@ from typing import Any
 import numpy as np
 
 from biofeedback.graph_health import GraphHealth
+from biofeedback.muscle_activity import MuscleActivity
 from biofeedback.voluntary_torque import CUTOFF, VoluntaryTorque
 from biofeedback.web.live_traces import MinMaxTraces
 
 STALE_AFTER = 0.5
 """[s] Largest age of what is shown: older estimates or samples describe another moment than the one
 the subject feels."""
+RESPONSES_KEPT = 100
+"""Largest number of EMG responses that wait to be read; they are read 30 times a second."""
 WAITING, INVALID, STALE, GOOD = "waiting", "invalid", "stale", "valid"
 
 
@@ -45,7 +49,9 @@ class Snapshot:
     angle
         Of the plate, newest sample [rad]; NaN before the first.
     emg
-        Rectified EMG of the newest block by channel [V]; empty before the first.
+        Activity of each muscle, see `MuscleActivity` [V]; empty before the first block.
+    emg_quality
+        Of the EMG: `WAITING`, `STALE` or `GOOD`.
     """
 
     K: float
@@ -57,6 +63,7 @@ class Snapshot:
     torque_quality: str
     angle: float
     emg: Mapping[str, float]
+    emg_quality: str = WAITING
 
 
 class _Arrival:
@@ -77,6 +84,10 @@ class _Arrival:
         )
 
 
+def _quality(age: float) -> str:
+    return WAITING if age == math.inf else STALE if age > STALE_AFTER else GOOD
+
+
 class LiveSignals:
     """Collects blocks of every topic that a page shows.
 
@@ -92,9 +103,10 @@ class LiveSignals:
         self._lock = threading.Lock()
         self._torque = VoluntaryTorque(torque_cutoff)
         self._K = self._G = self._angle = math.nan
-        self._emg_names, self._emg = tuple(emg_names), dict[str, float]()
+        self._activity = MuscleActivity(tuple(emg_names))
+        self._responses: deque[np.ndarray] = deque(maxlen=RESPONSES_KEPT)
         self._valid = False
-        self._estimates, self._samples = _Arrival(), _Arrival()
+        self._estimates, self._samples, self._emg = _Arrival(), _Arrival(), _Arrival()
         self.health = GraphHealth()
         self.traces = {
             "ankle": MinMaxTraces(("torque", "angle")),
@@ -138,13 +150,29 @@ class LiveSignals:
                 samples[:, 0], np.column_stack([samples[:, 3], np.degrees(samples[:, 1])])
             )
 
-    def feed_emg(self, samples: np.ndarray) -> None:
-        """Process EMG, shape (n, 1 + channels): t [s], then [V]; it is shown in microvolts."""
+    def feed_emg(self, samples: np.ndarray, rate: float, heard: float) -> None:
+        """Process EMG, shape (n, 1 + channels): t [s], then [V]; it is shown in microvolts.
+
+        `rate` is the sampling rate [Hz], `heard` the monotonic time of arrival [s].
+        """
+        if not len(samples):
+            return
         with self._lock:
-            if len(samples):
-                rectified = np.abs(samples[:, 1:]).mean(axis=0).tolist()
-                self._emg = dict(zip(self._emg_names, rectified, strict=False))
+            self._emg.note(float(samples[-1, 0]), heard)
+            self._activity.feed(samples[:, 1:], rate)
             self.traces["emg"].feed(samples[:, 0], 1e6 * samples[:, 1:])
+
+    def feed_responses(self, rows: np.ndarray) -> None:
+        """Process EMG responses, rows of the columns of the topic ``emg/responses``."""
+        with self._lock:
+            self._responses.extend(rows)
+
+    def new_responses(self) -> list[np.ndarray]:
+        """Return the rows of the responses since the last call."""
+        with self._lock:
+            found = list(self._responses)
+            self._responses.clear()
+        return found
 
     def feed_status(
         self, name: str, level: int, message: str, figures: Mapping[str, str], heard: float
@@ -163,10 +191,6 @@ class LiveSignals:
                 quality = STALE
             else:
                 quality = GOOD if self._valid else INVALID
-            torque_age = self._samples.age(now, heard_now)
-            torque_quality = (
-                WAITING if torque_age == math.inf else STALE if torque_age > STALE_AFTER else GOOD
-            )
             return Snapshot(
                 self._K,
                 self._G,
@@ -174,9 +198,10 @@ class LiveSignals:
                 self._estimates.time,
                 age,
                 quality,
-                torque_quality,
+                _quality(self._samples.age(now, heard_now)),
                 self._angle,
-                self._emg,
+                self._activity.values,
+                _quality(self._emg.age(now, heard_now)),
             )
 
     def new_faults(self) -> list[tuple[str, str]]:

@@ -53,6 +53,36 @@ PROTOCOL = Quantity(
     description="Session protocol: a name that comes with the package, or a YAML file.",
     start_only=True,
 )
+COURSE = Quantity(
+    "course",
+    default="",
+    description=(
+        "Conditioning course: a name that comes with the package, or a YAML file; takes the "
+        "protocol's place. Needs the parameter subject."
+    ),
+    start_only=True,
+)
+SUBJECT = Quantity(
+    "subject", default="", description="Pseudonym of the subject, as S07.", start_only=True
+)
+VISIT = Quantity(
+    "visit",
+    "1",
+    0,
+    9999,
+    0,
+    description="Number of the visit, shown on the operator's page; 0: not stated.",
+    start_only=True,
+)
+COURSE_RECORD = Quantity(
+    "course_record",
+    default="",
+    description=(
+        "Record of the subject's course, from which the next session follows; empty: "
+        "~/.local/state/ankle/course_SUBJECT.yaml."
+    ),
+    start_only=True,
+)
 STATE_FILE = Quantity(
     "state_file",
     default="",
@@ -117,6 +147,10 @@ PARAMETERS = (
     KEY,
     LANGUAGE,
     PROTOCOL,
+    COURSE,
+    SUBJECT,
+    VISIT,
+    COURSE_RECORD,
     STATE_FILE,
     RESUME_WITHIN,
     RATE,

@@ -155,9 +155,8 @@ class Laboratory:
             velocity = np.zeros(n)
             torque = -self.torque + self.K * x + 0.05 * random.standard_normal(n)
             self.signals.feed_samples(np.column_stack([t, x, velocity, torque]), RATE, heard)
-            self.signals.feed_emg(
-                np.column_stack([t, *(2e-6 * k * random.standard_normal(n) for k in range(1, 5))])
-            )
+            emg = [2e-6 * k * random.standard_normal(n) for k in range(1, 5)]
+            self.signals.feed_emg(np.column_stack([t, *emg]), RATE, heard)
             self.signals.feed_estimates(
                 np.array([[t[-1], self.K, self.G, float(self.valid)]]), heard
             )

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from biofeedback.errors import CommandError, ProtocolError
+from biofeedback.session.conditioning import Conditioning, Response, largest_activity
 from biofeedback.session.course import (
     CONDITIONED,
     CONTROL,
@@ -17,7 +18,10 @@ from biofeedback.session.course import (
     TrialGate,
     load_course,
 )
-from biofeedback.session.course_record import load_record, new_record, trend
+from biofeedback.session.course_file import CourseFile
+from biofeedback.session.course_record import SessionResult, load_record, new_record, trend
+from biofeedback.session.protocol import BREAK
+from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Reading, Session
 from biofeedback.session.simulated_learner import Learner, SimulatedLearner, run_course
 
 SHIPPED = ("down_training", "up_training")
@@ -65,7 +69,7 @@ def test_mistakes_in_a_course_are_named(tmp_path, changes, words):
 
 
 def test_an_unknown_course_names_those_that_are_known():
-    with pytest.raises(ProtocolError, match="known are down_training, up_training"):
+    with pytest.raises(ProtocolError, match="known are demonstration, down_training, up_training"):
         load_course("sideways")
 
 
@@ -204,3 +208,140 @@ def test_a_session_broken_off_early_is_left_out_of_the_trend(tmp_path):
     record.results[-1] = replace(record.results[-1], trials=5, conditioned=1e-9)
     assert trend(record, course).sessions == (2, 3)
     assert trend(record, course, CONDITIONED).percent == pytest.approx(whole.percent, rel=0.2)
+
+
+def led(course, behaviour, seconds=60.0, number=None, lead=1.0):
+    """Lead a course session's trials in virtual time.
+
+    `behaviour(now)` gives torque [N.m] and activity [MVC]; each stretch that is asked for comes
+    `lead` later, with a reflex that grows by 1 from one to the next. Returns conditioning, events,
+    and the onsets.
+    """
+    session = CourseSession(course, number or course.baseline_sessions + 1)
+    conditioning, events, onsets, onset = Conditioning(session), [], [], None
+    for k in range(round(30 * seconds)):
+        now = 100.0 + k / 30
+        responses = []
+        if onset is not None and now > onset + 0.2:
+            responses, onset = [Response(onset, float(len(onsets)))], None
+        torque, activity = behaviour(now - 100.0)
+        events += conditioning.tick(now, torque, activity, responses)
+        if conditioning.take_request():
+            onset = now + lead
+            onsets.append(onset)
+    return conditioning, events, onsets
+
+
+def steady(course):
+    window = course.background
+    return window.torque, 0.5 * (window.emg_lower + window.emg_upper)
+
+
+def test_a_trial_counts_only_if_the_background_was_held_until_the_stretch(tmp_path):
+    course = load_course(written(tmp_path))
+    held = steady(course)
+    conditioning, events, onsets = led(course, lambda t: held, 30.0)
+    counted = [event for event in events if event.event == "trial"]
+    assert len(counted) == len(conditioning.session.trials) == 6
+    assert np.diff(onsets).min() >= course.trial_interval - 1e-6
+    assert onsets[0] - 100.0 >= course.background.duration
+    # Who leaves it between request and stretch gets the stretch, but no trial.
+    late = onsets[0] - 0.3 - 100.0
+    left = lambda t: (0.0, held[1]) if late < t < late + 0.1 else held  # noqa: E731
+    conditioning, events, onsets = led(course, left, 10.0)
+    assert events[0].event == "trial not counted"
+    assert "before the perturbation" in events[0].details["reason"]
+    assert len(conditioning.session.trials) == len(onsets) - 1
+    # Neither torque nor EMG alone is enough.
+    for behaviour in ((held[0], 0.9), (held[0] + 3.0, held[1])):
+        assert led(course, lambda t, now=behaviour: now, 10.0)[2] == []
+
+
+def test_three_stretches_without_a_response_end_the_block(tmp_path):
+    course = load_course(written(tmp_path))
+    session = Session(next_of_course=lambda: CourseSession(course, 1))
+    session.arm(0.0)
+    session.start(0.0)
+    torque, activity = steady(course)
+    events, asked = [], 0
+    for k in range(30 * 60):
+        events += session.tick(k / 30, Reading(math.nan, math.nan, torque, False, activity))
+        asked += session.conditioning.take_request()
+        if session.state != RUNNING:
+            break
+    assert (session.state, asked) == (PAUSED, 3)
+    assert [event.event for event in events][-3:] == [
+        "trial not counted",
+        "fault",
+        "session paused",
+    ]
+    assert "EMG processor" in events[-2].details["message"]
+
+
+def test_a_session_of_a_course_goes_from_control_trials_to_its_end(tmp_path):
+    course = load_course(written(tmp_path))
+    file = CourseFile(tmp_path / "S07.yaml", course, "S07", pytest.fail)
+    file.record.results = baseline_results(course)
+    session = Session(next_of_course=file.next_session)
+    assert session.step.block == 0
+    torque, activity = steady(course)
+    now, waiting, events = 0.0, None, []
+
+    def run(until):
+        nonlocal now, waiting
+        for _ in range(100_000):
+            if until():
+                return
+            now += 1 / 30
+            if session.state == PAUSED and session.step.kind == BREAK:
+                session.arm(now)
+                events.extend(session.start(now))
+            responses = ()
+            if waiting is not None and now > waiting + 0.2:
+                responses, waiting = (Response(waiting, 1.0 + 0.01 * (round(now) % 7)),), None
+            reading = Reading(math.nan, math.nan, torque, False, activity, responses)
+            events.extend(session.tick(now, reading))
+            if session.conditioning.take_request():
+                waiting = now + 0.5
+            file.keep(session.conditioning.session)
+        raise AssertionError("it did not end")
+
+    session.arm(0.0)
+    session.start(0.0)
+    run(lambda: session.step.block == 2)
+    assert session.target.upper == pytest.approx(1e6 * session.conditioning.session.criterion)
+    file.close()
+    # The computer fails; another one continues in the same block.
+    file = CourseFile(tmp_path / "S07.yaml", course, "S07", pytest.fail)
+    done = len(session.conditioning.session.trials)
+    session = Session(next_of_course=file.next_session)
+    assert len(session.conditioning.session.trials) == done
+    assert session.step.block == 2
+    session.arm(now)
+    session.start(now)
+    waiting = None
+    run(lambda: session.state == FINISHED)
+    file.close()
+    record = load_record(tmp_path / "S07.yaml")
+    assert len(record.results) == course.baseline_sessions + 1
+    assert record.results[-1].trials == record.results[-1].planned
+    assert 0.0 < record.results[-1].success_rate < 1.0
+    assert record.unfinished is None
+    rewarded = [event.details["success"] for event in events if "success" in event.details]
+    assert sum(rewarded) == round(record.results[-1].success_rate * len(rewarded))
+    with pytest.raises(CommandError, match="record of subject 'S07', not of 'S08'"):
+        CourseFile(tmp_path / "S07.yaml", course, "S08", pytest.fail)
+
+
+def baseline_results(course):
+    return [
+        SessionResult(number, "2026-11-20", 75, 75, 1.0, math.nan, math.nan)
+        for number in range(1, course.baseline_sessions + 1)
+    ]
+
+
+def test_a_course_needs_the_largest_contraction_with_emg(tmp_path):
+    course = load_course(written(tmp_path))
+    assert largest_activity(course, {"mvc_plantarflexion": {"SOL[V]": 2e-4}}) == 2e-4
+    with pytest.raises(CommandError, match="do the check 'mvc_plantarflexion' with EMG"):
+        largest_activity(course, {"mvc_plantarflexion": {"torque[N.m]": 80.0}})

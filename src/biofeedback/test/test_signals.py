@@ -15,6 +15,7 @@ from ankle_sim.live_subject import LiveSubject, subject_model
 from ankle_sim.virtual_subject import State, draw_subject
 from biofeedback.graph_health import GraphHealth
 from biofeedback.live_signals import GOOD, INVALID, STALE, WAITING, LiveSignals
+from biofeedback.muscle_activity import MuscleActivity
 from biofeedback.voluntary_torque import VoluntaryTorque
 from biofeedback.web.cursor import Cursor
 from biofeedback.web.live_traces import MinMaxTraces
@@ -150,3 +151,16 @@ def test_a_fault_is_told_once():
         health.feed("rig", 2, "emergency stop", {}, 1.0)
     assert health.new_faults() == [("rig", "emergency stop")]
     assert health.new_faults() == []
+
+
+def test_activity_is_that_of_the_muscle_not_of_the_electrodes_offset():
+    random = np.random.default_rng(3)
+    activity = MuscleActivity(("SOL", "TA"))
+    for _ in range(640):
+        emg = random.standard_normal((32, 2)) * (2e-5, 1e-6) + 5e-3
+        activity.feed(emg, 2048.0)
+    # Of Gaussian noise, the mean of the absolute value is sqrt(2 / pi) of the rms.
+    assert activity.values["SOL"] == pytest.approx(2e-5 * np.sqrt(2 / np.pi), rel=0.15)
+    assert activity.values["TA"] == pytest.approx(1e-6 * np.sqrt(2 / np.pi), rel=0.15)
+    activity.feed(np.full((32, 2), np.nan), 2048.0)
+    assert activity.values["SOL"] == pytest.approx(2e-5 * np.sqrt(2 / np.pi), rel=0.15)

@@ -3,6 +3,7 @@
 | topic | direction | content |
 | --- | --- | --- |
 | perturbation/reference | out, 64 Hz | t[s],position[rad],velocity[rad/s],acceleration[rad/s^2] |
+| ~/perturb | service | Trigger: one stretch of the signal ``on_request``; answers its onset [s] |
 | /diagnostics | out, 1 Hz | blocks sent, late blocks, worst lateness |
 
 Sample k has the time t0 + k / rate, t0 being the ROS time of the start (``wait_for_readers``). A
@@ -19,12 +20,14 @@ import time
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
+from std_srvs.srv import Trigger
 
 from ankle_interfaces.quantity import Value
 from ankle_interfaces.topics import PERTURBATION_REFERENCE
 from ankle_node.node import OK, WARN, AnkleNode, run
 from ankle_node.real_time import GENERATOR_PRIORITY, keep_loaded_objects, take_priority
 from perturbation_generator.limits import limits_from
+from perturbation_generator.on_request import OnRequest
 from perturbation_generator.pacing import Lateness, Schedule
 from perturbation_generator.parameters import BLOCK_SIZE, LEAD, PARAMETERS, READERS
 from perturbation_generator.signals import signal_from
@@ -56,6 +59,8 @@ class PerturbationGeneratorNode(AnkleNode):
         if self._lead > 0.0 and (refusal := take_priority(GENERATOR_PRIORITY)):
             self.get_logger().warning(refusal)
         self._busy = threading.Lock()
+        self._schedule: Schedule | None = None
+        self.create_service(Trigger, "~/perturb", self._perturb)
         self._stopped = threading.Event()
         self.health("clock", OK, "")
         self.health("pacing", OK, "")
@@ -72,6 +77,27 @@ class PerturbationGeneratorNode(AnkleNode):
             self._limits.check(self._signal, amplitude)
             with self._busy:
                 self._signal.set_amplitude(amplitude)
+
+    def _perturb(self, request: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        """Give one stretch, if the signal is one that waits for it."""
+        answer.success = False
+        if not isinstance(self._signal, OnRequest):
+            answer.message = (
+                f"signal '{self._signal.name}' runs by itself; single stretches need the parameter "
+                f"signal = {OnRequest.name}"
+            )
+        elif self._schedule is None:
+            answer.message = "the signal has not started: it waits for its readers"
+        else:
+            with self._busy:
+                onset = self._signal.request()
+            answer.success = onset is not None
+            answer.message = (
+                f"{self._schedule.start + onset:.6f}"
+                if onset is not None
+                else "the last stretch is not over, the amplitude is 0, or the signal ends"
+            )
+        return answer
 
     def destroy_node(self) -> None:
         """Stop the pacing first, so that no block leaves a node that ends."""
@@ -104,7 +130,7 @@ class PerturbationGeneratorNode(AnkleNode):
             time.sleep(CLOCK_POLL)
         self.health("clock", OK, "")
         settings = self._signal.settings
-        schedule = Schedule(self.now(), settings.rate, self._lead)
+        schedule = self._schedule = Schedule(self.now(), settings.rate, self._lead)
         first = 0
         while self._running and first != settings.samples:
             n = (

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.edges import shape_from
 from perturbation_generator.multisine import Multisine
+from perturbation_generator.on_request import OnRequest
 from perturbation_generator.prbs import Prbs
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.random_steps import RandomSteps
@@ -18,7 +19,8 @@ from perturbation_generator.settings import COMMON, Settings
 from perturbation_generator.signal import Signal
 
 SIGNALS: dict[str, type[Signal]] = {
-    signal.name: signal for signal in (PulseStep, RandomSteps, Prbs, Multisine, RigCalibration)
+    signal.name: signal
+    for signal in (PulseStep, RandomSteps, Prbs, Multisine, RigCalibration, OnRequest)
 }
 SIGNAL = Quantity(
     "signal",

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from ankle_interfaces.errors import QuantityError
 from perturbation_generator.edges import Block, Filtered, Polynomial
 from perturbation_generator.multisine import Multisine
+from perturbation_generator.on_request import OnRequest
 from perturbation_generator.prbs import Prbs
 from perturbation_generator.pulse_step import GROUP, PulseStep
 from perturbation_generator.random_steps import RandomSteps
@@ -141,3 +143,21 @@ def test_multisine_period_at_a_rate_that_does_not_divide_it():
     x = signal.next(4000)[2000:, 0]
     np.testing.assert_array_equal(x[:1000], x[500:1500])
     assert signal.frequencies[0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_stretch_is_given_for_each_request_and_never_two_at_once():
+    signal = OnRequest(Settings(amplitude=0.04))
+    assert not signal.next(1024).any()
+    onset = signal.request()
+    assert onset == pytest.approx(0.5)
+    assert signal.request() is None
+    position = signal.next(2048)[:, 0]
+    rate = signal.settings.rate
+    assert position.max() == pytest.approx(0.04)
+    assert np.flatnonzero(position > 0.02)[0] / rate == pytest.approx(0.012, abs=1e-3)
+    assert np.sum(position > 0.02) / rate == pytest.approx(0.5, abs=1e-3)
+    assert position[-1] == 0.0
+    assert signal.request() is not None
+    assert [o.direction for o in signal.onsets()] == [1, -1]
+    with pytest.raises(QuantityError, match="an edge takes"):
+        OnRequest(Settings(shape=Polynomial(0.2)), hold=0.1)

@@ -13,7 +13,10 @@ from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, workin
 
 def verb(
     plan: Annotated[
-        str, typer.Argument(help="down_training, up_training, or a course file of your own.")
+        str,
+        typer.Argument(
+            help="down_training, up_training, demonstration, or a course file of your own."
+        ),
     ],
     record: Annotated[
         Path | None, typer.Option(help="Record of a subject's course; shows its trend.")

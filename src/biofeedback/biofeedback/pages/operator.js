@@ -93,13 +93,22 @@ function showFrame(frame) {
   if (!last) return;
   const { session } = last;
   const counting = session.state === "running" || session.kind === "break";
-  put(by("remaining"), counting ? clock(frame.remaining) : "");
+  put(by("remaining"), counting && session.duration > 0 ? clock(frame.remaining) : "");
   by("bar").style.width = `${session.duration > 0 && counting ? Math.min((100 * frame.elapsed) / session.duration, 100) : 0}%`;
   const quality = { valid: "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet" };
   const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
   const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
   by("share").className = said ? "warn" : "";
-  put(by("share"), said ? `⚠ ${said}` : share(session));
+  put(by("share"), said ? `⚠ ${said}` : last.trials ? background(last.trials) : share(session));
+}
+
+const percent = (part) => `${Math.round(100 * part)} %`;
+
+// A conditioning course: the background that a trial waits for, and how the trials go.
+function background({ activity, activity_window: [lower, upper], held, waiting, success_rate: rate }) {
+  const emg = activity === null ? "no EMG" : `EMG ${percent(activity)} of MVC (wanted ${percent(lower)} to ${percent(upper)})`;
+  const now = waiting ? "perturbation asked for" : held ? "background held" : "waiting for the background";
+  return `${now}; ${emg}${rate === null ? "" : `; ${percent(rate)} successes`}`;
 }
 
 function share({ kind, hold_share: [valid, inside] }) {
@@ -114,9 +123,10 @@ function showState(state) {
   put(by("title"), session.title);
   const kinds = { running: "good", armed: "warn", paused: "warn", idle: "", finished: "" };
   pill(by("state"), session.state, kinds[session.state]);
-  put(by("where"), `block ${session.block} of ${session.blocks}`);
-  put(by("where-what"), session.hold ? `hold ${session.hold} of ${session.holds}` : session.kind);
-  const steps = { baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
+  const { trials } = state;
+  put(by("where"), session.block ? `block ${session.block} of ${session.blocks}` : "control trials");
+  put(by("where-what"), trials ? `trial ${trials.done} of ${trials.planned}` : session.hold ? `hold ${session.hold} of ${session.holds}` : session.kind);
+  const steps = { trials: `Trials, ${trials?.kind}`, baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
   put(by("step"), session.state === "finished" ? "Finished" : steps[session.kind]);
   pill(by("recording"), recording.on ? `● recording${recording.missing ? `, ${recording.missing} SAMPLES MISSING` : ""}` : "✕ NOT RECORDING",
     recording.on && !recording.missing ? "good" : "bad");
@@ -148,7 +158,7 @@ function showButtons({ session, rig, pages }) {
   const running = session.state === "running", holding = running && session.kind === "hold";
   const able = {
     arm: ["idle", "paused"].includes(session.state), start: session.state === "armed", pause: running,
-    start_hold: running && session.kind === "reach", end_hold: holding, next: running, reset_fault: rig.name !== null,
+    start_hold: running && session.kind === "reach", end_hold: holding, next: running && session.kind !== "trials", reset_fault: rig.name !== null,
     restart: ["idle", "paused", "finished"].includes(session.state),
   };
   for (const button of document.querySelectorAll("button[data-command]")) {

@@ -59,7 +59,7 @@ function label(value) {
 }
 
 function drawGrid(context, plot, size, to, state, ink) {
-  const bottom = plot.top + plot.size, right = plot.left + plot.width;
+  const bottom = plot.top + plot.height, right = plot.left + plot.width;
   context.lineWidth = Math.max(1, 0.002 * size);
   context.strokeStyle = GRID;
   context.fillStyle = DIM;

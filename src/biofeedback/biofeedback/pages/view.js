@@ -73,7 +73,7 @@ export class View {
     if (!state) return;
     const { session, target } = state;
     put(parts.instruction, words.instruction[session.instruction]);
-    put(parts.detail, this.detail(session, words));
+    put(parts.detail, this.detail(session, state.trials, words));
     put(parts.up, `↑ ${words.axis.up}`);
     put(parts.down, `↓ ${words.axis.down}`);
     put(parts.less, `← ${words.axis.less}`);
@@ -81,14 +81,16 @@ export class View {
     put(parts.more, `${words.axis.more} →`);
     put(parts.foot, session.holds_done ? fill(words.hits, { hits: session.hits, done: session.holds_done }) : "");
     const counts = frame && (session.state === "running" || session.kind === "break");
-    put(parts.time, counts ? clock(frame.remaining) : "");
+    put(parts.time, counts && session.duration > 0 ? clock(frame.remaining) : "");
     parts.time.classList.toggle("holding", session.kind === "hold" && session.state === "running");
-    const done = counts && session.duration > 0 ? Math.min(frame.elapsed / session.duration, 1) : 0;
+    const part = state.trials && session.kind === "trials" ? state.trials.done / state.trials.planned : session.duration > 0 ? frame.elapsed / session.duration : 0;
+    const done = counts ? Math.min(part, 1) : 0;
     parts.bar.firstChild.style.width = `${100 * done}%`;
   }
 
-  detail(session, words) {
+  detail(session, trials, words) {
     if (session.state !== "running") return words.detail[session.instruction] ?? "";
+    if (trials) return fill(words.trial, { done: Math.min(trials.done + 1, trials.planned), planned: trials.planned });
     const block = fill(words.progress, session);
     return session.hold ? `${block} · ${fill(words.hold, session)}` : block;
   }
@@ -98,6 +100,6 @@ export class View {
     const bad = quality !== "valid";
     const text = bad ? `⚠ ${words.quality[quality]}` : state?.session.state === "running" && frame?.hint ? words.hint[frame.hint] : "";
     put(hint, text);
-    hint.className = `v-hint${bad ? " bad" : frame?.hint === "good" ? " good" : ""}`;
+    hint.className = `v-hint${bad ? " bad" : ["good", "success", "steady"].includes(frame?.hint) ? " good" : ""}`;
   }
 }

@@ -29,10 +29,9 @@ SMALLEST_BASELINE = {"K": 5.0, "G": 0.5}
 """[N.m/rad], [N.m.s/rad] Scale for a subject who has less (a reflex of nearly zero is common):
 levels of it would be noise.
 """
-DEFAULT_AXES = {"K": (0.0, 200.0), "G": (0.0, 20.0)}
-"""[N.m/rad], [N.m.s/rad] Before there is a baseline: the range of the paper's simulations (K 50 to
-150, G 5 to 15, section III-A).
-"""
+DEFAULT_AXES = {"K": (0.0, 200.0), "G": (0.0, 20.0), "reflex": (0.0, 3.0)}
+"""[N.m/rad], [N.m.s/rad], [µV.s] Before there is a baseline: the range of the paper's simulations
+(K 50 to 150, G 5 to 15, section III-A); a reflex burst of 150 µV over the 20 ms of its window."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from biofeedback.errors import CommandError
+from biofeedback.errors import CommandError, ProtocolError
 
 OPEN, RUNNING, DONE, FAILED, SKIPPED = "open", "running", "done", "failed", "skipped"
 RELAXED_SPREAD = 0.5
@@ -72,6 +72,31 @@ CHECKS = {
         "Session calibration", "Run 'ankle calibrate session' on a first recording; then confirm."
     ),
 }
+
+
+def checked_names(content: Any, name: str) -> tuple[str, ...]:
+    """Return the names of a file's check list.
+
+    Parameters
+    ----------
+    content
+        Of the key ``check_list``.
+    name
+        Of the file.
+
+    Raises
+    ------
+    ProtocolError
+        No list, an unknown check, or one that is named twice.
+    """
+    if not isinstance(content, list):
+        raise ProtocolError(f"{name}: 'check_list' is a list of checks")
+    for entry in content:
+        if entry not in CHECKS:
+            raise ProtocolError(f"{name}: check '{entry}' is unknown; allowed: {', '.join(CHECKS)}")
+    if len(set(content)) < len(content):
+        raise ProtocolError(f"{name}: 'check_list' names a check twice")
+    return tuple(content)
 
 
 @dataclass(frozen=True)

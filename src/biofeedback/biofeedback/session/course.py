@@ -24,10 +24,11 @@ import numpy as np
 import yaml
 
 from biofeedback.errors import CommandError, ProtocolError
+from biofeedback.session.check_list import checked_names
 
 CONTROL, CONDITIONED = "control", "conditioned"
 UP, DOWN = "up", "down"
-MEASURES = {"reflex_emg": "V", "G": "N.m.s/rad"}
+MEASURES = {"reflex_emg": "V.s", "G": "N.m.s/rad"}
 MUSCLES = ("SOL", "TA", "GL", "GM")
 LEAST_TRIALS = 10
 """Least number of reflexes for a criterion: of fewer, a quantile is little better than a guess."""
@@ -52,6 +53,7 @@ _TOP: dict[str, _Range] = {
     "trials_per_block": _Range(LEAST_TRIALS, 500, True),
     "success_rate[1]": _Range(0.1, 0.9),
     "trial_interval[s]": _Range(0.5, 60.0),
+    "break[s]": _Range(0.0, 3600.0),
 }
 _BACKGROUND: dict[str, _Range] = {
     "torque[N.m]": _Range(-30.0, 30.0),
@@ -100,7 +102,7 @@ class Course:
     title
         Free text.
     measure
-        ``reflex_emg`` [V] or ``G`` [N.m.s/rad].
+        ``reflex_emg`` [V.s] or ``G`` [N.m.s/rad].
     muscle
         Whose EMG is conditioned and held.
     direction
@@ -113,8 +115,12 @@ class Course:
         Share of successes of a subject who does not change.
     trial_interval
         Least time between two perturbations [s].
+    break_time
+        Least time between two blocks [s].
     background
         What is held before a perturbation.
+    check_list
+        Names of the checks before the first trial, see `check_list`.
     digest
         Tells one course from another.
     """
@@ -131,7 +137,9 @@ class Course:
     trials_per_block: int
     success_rate: float
     trial_interval: float
+    break_time: float
     background: Background
+    check_list: tuple[str, ...]
     digest: str
 
     @property
@@ -359,7 +367,7 @@ def load_course(name: str) -> Course:
 
 
 def _course(content: Any, name: str, digest: str) -> Course:
-    words = {"course", "measure", "muscle", "direction", "background"}
+    words = {"course", "measure", "muscle", "direction", "background", "check_list"}
     _check_keys(content, words | set(_TOP), name)
     _check_keys(content["background"], set(_BACKGROUND), f"{name}: background")
     for key, allowed in (
@@ -394,6 +402,8 @@ def _course(content: Any, name: str, digest: str) -> Course:
         trials_per_block=int(top["trials_per_block"]),
         success_rate=top["success_rate[1]"],
         trial_interval=top["trial_interval[s]"],
+        break_time=top["break[s]"],
+        check_list=checked_names(content["check_list"], name),
         background=Background(
             held["torque[N.m]"],
             held["torque_half_width[N.m]"],

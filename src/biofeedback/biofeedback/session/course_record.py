@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -164,12 +165,24 @@ class CourseRecord:
         OSError
             The disk refuses.
         """
-        beside = path.with_name(path.name + ".new")
-        with beside.open("w") as stream:
-            yaml.safe_dump(asdict(self), stream, sort_keys=False)
-            stream.flush()
-            os.fsync(stream.fileno())
-        beside.replace(path)
+        save_record(path, asdict(self))
+
+
+def save_record(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a record's content; after a crash the file holds the old or the new one.
+
+    Raises
+    ------
+    OSError
+        The disk refuses.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(path.name + ".new")
+    with beside.open("w") as stream:
+        yaml.safe_dump(dict(content), stream, sort_keys=False)
+        stream.flush()
+        os.fsync(stream.fileno())
+    beside.replace(path)
 
 
 def load_record(path: Path) -> CourseRecord:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from biofeedback.session.conditioning import Conditioning
 from biofeedback.session.protocol import BREAK
 from biofeedback.session.session_program import (
     FINISHED,
@@ -24,7 +25,7 @@ SETTLING_TIME = 0.7
 
 def instruction(session: Session) -> str:
     """Give the key of the present instruction: ``relax``, ``reach``, ``hold``, ``break``,
-    ``paused``, ``stopped``, ``wait`` or ``finished``.
+    ``paused``, ``stopped``, ``wait``, ``finished``, or ``trials`` in a conditioning course.
     """
     if session.state == FINISHED:
         return "finished"
@@ -36,7 +37,9 @@ def instruction(session: Session) -> str:
         return "paused"
     if session.state != RUNNING:
         return "wait"
-    return {"baseline": "relax", "reach": "reach", "hold": "hold"}[session.step.kind]
+    return {"baseline": "relax", "reach": "reach", "hold": "hold", "trials": "trials"}[
+        session.step.kind
+    ]
 
 
 def direction(target: Target, reading: Reading) -> str:
@@ -66,6 +69,32 @@ def direction(target: Target, reading: Reading) -> str:
     if value < target.lower:
         return "stiffer" if target.feedback == "K" else "livelier"
     return "good"
+
+
+def trial_direction(conditioning: Conditioning, reading: Reading, now: float) -> str:
+    """Give the key of the hint of a conditioning course: the result of the last trial for a moment,
+    then what leads to the background.
+
+    Returns
+    -------
+    str
+        ``success``, ``miss``, a key of `direction`, ``tense`` or ``relax`` (the muscle), or
+        ``steady``.
+    """
+    result = conditioning.result(now)
+    if result:
+        return result
+    window = conditioning.course.background
+    if not math.isfinite(reading.torque) or not math.isfinite(reading.activity):
+        return ""
+    error = reading.torque - window.torque
+    if abs(error) > window.torque_half_width:
+        if error < 0.0:
+            return "lift_more" if window.torque > 0.0 else "push_less"
+        return "push_more" if window.torque < 0.0 else "lift_less"
+    if reading.activity > window.emg_upper:
+        return "relax"
+    return "tense" if reading.activity < window.emg_lower else "steady"
 
 
 class Guidance:

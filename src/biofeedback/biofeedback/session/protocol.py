@@ -16,9 +16,9 @@ from typing import Any
 import yaml
 
 from biofeedback.errors import ProtocolError
-from biofeedback.session.check_list import CHECKS
+from biofeedback.session.check_list import checked_names
 
-BASELINE, REACH, HOLD, BREAK = "baseline", "reach", "hold", "break"
+BASELINE, REACH, HOLD, BREAK, TRIALS = "baseline", "reach", "hold", "break", "trials"
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
 PAPER = "van_t_veld_2018"
 _LIMITS = {
@@ -42,7 +42,7 @@ class Step:
     Attributes
     ----------
     kind
-        `BASELINE`, `REACH`, `HOLD` or `BREAK`.
+        `BASELINE`, `REACH`, `HOLD`, `BREAK`, or `TRIALS` of a conditioning course.
     duration
         [s].
     block
@@ -196,19 +196,8 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         durations["torque_half_width[N.m]"],
         durations["level_half_width[1]"],
         digest,
-        _check_list(content.get("check_list", []), name),
+        checked_names(content.get("check_list", []), name),
     )
-
-
-def _check_list(content: Any, name: str) -> tuple[str, ...]:
-    if not isinstance(content, list):
-        raise ProtocolError(f"{name}: 'check_list' is a list of checks")
-    for entry in content:
-        if entry not in CHECKS:
-            raise ProtocolError(f"{name}: check '{entry}' is unknown; allowed: {', '.join(CHECKS)}")
-    if len(set(content)) < len(content):
-        raise ProtocolError(f"{name}: 'check_list' names a check twice")
-    return tuple(content)
 
 
 def _check_keys(content: Any, allowed: set[str], optional: set[str], where: str) -> None:

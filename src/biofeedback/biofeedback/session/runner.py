@@ -20,17 +20,17 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Callable, Coroutine, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError
-from biofeedback.live_signals import GOOD, LiveSignals, Snapshot
-from biofeedback.session.axis_calibration import Baseline
+from biofeedback.live_signals import LiveSignals, Snapshot
 from biofeedback.session.check_list import CHECKS, FAILED, BodyReading, CheckList
 from biofeedback.session.commands import Command
-from biofeedback.session.guidance import Guidance, direction, instruction
-from biofeedback.session.protocol import Step
+from biofeedback.session.conditioning import largest_activity
+from biofeedback.session.devices import Perturbation, Rig, Subject
+from biofeedback.session.guidance import Guidance
+from biofeedback.session.readings import read
 from biofeedback.session.screen_axes import ScreenAxes
 from biofeedback.session.session_program import (
     ARMED,
@@ -40,8 +40,8 @@ from biofeedback.session.session_program import (
     RUNNING,
     Reading,
     Session,
-    Target,
 )
+from biofeedback.session.session_view import SessionView, hint_now, view_of
 
 TICK_RATE = 30.0
 """[Hz] The estimator's rate; a hold's end is then at most 33 ms late."""
@@ -82,95 +82,6 @@ _TARGET_FIELDS = {
 _logger = logging.getLogger(__name__)
 
 
-class Rig(Protocol):
-    """The interface to the rig's drivers, as far as a session commands them."""
-
-    @property
-    def present(self) -> bool:
-        """Whether there is exactly one driver, which may be commanded."""
-
-    @property
-    def several(self) -> bool:
-        """Whether there is more than one driver."""
-
-    @property
-    def problem(self) -> str:
-        """What is wrong with the drivers; empty where nothing is."""
-
-    def describe(self) -> dict[str, Any]:
-        """Return the fields of `messages.RigState`."""
-
-    async def call(self, action: str) -> None:
-        """Carry out ``arm``, ``start`` or ``reset_fault``; raises `CommandError`."""
-
-    def stop(self) -> None:
-        """Stop every driver known now or before, from any thread, without waiting."""
-
-    def announce_operator(self, session_id: str) -> None:
-        """Publish the operator's heartbeat."""
-
-
-class Subject(Protocol):
-    """The interface to a simulated subject whose behaviour can be set."""
-
-    def describe(self) -> dict[str, float] | None:
-        """Return the present values; None where there is no simulated subject."""
-
-    async def set(self, values: Mapping[str, float]) -> None:
-        """Change what the subject does; raises `CommandError`."""
-
-
-@dataclass(frozen=True)
-class SessionView:
-    """The state of the session at one moment, for whoever shows it.
-
-    Attributes
-    ----------
-    state, stop_reason, elapsed, remaining, clock, hold_share, holds_done, hits
-        As of `Session`.
-    baseline, target, step
-        As of `Session`.
-    title, blocks, holds
-        Of the protocol.
-    instruction, hint
-        Keys of the pages' message files, see `guidance`.
-    in_target
-        Whether the cursor is in the target.
-    axes, axes_set
-        Ends of the axes, and which of them the operator has set.
-    rig, subject
-        As the rig and the simulated subject describe themselves.
-    log
-        Last session events, the oldest first.
-    checks
-        The visit's check list, by the fields of `messages.CheckState`.
-    """
-
-    state: str
-    stop_reason: str
-    elapsed: float
-    remaining: float
-    clock: float
-    hold_share: tuple[float, float]
-    holds_done: int
-    hits: int
-    baseline: Baseline | None
-    target: Target
-    step: Step
-    title: str
-    blocks: int
-    holds: int
-    instruction: str
-    hint: str
-    in_target: bool
-    axes: dict[str, tuple[float, float]]
-    axes_set: list[str]
-    rig: dict[str, Any]
-    subject: dict[str, float] | None
-    log: list[SessionEvent]
-    checks: list[dict[str, Any]]
-
-
 class SessionRunner:
     """Owns the session and is the only one who commands the rig.
 
@@ -188,6 +99,8 @@ class SessionRunner:
         Called after each tick and command with what `Session.saved` gives.
     clock
         Gives ROS time [s].
+    perturbation
+        Gives the stretches of a conditioning course.
     """
 
     def __init__(
@@ -199,6 +112,7 @@ class SessionRunner:
         on_event: Callable[[SessionEvent], None],
         clock: Callable[[], float],
         on_progress: Callable[[dict[str, Any]], None] = lambda progress: None,
+        perturbation: Perturbation | None = None,
     ) -> None:
         self.session = session
         self.axes = ScreenAxes(session)
@@ -209,6 +123,7 @@ class SessionRunner:
         self._on_event = on_event
         self._on_progress = on_progress
         self._clock = clock
+        self._perturbation = perturbation
         self._session_id = uuid.uuid4().hex
         self._log: deque[SessionEvent] = deque(maxlen=LOG_LINES)
         self._guidance = Guidance()
@@ -311,18 +226,28 @@ class SessionRunner:
         self._follow_operator()
         self._follow_lost_start()
         found = self._signals.snapshot(now, monotonic)
-        self._reading = self._read(found)
+        rows = self._signals.new_responses()
+        self._reading = read(self.session, self.checks.results, found, rows)
         self._follow_checks(now, found)
         before = session.state
         self.record(session.tick(now, self._reading))
         if before == RUNNING and session.state != RUNNING:
             self._rig.stop()
+        self._follow_perturbation(now)
         self._publish_view()
 
-    def _read(self, found: Snapshot) -> Reading:
-        rest = self.session.baseline.torque if self.session.baseline is not None else 0.0
-        valid = found.quality == GOOD and found.torque_quality == GOOD
-        return Reading(found.K, found.G, found.torque - rest, valid)
+    def _follow_perturbation(self, now: float) -> None:
+        """Ask for the stretch that the course wants; a refusal pauses the session."""
+        conditioning, perturbation = self.session.conditioning, self._perturbation
+        if conditioning is None or perturbation is None:
+            return
+        if self.session.state == RUNNING and conditioning.take_request():
+            perturbation.give()
+        if perturbation.refusal and self.session.state == RUNNING:
+            fault = {"node": "course", "message": perturbation.refusal}
+            self.record([SessionEvent("fault", now, fault), *self.session.pause(now)])
+            self._rig.stop()
+            perturbation.refusal = ""
 
     def _follow_checks(self, now: float, found: Snapshot) -> None:
         name = self.checks.tick(now, BodyReading(found.torque, found.angle, found.emg))
@@ -459,6 +384,8 @@ class SessionRunner:
             raise CommandError(self._rig.problem)
         if name == "arm" and self.checks.missing:
             raise CommandError(f"the check list is not complete: {', '.join(self.checks.missing)}")
+        if name == "arm" and session.conditioning is not None:
+            largest_activity(session.conditioning.course, self.checks.results)
         stops = self._stops
         if self._rig.present:
             # From the request on: an armed session waits here for its start.
@@ -530,42 +457,14 @@ class SessionRunner:
         self._on_progress({**self.session.saved(), "checks": self.checks.saved()})
 
     def _picture(self) -> SessionView:
-        session, reading = self.session, self._reading
-        target = session.target
-        asks = session.state == RUNNING and session.step.level is not None
-        hint = self._guidance.update(direction(target, reading) if asks else "", self._monotonic)
-        return SessionView(
-            state=session.state,
-            stop_reason=session.stop_reason,
-            elapsed=session.elapsed,
-            remaining=session.remaining,
-            clock=session.clock,
-            hold_share=session.hold_share,
-            holds_done=session.holds_done,
-            hits=session.hits,
-            baseline=session.baseline,
-            target=target,
-            step=session.step,
-            title=session.protocol.title,
-            blocks=session.protocol.blocks,
-            holds=session.protocol.holds,
-            instruction=instruction(session),
-            hint=hint,
-            in_target=target.reached(reading),
-            axes=self.axes.ends(),
-            axes_set=self.axes.set_by_operator,
-            rig=self._rig.describe(),
-            subject=self._subject.describe(),
-            log=list(self._log),
-            checks=[
-                {
-                    "name": name,
-                    "title": CHECKS[name].title,
-                    "instruction": CHECKS[name].instruction,
-                    "measured": CHECKS[name].duration > 0.0,
-                    "state": state,
-                    "result": self.checks.results[name],
-                }
-                for name, state in self.checks.states.items()
-            ],
+        now = hint_now(self.session, self._reading, self._clock())
+        return view_of(
+            self.session,
+            self._reading,
+            self.axes,
+            self.checks,
+            self._rig,
+            self._subject,
+            self._log,
+            self._guidance.update(now, self._monotonic),
         )

@@ -13,10 +13,15 @@ from typing import Any
 from biofeedback.errors import CommandError
 
 
+def state_folder() -> Path:
+    """Return the folder for what outlives a process on this computer."""
+    base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    return base / "ankle"
+
+
 def default_path(port: int) -> Path:
     """Return where the state of the node at a port is kept; two nodes never share a port."""
-    base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    return base / "ankle" / f"biofeedback_{port}.json"
+    return state_folder() / f"biofeedback_{port}.json"
 
 
 def save(path: Path, content: Mapping[str, Any], now: float) -> None:
@@ -88,16 +93,19 @@ class ProgressWriter:
         Of the file.
     on_failure
         Called with the reason where the disk refuses.
-    clock
-        Gives wall time [s].
+    write
+        Writes a content to a path so that a crash leaves the old or the new one.
     """
 
     def __init__(
-        self, path: Path, on_failure: Callable[[str], None], clock: Callable[[], float] = time.time
+        self,
+        path: Path,
+        on_failure: Callable[[str], None],
+        write: Callable[[Path, Mapping[str, Any]], None] | None = None,
     ) -> None:
         self._path = path
         self._on_failure = on_failure
-        self._clock = clock
+        self._write_content = write or (lambda path, content: save(path, content, time.time()))
         self._newest: Mapping[str, Any] | None = None
         self._wake = threading.Event()
         self._closing = False
@@ -117,7 +125,7 @@ class ProgressWriter:
             if content is None:
                 continue
             try:
-                save(self._path, content, self._clock())
+                self._write_content(self._path, content)
             except OSError as error:
                 self._on_failure(f"progress is not kept: {error}")
 

@@ -30,7 +30,12 @@ class ScreenAxes:
     def ends(self) -> dict[str, tuple[float, float]]:
         """Return the ends of ``x`` (feedback, in its unit) and ``y`` (torque [N.m])."""
         session, feedback = self._session, self._session.target.feedback
-        x = DEFAULT_AXES[feedback] if session.baseline is None else session.baseline.axis(feedback)
+        if session.conditioning is not None:
+            x = session.conditioning.axis()
+        elif session.baseline is None:
+            x = DEFAULT_AXES[feedback]
+        else:
+            x = session.baseline.axis(feedback)
         y = torque_axis(
             [*session.protocol.targets, session.target.torque], session.protocol.torque_half_width
         )

@@ -116,7 +116,7 @@ class ScriptedSession:
                 await page.send_str(SEEN)
             yield content
 
-    async def _say(self, page: Any, name: str, **values: float) -> None:
+    async def _say(self, page: Any, name: str, **values: float | str) -> None:
         self._number += 1
         await page.send_json({"id": self._number, "command": name, **values})
 

@@ -9,14 +9,25 @@ approach phase starts again. The session has no clock of its own: every method r
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
 from biofeedback.errors import CommandError
 from biofeedback.session.axis_calibration import LEAST_ROWS, Baseline, BaselineCollector
-from biofeedback.session.protocol import BASELINE, BREAK, HOLD, REACH, UNITS, Protocol, Step
+from biofeedback.session.conditioning import Conditioning, Response, course_protocol
+from biofeedback.session.course import CourseSession
+from biofeedback.session.protocol import (
+    BASELINE,
+    BREAK,
+    HOLD,
+    REACH,
+    TRIALS,
+    UNITS,
+    Protocol,
+    Step,
+)
 
 IDLE, ARMED, RUNNING, PAUSED, FINISHED = "idle", "armed", "running", "paused", "finished"
 LONGEST_TICK = 1.0
@@ -39,12 +50,18 @@ class Reading:
         The subject's torque [N.m] beside the baseline's.
     valid
         Whether the estimates are valid and no older than the screen allows.
+    activity
+        Of the muscle of a conditioning course [MVC].
+    responses
+        To perturbations, since the reading before.
     """
 
     K: float
     G: float
     torque: float
     valid: bool
+    activity: float = math.nan
+    responses: tuple[Response, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,7 +71,7 @@ class Target:
     Attributes
     ----------
     feedback
-        ``K`` or ``G``, on the x-axis.
+        ``K`` or ``G``, on the x-axis; ``reflex`` in a conditioning course of the EMG reflex.
     torque
         [N.m], y-axis.
     torque_half_width
@@ -85,9 +102,13 @@ class Session:
     ----------
     protocol
         The session.
+    next_of_course
+        Gives the next session of a conditioning course, whose steps then take the protocol's place.
 
     Attributes
     ----------
+    conditioning
+        Leads the trials of a conditioning course; None in a session with holds.
     state
         See the module.
     index
@@ -107,10 +128,22 @@ class Session:
         Why the session was stopped last; empty before a stop and after the next start.
     """
 
-    def __init__(self, protocol: Protocol) -> None:
+    def __init__(
+        self,
+        protocol: Protocol | None = None,
+        next_of_course: Callable[[], CourseSession] | None = None,
+    ) -> None:
+        self._next_of_course = next_of_course
+        self.conditioning: Conditioning | None = None
+        if next_of_course is not None:
+            session = next_of_course()
+            self.conditioning = Conditioning(session)
+            protocol = course_protocol(session.course, session)
+        if protocol is None:
+            raise ValueError("a session needs a protocol or a course")
         self.protocol = protocol
         self.state = IDLE
-        self.index = 0
+        self.index = self._first_step()
         self.elapsed = 0.0
         self.clock = 0.0
         self.baseline: Baseline | None = None
@@ -122,6 +155,20 @@ class Session:
         self._collector = BaselineCollector()
         self._hold_time = [0.0, 0.0, 0.0]
         self._last: float | None = None
+
+    def _first_step(self) -> int:
+        """The first step that is not done: a course's session may have trials already."""
+        if self.conditioning is None:
+            return 0
+        block = self.conditioning.session.block
+        return next(
+            (
+                index
+                for index, step in enumerate(self.protocol.steps)
+                if step.kind == TRIALS and step.block >= block
+            ),
+            len(self.protocol.steps) - 1,
+        )
 
     @property
     def step(self) -> Step:
@@ -143,6 +190,8 @@ class Session:
         """The present target: the protocol's, with what the operator has set instead."""
         step = self.step
         lower = upper = None
+        if self.conditioning is not None:
+            lower, upper = self.conditioning.region() or (None, None)
         if step.level is not None and self.baseline is not None:
             unit = self.baseline.of(step.feedback)
             lower, upper = (
@@ -176,6 +225,9 @@ class Session:
         if self.state != RUNNING:
             return []
         self.clock += passed
+        if self.step.kind == TRIALS:
+            self.elapsed += passed
+            return self._do_trials(now, reading)
         if self.step.kind == BASELINE:
             if reading.valid:
                 self.elapsed += passed
@@ -192,6 +244,21 @@ class Session:
             )
         too_early = self.step.kind == BASELINE and len(self._collector) < LEAST_ROWS
         return self._go_on(now) if self.elapsed >= self.step.duration and not too_early else []
+
+    def _do_trials(self, now: float, reading: Reading) -> list[SessionEvent]:
+        conditioning = self.conditioning
+        assert conditioning is not None
+        G = reading.G if reading.valid else math.nan
+        events = conditioning.tick(now, reading.torque, reading.activity, reading.responses, G)
+        trials = conditioning.session.trials
+        judged = [trial.success for trial in trials if trial.success is not None]
+        self.holds_done, self.hits = len(judged), sum(judged)
+        if conditioning.failed:
+            fault = SessionEvent("fault", now, {"node": "course", "message": conditioning.failed})
+            return [*events, fault, *self.pause(now)]
+        if conditioning.session.finished or conditioning.session.block > self.step.block:
+            return [*events, *self._go_on(now)]
+        return events
 
     def arm(self, now: float) -> list[SessionEvent]:
         """Allow the start.
@@ -266,7 +333,7 @@ class Session:
         """
         self._require(IDLE, PAUSED, FINISHED)
         last = self._last
-        self.__init__(self.protocol)  # type: ignore[misc]
+        self.__init__(self.protocol, self._next_of_course)  # type: ignore[misc]
         self._last = last
         return [SessionEvent("session reset", now)]
 
@@ -279,6 +346,8 @@ class Session:
             Not running, or the baseline has too few valid estimates yet.
         """
         self._require(RUNNING)
+        if self.step.kind == TRIALS:
+            raise CommandError("a block of trials ends with its last trial; pause or stop instead")
         return self._go_on(now, completed=self.step.kind != HOLD)
 
     def start_hold(self, now: float) -> list[SessionEvent]:
@@ -321,6 +390,8 @@ class Session:
             A region whose lower end is not below the upper one.
         """
         wanted = replace(self.target, **values)
+        if self.conditioning is not None:
+            raise CommandError("the course sets the target, from the subject's own reflexes")
         if wanted.feedback != self.target.feedback and not {"lower", "upper"} & set(values):
             wanted = replace(wanted, lower=None, upper=None)
         if (wanted.lower is None) != (wanted.upper is None):
@@ -381,6 +452,8 @@ class Session:
                 raise ValueError(f"state {state}, step {index}")
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise CommandError(f"the saved session is damaged: {error}") from None
+        if self.conditioning is not None:
+            index = self._first_step()  # what was done is in the course's own record
         # An armed rig does not stay armed for a program that was away: arming is an explicit call.
         self.state, self.index, self.elapsed, self.clock = (
             (PAUSED if state == ARMED else state),
@@ -436,17 +509,21 @@ class Session:
             return [SessionEvent("break started", now, {"after_block": step.block})]
         if step.kind == REACH:
             return [self._target_event(now)]
+        if step.kind == TRIALS:
+            return [SessionEvent("trials started", now, {"block": step.block})]
         self._hold_time = [0.0, 0.0, 0.0]
         return [SessionEvent(HOLD_STARTED, now, {"hold": step.hold, **self._target_details()})]
 
     def _break_off(self, now: float, reason: str, state: str) -> list[SessionEvent]:
         """Leave `RUNNING` and what the step had gathered; a hold returns to its approach phase."""
         events = []
+        if self.conditioning is not None:
+            self.conditioning.interrupt()
         if self.holding:
             events.append(self._hold_ended(now, False, reason))
             self.index -= 1
         self.state = state
-        if self.step.kind != BREAK:
+        if self.step.kind not in (BREAK, TRIALS):
             self.elapsed = 0.0
         return events
 

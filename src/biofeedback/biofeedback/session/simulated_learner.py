@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from biofeedback.session.course import Course, CourseSession, TrialGate
+from biofeedback.session.conditioning import Conditioning, Response
+from biofeedback.session.course import Course, CourseSession
 from biofeedback.session.course_record import CourseRecord
 
 TRIAL_SPREAD = 0.30
@@ -24,12 +25,16 @@ is what a reflex at a steady background scatters by; the mean of 225 is then sur
 DAY_SPREAD = 0.08
 """Standard deviation of a reflex' logarithm from day to day, an assumption: four times what the
 mean of a session is unsure by."""
-STEP = 0.1
+STEP = 0.2
 """[s] Time step of the background's simulation; it is held for seconds."""
 BACKGROUND_TIME = 1.5
 """[s] Correlation time of a held torque's slow error."""
 BACKGROUND_SPREAD = 0.5
 """Standard deviation of the held background, in half widths of its window."""
+REFERENCE_LEAD = 1.0
+"""[s] Time from the request of a stretch to its onset, as the rig's reference is sent ahead."""
+RESPONSE_DELAY = 0.3
+"""[s] Time from an onset to its measured response."""
 LONGEST_WAIT = 600.0
 """[s] Time of holding without one trial after which the subject gives up."""
 
@@ -97,32 +102,44 @@ class SimulatedLearner:
     def run_session(self, session: CourseSession) -> None:
         """Do all trials of a session: hold the background, get the perturbation, see the result."""
         day = self._random.normal(0.0, self._learner.day_spread)
-        gate = TrialGate(self._course)
+        conditioning = Conditioning(session)
+        of_emg = self._course.measure == "reflex_emg"
+        onset, waited, deviation = math.inf, 0.0, self._deviation()
         while not session.finished:
-            self._hold_until_given(gate)
-            deviation = self._random.normal(0.0, self._learner.trial_spread)
+            self.time += STEP
             size = self._learner.size * math.exp(self.level + day + deviation)
-            if session.record(size).success:
+            responses = []
+            if self.time >= onset + RESPONSE_DELAY:
+                responses, onset = [Response(onset, size)], math.inf
+            done = len(session.trials)
+            torque, activity = self._hold()
+            conditioning.tick(self.time, torque, activity, responses, math.nan if of_emg else size)
+            if conditioning.take_request():
+                onset = self.time + REFERENCE_LEAD
+            waited += STEP
+            if len(session.trials) == done:
+                if waited > LONGEST_WAIT:
+                    raise TimeoutError(
+                        f"no trial within {LONGEST_WAIT:g} s: the background was not held"
+                    )
+                continue
+            if session.trials[-1].success:
                 self.level += self._gain * deviation
+            waited, deviation = 0.0, self._deviation()
 
-    def _hold_until_given(self, gate: TrialGate) -> None:
+    def _deviation(self) -> float:
+        return float(self._random.normal(0.0, self._learner.trial_spread))
+
+    def _hold(self) -> tuple[float, float]:
+        """Torque [N.m] and activity [MVC] after one more time step."""
         window = self._course.background
         middle = 0.5 * (window.emg_lower + window.emg_upper)
         half = 0.5 * (window.emg_upper - window.emg_lower)
         keep = math.exp(-STEP / BACKGROUND_TIME)
-        for _ in range(round(LONGEST_WAIT / STEP)):
-            self.time += STEP
-            fresh = self._random.normal(0.0, math.sqrt(1.0 - keep**2), 2)
-            self._background = keep * self._background + fresh
-            torque, emg = (BACKGROUND_SPREAD * self._background).tolist()
-            if gate.update(
-                self.time,
-                window.torque + torque * window.torque_half_width,
-                middle + emg * half,
-            ):
-                gate.given()
-                return
-        raise TimeoutError(f"no trial within {LONGEST_WAIT:g} s: the background was not held")
+        fresh = self._random.normal(0.0, math.sqrt(1.0 - keep**2), 2)
+        self._background = keep * self._background + fresh
+        torque, emg = (BACKGROUND_SPREAD * self._background).tolist()
+        return window.torque + torque * window.torque_half_width, middle + emg * half
 
 
 def run_course(course: Course, record: CourseRecord, subject: SimulatedLearner) -> None:

@@ -77,6 +77,43 @@ class SessionState:
 
 
 @dataclasses.dataclass(frozen=True)
+class TrialsState:
+    """The trials of a conditioning course.
+
+    Attributes
+    ----------
+    session, sessions
+        Number of the session, and of all.
+    done, planned
+        Trials of this session.
+    kind
+        Of the next trial: ``control`` or ``conditioned``.
+    success_rate
+        Share of successes in this session; None before the first conditioned trial.
+    last_success
+        Whether the last trial was a success; None for a control trial.
+    activity, activity_window
+        Of the course's muscle, and the window for it [MVC].
+    held
+        Whether torque and activity are in their windows.
+    waiting
+        Whether a perturbation was asked for.
+    """
+
+    session: int
+    sessions: int
+    done: int
+    planned: int
+    kind: str
+    success_rate: float | None
+    last_success: bool | None
+    activity: float | None
+    activity_window: list[float]
+    held: bool
+    waiting: bool
+
+
+@dataclasses.dataclass(frozen=True)
 class TargetState:
     """The target of the cursor: feedback, its unit and region; torque and half width [N.m]."""
 
@@ -204,6 +241,7 @@ class State:
     pages: Pages
     language: str
     checks: list[CheckState]
+    trials: TrialsState | None
     type: str = "state"
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from biofeedback.live_signals import GOOD, LiveSignals
+from biofeedback.session.conditioning import REFLEX, REFLEX_UNIT
 from biofeedback.session.protocol import UNITS
-from biofeedback.session.runner import SessionView
+from biofeedback.session.session_view import SessionView
 from biofeedback.web import messages
 from biofeedback.web.cursor import NATURAL_FREQUENCY, Cursor
 
@@ -60,10 +61,14 @@ class Presenter:
         feedback = view.target.feedback
         if feedback != self._shown:
             self._cursor, self._shown = Cursor(self._cursor_frequency), feedback
-        torque = found.torque - (view.baseline.torque if view.baseline is not None else 0.0)
+        torque = found.torque - view.rest_torque
+        if feedback == REFLEX:
+            value, quality = view.reflex, found.emg_quality
+        else:
+            value, quality = (found.K if feedback == "K" else found.G), found.quality
         wanted = np.array(
             [
-                (found.K if feedback == "K" else found.G) if found.quality == GOOD else math.nan,
+                value if quality == GOOD else math.nan,
                 torque if found.torque_quality == GOOD else math.nan,
             ]
         )
@@ -77,7 +82,7 @@ class Presenter:
             t=_finite(found.estimate_time),
             x=_finite(x),
             y=_finite(y),
-            quality=found.quality,
+            quality=quality,
             torque_quality=found.torque_quality,
             age=_finite(found.age),
             in_target=view.in_target,
@@ -110,7 +115,7 @@ class Presenter:
             session=_session(view),
             target=messages.TargetState(
                 view.target.feedback,
-                UNITS[view.target.feedback],
+                UNITS.get(view.target.feedback, REFLEX_UNIT),
                 view.target.torque,
                 view.target.torque_half_width,
                 view.target.lower,
@@ -129,6 +134,7 @@ class Presenter:
             pages=pages,
             language=self._language,
             checks=[messages.CheckState(**check) for check in view.checks],
+            trials=None if view.trials is None else messages.TrialsState(**view.trials),
         )
 
     def traces(self, seen: dict[str, int]) -> messages.TracesMessage | None:

@@ -1,0 +1,59 @@
+"""What a session acts on, as it sees it: the rig, a simulated subject, the perturbation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+
+class Rig(Protocol):
+    """The interface to the rig's drivers, as far as a session commands them."""
+
+    @property
+    def present(self) -> bool:
+        """Whether there is exactly one driver, which may be commanded."""
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one driver."""
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the drivers; empty where nothing is."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the fields of `messages.RigState`."""
+
+    async def call(self, action: str) -> None:
+        """Carry out ``arm``, ``start`` or ``reset_fault``; raises `CommandError`."""
+
+    def stop(self) -> None:
+        """Stop every driver known now or before, from any thread, without waiting."""
+
+    def announce_operator(self, session_id: str) -> None:
+        """Publish the operator's heartbeat."""
+
+
+class Subject(Protocol):
+    """The interface to a simulated subject whose behaviour can be set."""
+
+    def describe(self) -> dict[str, float] | None:
+        """Return the present values; None where there is no simulated subject."""
+
+    async def set(self, values: Mapping[str, float]) -> None:
+        """Change what the subject does; raises `CommandError`."""
+
+
+class Perturbation(Protocol):
+    """The interface to a generator that gives single stretches.
+
+    Attributes
+    ----------
+    refusal
+        Why the last request was refused; empty where it was not.
+    """
+
+    refusal: str
+
+    def give(self) -> None:
+        """Ask for one stretch, without waiting."""
