@@ -17,6 +17,7 @@ import yaml
 
 from ankle_physics.compliant_coupling import CompliantCoupling, FootLoop, torques_of
 from ankle_physics.errors import ModelError
+from ankle_physics.joint_profile import ANKLE, JointProfile, joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, State, Term, term_library
 
@@ -62,6 +63,11 @@ class Model:
     title
         Free text.
 
+    Attributes
+    ----------
+    joint
+        Whose ranges and units the terms have: the joint in force when the model was made.
+
     Raises
     ------
     ModelError
@@ -77,6 +83,7 @@ class Model:
                     "model once"
                 )
         self.title = title
+        self.joint = joint_in_force()
         self.entries = sorted(entries, key=lambda entry: PATH.index(entry.term.place))
 
     @classmethod
@@ -126,6 +133,14 @@ class Model:
         """
         if not isinstance(content, dict) or not isinstance(content.get("terms"), list):
             raise ModelError("a model file has 'model: free text' and a list 'terms'")
+        if "joint" in content:
+            with JointProfile.from_content(content["joint"]).in_force():
+                return cls._with_terms(content)
+        return cls._with_terms(content)
+
+    @classmethod
+    def _with_terms(cls, content: dict[str, Any]) -> Model:
+        """Return the model in a file's content, by the ranges and units in force."""
         entries = []
         for item in content["terms"]:
             if not isinstance(item, dict) or "term" not in item:
@@ -153,7 +168,10 @@ class Model:
 
     def save(self, path: str | Path) -> None:
         """Write a model file that `load` reads back to the same values."""
-        content = {"model": self.title, "terms": self.content()}
+        content: dict[str, Any] = {"model": self.title}
+        if self.joint != ANKLE:
+            content["joint"] = self.joint.content()
+        content["terms"] = self.content()
         Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
 
     def content(self) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from ankle_physics.errors import ModelError
-from ankle_physics.term import Term, term_library
+from ankle_physics.term import Term, forget_library, term_library
 
 _PACKAGE = "ankle_own_terms"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -49,7 +49,7 @@ def load_terms(folder: str | Path) -> tuple[str, ...]:
         found += _read(file, f"{_PACKAGE}.{len(_known)}_{number}_{file.stem}")
     if not found:
         raise ModelError(f"{folder} holds no term: a *.py file with a subclass of Term")
-    term_library.cache_clear()
+    forget_library()
     _known[place] = tuple(sorted(found))
     return _known[place]
 

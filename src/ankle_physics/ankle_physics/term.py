@@ -33,6 +33,7 @@ import numpy as np
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity
 from ankle_physics.errors import ModelError
+from ankle_physics.joint_profile import ANKLE, JointProfile, joint_in_force
 from ankle_physics.signals import Signals
 
 Values = Mapping[str, Any]
@@ -108,6 +109,18 @@ class Parameter(Quantity):
         except QuantityError as error:
             raise ModelError(str(error)) from None
 
+    def for_joint(self, joint: JointProfile) -> Parameter:
+        """Return the parameter with the range, the typical value and the unit of a joint."""
+        factor = joint.scale(self.unit)
+        shortest = joint.delay_scale if self.symbol == "delay" else 1.0
+        return replace(
+            self,
+            unit=joint.in_units(self.unit),
+            lower=self.lower * factor * min(shortest, 1.0),
+            upper=self.upper * factor * max(shortest, 1.0),
+            default=self.default * factor * shortest,
+        )
+
 
 class Turn(NamedTuple):
     """Holds the sentences of a term on either side of a parameter's neutral value."""
@@ -155,6 +168,8 @@ class Term(ABC):
     generalises
         Terms that are special cases of this one. It fits at least as well as they do by having more
         parameters, so it is chosen only where it does better than chance beyond them.
+    of_joint
+        Name of the joint to which ranges and units were brought; empty for the ankle's, as written.
     resolved_by_duration
         Symbol of a frequency that a recording of duration T tells from its neighbours 1/T away: a
         search tries as many values; empty where there is none.
@@ -174,6 +189,7 @@ class Term(ABC):
     follows_torque: ClassVar[bool] = False
     generalises: ClassVar[tuple[str, ...]] = ()
     resolved_by_duration: ClassVar[str] = ""
+    of_joint: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Set the owner of a term by its place where the class does not state it."""
@@ -228,9 +244,21 @@ class Term(ABC):
         raise ModelError(f"{cls.name}: no parameter '{symbol}'; it has {known}")
 
 
-@cache
 def term_library() -> dict[str, type[Term]]:
-    """Return every term by its name: those in `ankle_physics.terms` and one's own."""
+    """Return every term by its name: those in `ankle_physics.terms` and one's own.
+
+    Their ranges and units are those of the joint in force.
+    """
+    return _library_of(joint_in_force())
+
+
+def forget_library() -> None:
+    """Let the next call of `term_library` look for terms again."""
+    _library_of.cache_clear()
+
+
+@cache
+def _library_of(joint: JointProfile) -> dict[str, type[Term]]:
     import ankle_physics.terms as package
 
     for module in pkgutil.iter_modules(package.__path__):
@@ -239,9 +267,23 @@ def term_library() -> dict[str, type[Term]]:
     found = {
         term.name: term
         for term in _subclasses(Term)
-        if hasattr(term, "name") and term.__module__ in sys.modules
+        if hasattr(term, "name") and term.__module__ in sys.modules and not term.of_joint
     }
-    return dict(sorted(found.items()))
+    return {name: _for_joint(found[name], joint) for name in sorted(found)}
+
+
+def _for_joint(term: type[Term], joint: JointProfile) -> type[Term]:
+    """Return the term with the ranges and units of a joint."""
+    if joint == ANKLE:
+        return term
+    parameters = tuple(parameter.for_joint(joint) for parameter in term.parameters)
+    attributes = {
+        "parameters": parameters,
+        "of_joint": joint.name,
+        "__doc__": term.__doc__,
+        "__module__": term.__module__,
+    }
+    return type(term.__name__, (term,), attributes)
 
 
 def _subclasses(parent: type[Term]) -> list[type[Term]]:

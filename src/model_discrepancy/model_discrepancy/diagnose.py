@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.joint_profile import JointProfile, joint_in_force
+from ankle_physics.model import Model
 from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
@@ -82,6 +83,7 @@ def diagnose(
     model: str | Path | Model | None = None,
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
+    joint: JointProfile | None = None,
 ) -> Diagnosis:
     """Diagnose a recording or a bag.
 
@@ -98,6 +100,8 @@ def diagnose(
         Terms that may be named; None for all.
     progress
         Called with one line for each step.
+    joint
+        Whose ranges, units and base model hold; None: those in force, which are an ankle's.
 
     Raises
     ------
@@ -106,6 +110,18 @@ def diagnose(
     ModelError
         The model cannot be read.
     """
+    with (joint or joint_in_force()).in_force():
+        return _diagnose_and_report(source, out, model, library, progress)
+
+
+def _diagnose_and_report(
+    source: Recording | str | Path,
+    out: str | Path | None,
+    model: str | Path | Model | None,
+    library: Sequence[str] | None,
+    progress: Progress,
+) -> Diagnosis:
+    """Diagnose a recording or a bag by the ranges and units in force, and write what was found."""
     progress("reading")
     try:
         recording = source if isinstance(source, Recording) else Recording.from_bag(source)
@@ -158,7 +174,7 @@ def _diagnose(
 ) -> Diagnosis:
     channels = channel_findings(recording, identify_servo(recording, motion_step(recording)))
     terms = (
-        PAPER_TERMS
+        joint_in_force().terms
         if baseline is None
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )

@@ -17,6 +17,9 @@ def verb(
         Path | None,
         typer.Option(help="A model file as the baseline, instead of the paper's model refitted."),
     ] = None,
+    joint: Annotated[
+        str, typer.Option(help="ankle, knee, elbow, wrist, or a joint's file (YAML).")
+    ] = "ankle",
     terms: OwnTerms = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
@@ -28,17 +31,22 @@ def verb(
     """
     import json
 
+    from ankle_physics.joint_profile import JointProfile
+    from ankle_physics.model import Model
     from ankle_physics.own_terms import load_terms
     from model_discrepancy.diagnose import diagnose
 
     load_terms(terms or "")
+    profile = JointProfile.load(joint)
     clear_folder(out, overwrite, "verdict.json")
     with working("diagnosing") as step:
-        found = diagnose(bag, out, model, progress=step)
+        with profile.in_force():
+            baseline = Model.load(model) if model is not None else None
+        found = diagnose(bag, out, baseline, progress=step, joint=profile)
     console.print(f"verdict: {found.verdict.verdict}", style="bold")
     for effect in found.verdict.effects:
-        console.print(f"- {effect['sentence']}")
+        console.print(profile.in_units(f"- {effect['sentence']}"))
     for reason in found.verdict.reasons:
-        console.print(f"  {reason}")
+        console.print(profile.in_units(f"  {reason}"))
     console.print(f"report: {(out / 'report.html').resolve()}")
     return {"out": out.resolve(), **json.loads((out / "verdict.json").read_text())}

@@ -23,6 +23,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.foot_motion import foot_motion
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, Term, term_library
 from model_discrepancy.fit.rows import Rows
@@ -60,7 +61,7 @@ class Columns:
         typical.
         """
         return {
-            p.symbol: self.mean_angle if p.unit == "rad" else p.default
+            p.symbol: self.mean_angle if p.unit == joint_in_force().position_unit else p.default
             for p in term_library()[name].parameters
             if not p.fitted and not p.linear
         }
@@ -209,7 +210,12 @@ def transmission(frequency: np.ndarray, fixation: CompliantCoupling, values: Val
 
 def _foot_impedance(values: Values) -> tuple[float, float, float]:
     """Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
-    return values["inertia"]["I"], values["viscosity"]["B"], values["stiffness"]["K"]
+    # A joint need not have all three: an axis of a machine has no stiffness.
+    inertia, viscosity, stiffness = (
+        values.get(name, {}).get(symbol, 0.0)
+        for name, symbol in (("inertia", "I"), ("viscosity", "B"), ("stiffness", "K"))
+    )
+    return inertia, viscosity, stiffness
 
 
 def _transforms(term: Term) -> bool:

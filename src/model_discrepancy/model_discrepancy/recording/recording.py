@@ -14,6 +14,7 @@ from ankle_interfaces.block import Block, require_columns
 from ankle_interfaces.continuity import sampling_rate
 from ankle_interfaces.errors import BlockError, UnitError
 from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, PERTURBATION_REFERENCE
+from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.errors import DiagnosisError
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
@@ -102,6 +103,8 @@ class Recording:
     def from_bag(cls, path: str | Path) -> Recording:
         """The trial in a bag: ``/ankle/samples``, and reference and EMG where they were recorded.
 
+        Columns and units are those of the joint in force.
+
         Raises
         ------
         BagError
@@ -110,6 +113,12 @@ class Recording:
             Topic or channel is missing or in a unit that cannot be converted, or too few samples.
         """
         bag = BagReader(path)
+        joint = joint_in_force()
+        position, torque, velocity = (
+            joint.position_column,
+            joint.torque_column,
+            joint.velocity_column,
+        )
         try:
             names, data = bag.signal(SAMPLES_TOPIC)
         except BagError as error:
@@ -117,7 +126,7 @@ class Recording:
         given = Block(names, data)
         try:
             converted, notes = given.in_si()
-            samples = require_columns(converted, ("position[rad]", "torque[N.m]"), SAMPLES_TOPIC)
+            samples = require_columns(converted, (position, torque), SAMPLES_TOPIC)
         except (BlockError, UnitError) as error:
             raise DiagnosisError(f"{path}: {error}") from None
         notes = [*account_of_bag(bag).sentences(), *notes]
@@ -131,18 +140,16 @@ class Recording:
                 "finite"
             )
         rate = sampling_rate(clock)
-        columns = [samples.column("position[rad]"), samples.column("torque[N.m]")]
-        if converted.has("velocity[rad/s]"):
-            columns.append(converted.column("velocity[rad/s]"))
+        columns = [samples.column(position), samples.column(torque)]
+        if converted.has(velocity):
+            columns.append(converted.column(velocity))
         grid, values = _on_grid(clock, np.column_stack(columns), rate, faults)
         return cls(
             rate=rate,
             position=values[:, 0],
             torque=values[:, 1],
             velocity=values[:, 2] if values.shape[1] > 2 else None,
-            reference=_other_clock(bag, REFERENCE_TOPIC, ("position[rad]",), grid, notes).get(
-                "position"
-            ),
+            reference=_other_clock(bag, REFERENCE_TOPIC, (position,), grid, notes).get("position"),
             emg=_other_clock(bag, EMG_TOPIC, None, grid, notes),
             name=Path(path).name,
             start=float(grid[0]),

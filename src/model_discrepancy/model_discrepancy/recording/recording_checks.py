@@ -12,17 +12,11 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import bilinear, butter, lfilter, sosfiltfilt
 
+from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.recording.recording import Recording
 
 # The paper's ensembles hold 100 responses in 60 s; a third of that is the least that gives bands.
 SHORTEST_S = 20.0
-# Below this a movement drowns in the position noise of the recorded trials (about 0.1 mrad).
-SMALLEST_MOVEMENT = 5e-4
-# The joint's range of motion is 1.3 rad; more comes from degrees or a wrapped encoder.
-LARGEST_RANGE = 1.5
-# An able-bodied ankle with footplate: 0.005 to 0.05 kg.m^2; a factor of 4 on both sides for other
-# rigs and feet.
-INERTIA_RANGE = (0.00125, 0.2)
 # Beyond this two clocks are apart, below it a channel lags.
 LARGEST_SKEW_S = 0.020
 # Torque of which movement explains less than this in 3-40 Hz is not the torque of this joint.
@@ -102,17 +96,19 @@ def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
 
 def _movement_faults(recording: Recording) -> list[str]:
     found = []
+    joint = joint_in_force()
+    unit = joint.position_unit
     size = float(np.std(band(recording.position, recording.rate, 0.5, 40.0)))
     reach = float(np.ptp(recording.position))
-    if reach > LARGEST_RANGE:
+    if reach > joint.largest_range:
         found.append(
-            f"position spans {reach:.3g} rad; an ankle moves by {LARGEST_RANGE:g} rad at most: "
-            "probably degrees or a wrong scale"
+            f"position spans {reach:.3g} {unit}; the {joint.name} moves by "
+            f"{joint.largest_range:g} {unit} at most: probably degrees or a wrong scale"
         )
-    elif size < SMALLEST_MOVEMENT:
+    elif size < joint.smallest_movement:
         found.append(
-            f"no excitation: position moves by {1000 * size:.3g} mrad rms; at least "
-            f"{1000 * SMALLEST_MOVEMENT:g} mrad are needed"
+            f"no excitation: position moves by {1000 * size:.3g} m{unit} rms; at least "
+            f"{1000 * joint.smallest_movement:g} m{unit} are needed"
         )
     if not found:
         found += _lost_torque(recording)
@@ -211,16 +207,18 @@ def _relation_faults(recording: Recording) -> list[str]:
             "torque or position has the wrong sign: torque falls as the foot is moved upwards; "
             "positive is dorsiflexion for both"
         ]
+    joint = joint_in_force()
+    low, high = joint.inertia_range
     inertia = models[inside][0]
     # Compliance between sensor and foot may hide the inertia in this band, down to a negative one.
     if inertia > 0 and not any(
-        INERTIA_RANGE[0] <= I <= INERTIA_RANGE[1]
-        for I in (inertia, _viscoelastic_inertia(columns, moved, inner, rate))
+        low <= I <= high for I in (inertia, _viscoelastic_inertia(columns, moved, inner, rate))
     ):
-        limits = f"{INERTIA_RANGE[0]:g} to {INERTIA_RANGE[1]:g}"
+        word, unit = ("mass", "kg") if joint.linear else ("inertia", "kg.m^2")
         return [
-            f"wrong unit or gain of torque or position: inertia {inertia:.3g} kg.m^2 is outside "
-            f"{limits} kg.m^2"
+            f"wrong unit or gain of {joint.torque_column.split('[')[0]} or position: {word} "
+            f"{inertia:.3g} {unit} is outside {low:g} to {high:g} {unit} (joint: {joint.name}; "
+            "another joint by --joint)"
         ]
     return []
 

@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.criticism.ceiling import unexplainable_power
 from model_discrepancy.report.pictures import (
     before_and_after,
@@ -83,7 +84,7 @@ def write_page(title: str, parts: list[str], path: Path) -> None:
     """Write one HTML file without network from its parts, in the style of all reports."""
     head = f"<meta charset='utf-8'><title>{escape(title)}</title><style>{_STYLE}</style>"
     text = f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(joint_in_force().in_units(text), encoding="utf-8")
 
 
 def what_next(diagnosis: Diagnosis) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.fit.fitter import Fit
@@ -64,8 +65,13 @@ class Verdict:
     rig: dict[str, Any] = field(default_factory=dict)
 
     def content(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Plain data for JSON, in the units of the joint in force."""
+        found: dict[str, Any] = _in_units(self._content())
+        return found
+
+    def _content(self) -> dict[str, Any]:
         return {
+            "joint": joint_in_force().name,
             "verdict": self.verdict,
             "effects": self.effects,
             "localisation": self.localisation,
@@ -81,6 +87,18 @@ class Verdict:
     def save(self, path: Path) -> None:
         """Write ``verdict.json``."""
         path.write_text(json.dumps(self.content(), indent=1, allow_nan=False, default=float) + "\n")
+
+
+def _in_units(found: Any) -> Any:
+    """Texts and keys with the units of the joint in force."""
+    joint = joint_in_force()
+    if not joint.linear:
+        return found
+    if isinstance(found, str):
+        return joint.in_units(found)
+    if isinstance(found, dict):
+        return {joint.in_units(key): _in_units(value) for key, value in found.items()}
+    return [_in_units(value) for value in found] if isinstance(found, list | tuple) else found
 
 
 def kind(

@@ -17,7 +17,7 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, Place, Term, term_library
-from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
 from model_discrepancy.fit.fitter import (
     Fit,
     Fitter,
@@ -115,7 +115,9 @@ def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
     return [
         n
         for n in names
-        if n not in fit.terms and terms[n].searched and not (coupled and moves_foot(n))
+        if n not in fit.terms
+        and (terms[n].searched or n in FOOT_IMPEDANCE)
+        and not (coupled and moves_foot(n))
     ]
 
 

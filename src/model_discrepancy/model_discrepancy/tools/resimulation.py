@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from scipy.signal import resample_poly
 
 from ankle_interfaces.block import Block
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
@@ -142,25 +143,24 @@ def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
                 f"{diagnosis} holds no {name}; `ankle diagnose` writes it for every usable "
                 "recording"
             )
-    result = resimulate(
-        Recording.from_bag(bag),
-        Model.load(diagnosis / BASE_FILE),
-        Model.load(diagnosis / AUGMENTED_FILE),
-    )
-    out.mkdir(parents=True, exist_ok=True)
-    result.save(out)
+    base, augmented = Model.load(diagnosis / BASE_FILE), Model.load(diagnosis / AUGMENTED_FILE)
+    with augmented.joint.in_force():
+        result = resimulate(Recording.from_bag(bag), base, augmented)
+        out.mkdir(parents=True, exist_ok=True)
+        result.save(out)
     return result
 
 
 def _write_bag(recording: Recording, torque: np.ndarray, path: Path) -> None:
     """The recording's movement with another torque, as a bag."""
+    joint = joint_in_force()
     columns = {
         "t[s]": recording.start + recording.time,
-        "position[rad]": recording.position,
-        "torque[N.m]": torque,
+        joint.position_column: recording.position,
+        joint.torque_column: torque,
     }
     if recording.velocity is not None:
-        columns["velocity[rad/s]"] = recording.velocity
+        columns[joint.velocity_column] = recording.velocity
     data, size = (
         np.column_stack(list(columns.values())),
         max(1, round(recording.rate / _BLOCKS_PER_SECOND)),
