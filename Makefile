@@ -52,10 +52,11 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 	@ln -sf $(CURDIR)/$(INSTALL)/lib/ankle_bringup/ankle $(BIN)/ankle
 	@touch $@
 
-# Compiling the estimators takes longest; the checks are made meanwhile.
+# Compiling the estimators takes longest; the checks are made meanwhile. Then three processes for two
+# cores: the one with the live tests waits for the clock half of its time.
 test: setup
 	@$(MAKE) --no-print-directory -j 3 compiled-simultaneous compiled-CE lint
-	@$(BIN)/python -m pytest -q -m "not slow" -n 2
+	@$(BIN)/python -m pytest -q -m "not slow" -n 3
 	@test -n "$(CHROMIUM)" || echo "NOT TESTED: the pages in a browser, because there is no Chromium (Debian: sudo apt-get install chromium; Ubuntu: sudo apt-get install chromium-browser)"
 
 test-slow: setup

@@ -1,5 +1,5 @@
-"""Shares the tests between two processes: the live ones one by one in the first, the rest beside
-them, with less right to the cores.
+"""Shares the tests between processes: the live ones one by one in the first, which mostly waits for
+the clock; the rest beside them in the others, with less right to the cores.
 """
 
 import os
@@ -11,7 +11,7 @@ from xdist.scheduler import LoadScopeScheduling
 
 from ankle_node.domain import take_free_domain
 
-BESIDE = 10  # niceness: a computation must not make a graph late that runs in real time
+BESIDE = 19  # niceness: a computation must not make a graph late that runs in real time
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Before NumPy is loaded: matrix products in two threads wait for each other where the other

@@ -2,68 +2,12 @@
 
 import ast
 import re
-import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
-from ankle_bringup.command_line import load_verb, verb_names
-
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES = [page for page in PAGES if "reference" not in page.parts]
-ANKLE = ".venv/bin/ankle "
-
-
-def commands(page):
-    """The command lines of a page, from its code blocks and its tables, in their order."""
-    text = page.read_text()
-    found = re.findall(r"^ {4,}((?:\.venv/bin/|make |python|ros2 |colcon ).*)$", text, re.M)
-    return [line.partition("  #")[0].strip() for line in found] + [
-        line for line in re.findall(r"`(\.venv/bin/ankle [^`]*)`", text) if "..." not in line
-    ]
-
-
-ALL = [(page.relative_to(ROOT), line) for page in PAGES for line in commands(page)]
-
-
-@pytest.mark.parametrize(("page", "line"), [(p, x) for p, x in ALL if x.startswith(ANKLE)])
-def test_every_documented_verb_takes_the_documented_options(page, line):
-    words = shlex.split(line.replace("[", "_").replace("]", "_"))[1:]
-    if words[0].startswith("--"):
-        return
-    command = load_verb(words[0], verb_names()[words[0]])
-    if words[0] == "run":
-        return
-    rest = words[1:]
-    if hasattr(command, "commands"):
-        command = command.commands[rest[0]]
-        rest = rest[1:]
-    known = {option for parameter in command.params for option in parameter.opts} | {"--help"}
-    options = {word.partition("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
-    assert options <= known, f"{page}: {line}"
-    assert not any("_NODE" in word for word in words)
-
-
-@pytest.mark.parametrize(("page", "line"), [(p, x) for p, x in ALL if "-m pytest" in x])
-def test_every_documented_test_exists(page, line):
-    words = shlex.split(line)
-    files = [word for word in words if word.endswith(".py")]
-    assert files
-    assert all((ROOT / file).exists() for file in files), f"{page}: {line}"
-    if "-k" in words:
-        wanted = words[words.index("-k") + 1]
-        assert any(wanted in (ROOT / file).read_text() for file in files), f"{page}: {line}"
-
-
-@pytest.mark.parametrize(("page", "line"), [(p, x) for p, x in ALL if x.startswith("make ")])
-def test_every_documented_target_exists(page, line):
-    targets = [w for w in shlex.split(line)[1:] if "=" not in w and not w.startswith("-")]
-    rules = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
-    assert set(targets) <= set(rules), f"{page}: {line}"
+from documented_commands import PAGES, ROOT, commands
 
 
 def run(line, folder, timeout):

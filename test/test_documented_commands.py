@@ -1,0 +1,197 @@
+"""Every command of README and documentation is one that exists, with options, parameters, files and
+topics that exist; those of the README that take seconds are run, word for word.
+
+`test_readme_session` runs the others.
+"""
+
+import importlib.util
+import re
+import shlex
+from itertools import pairwise
+
+import pytest
+from documented_commands import PAGES, ROOT, commands
+from test_readme_session import ANALYSIS, SESSION
+from typer.testing import CliRunner
+
+from ankle_bringup.command_line import app, load_verb, verb_names
+from ankle_bringup.executables import declared_parameters, find_executable
+from ankle_bringup.graph import load_graph
+from ankle_interfaces.topics import TOPICS
+from session_analysis.virtual_study import VirtualSession, record_session
+
+ALL = [(page.relative_to(ROOT), line) for page in PAGES for line in commands(page)]
+ANKLE = ".venv/bin/ankle"
+FOREIGN = ("rqt_plot",)
+"""Packages of a Jazzy desktop that are not ours."""
+ROS2_WORDS = {
+    "run": 3,
+    "launch": 3,
+    "topic": 2,
+    "param": 2,
+    "bag": 2,
+    "lifecycle": 2,
+    "security": 2,
+}
+"""Words of the ``ros2`` command that the documentation uses, and the words that each needs."""
+
+
+def is_of(*programs):
+    return [(page, line) for page, line in ALL if shlex.split(line)[0] in programs]
+
+
+def options_of(words):
+    return {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+
+
+def test_nothing_but_these_programs_is_documented():
+    programs = (ANKLE, ".venv/bin/python", "python", "python3", "make", "ros2", "colcon", "sudo")
+    assert is_of(*programs) == ALL
+
+
+@pytest.mark.parametrize(("page", "line"), is_of(ANKLE))
+def test_every_documented_verb_takes_the_documented_options(page, line):
+    words = shlex.split(line)[1:]
+    if words[0].startswith("--"):
+        assert words[0] in CliRunner().invoke(app, ["--help"]).output
+        return
+    command = load_verb(words[0], verb_names()[words[0]])
+    rest = words[1:]
+    if words[0] == "run":
+        check_node(rest)
+        return
+    if hasattr(command, "commands"):
+        command = command.commands[rest[0]]
+        rest = rest[1:]
+    known = {option for parameter in command.params for option in parameter.opts} | {"--help"}
+    assert options_of(rest) <= known, f"{page}: {line}"
+    if words[0] == "up":
+        check_graph(rest)
+    if words[0] == "params" and len(rest) > 1:
+        check_parameter(rest[0], rest[1])
+
+
+def check_graph(words):
+    """A graph and what is set in it exist."""
+    graph = load_graph("simulated" if not words or words[0].startswith("-") else words[0])
+    graph.with_settings([value for option, value in pairwise(words) if option == "--set"])
+
+
+def check_node(words):
+    """A package, its executable and the parameters behind it exist."""
+    entry = find_executable(words[0], words[1])
+    given = [word.partition(":=")[0] for word in words if ":=" in word and "__" not in word]
+    known = declared_parameters(entry, {"subject": 0}) if given else {}
+    assert set(given) <= set(known), words
+
+
+def check_parameter(node, name):
+    """A node, found by its name, has a parameter."""
+    for path in ROOT.glob(f"src/*/*/{node}_node.py"):
+        entry = find_executable(path.parent.name, node)
+        assert name in declared_parameters(entry, {"subject": 0})
+        return
+    raise AssertionError(f"no node '{node}'")
+
+
+@pytest.mark.parametrize(("page", "line"), is_of("ros2"))
+def test_what_is_documented_for_ros2_exists(page, line):
+    words = shlex.split(line)[1:]
+    assert words[0] in ROS2_WORDS, f"{page}: {line}"
+    if len(words) < ROS2_WORDS[words[0]] or words[1] in FOREIGN:
+        pass
+    elif words[0] == "run":
+        check_node(words[1:])
+    elif words[0] == "launch":
+        file = ROOT / "src" / words[1] / "launch" / words[2]
+        declared = set(re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', file.read_text()))
+        assert {word.partition(":=")[0] for word in words[3:]} <= declared
+    elif words[0] == "param" and len(words) > 3:
+        check_parameter(words[2].lstrip("/"), words[3])
+    elif words[0] == "topic" and len(words) > 2:
+        assert words[2] in {topic.absolute for topic in TOPICS}
+    for topic in re.findall(r"(/\w+/\w+)/data", line):
+        assert topic in {one.absolute for one in TOPICS}, f"{page}: {line}"
+
+
+@pytest.mark.parametrize(("page", "line"), is_of(".venv/bin/python", "python", "python3"))
+def test_every_documented_program_exists_with_its_options(page, line):
+    words = shlex.split(line)[1:]
+    if words[:2] == ["-m", "pip"]:
+        assert all((ROOT / w).exists() for w in words if w.startswith("requirements/"))
+        return
+    if words[:2] == ["-m", "pytest"]:
+        files = [word for word in words if word.endswith(".py")]
+        assert files
+        assert all((ROOT / file).exists() for file in files), f"{page}: {line}"
+        if "-k" in words:
+            wanted = words[words.index("-k") + 1]
+            assert any(wanted in (ROOT / file).read_text() for file in files), f"{page}: {line}"
+        return
+    module = importlib.util.find_spec(words[1]).origin if words[0] == "-m" else words[0]
+    text = (ROOT / module).read_text()
+    for option in options_of(words[1:]) - {"-m"}:
+        name = option.lstrip("-").replace("-", "_")
+        assert f'"{option}"' in text or re.search(rf"\b{name}: ", text), f"{page}: {line}"
+
+
+@pytest.mark.parametrize(("page", "line"), is_of("make"))
+def test_every_documented_target_exists(page, line):
+    targets = [w for w in shlex.split(line)[1:] if "=" not in w and not w.startswith("-")]
+    rules = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
+    assert set(targets) <= set(rules), f"{page}: {line}"
+
+
+SHORT = [
+    f"{ANKLE} --help",
+    f"{ANKLE} parameter-file --out mine.yaml",
+    f"{ANKLE} import trial.npz --help",
+    f"{ANKLE} estimate session --out estimates",
+    f"{ANKLE} open session",
+    f"{ANKLE} emg session --out responses",
+    f"{ANKLE} validate anna=session --out report",
+    f"{ANKLE} export session --out session_csv",
+    f"{ANKLE} study init my_study",
+    f"{ANKLE} study add my_study session --subject S07 --visit 3",
+]
+"""Commands of the README that take a few seconds and need no rig; in this order."""
+
+
+ELSEWHERE = {
+    f"{ANKLE} fetch-trials": "test_human_trials fetches them from a local server",
+    f"{ANKLE} calibrate rig --title 'laboratory 2' --out rig.yaml": "test_rig_calibration",
+    f"{ANKLE} blind --cases 100 --seed 7": "hours; test_blind_study runs a small one",
+    f"{ANKLE} up --params-file": "a part of a command; test_shared_files starts the whole of it",
+}
+"""Commands of the README that these files do not run, and what does."""
+
+
+def test_every_verb_of_the_readme_is_run_by_a_test():
+    documented = {shlex.join(shlex.split(line)) for line in commands(ROOT / "README.md")}
+    documented = {line for line in documented if line.startswith(ANKLE)}
+    run = {shlex.join(shlex.split(line)) for line in (*SHORT, *SESSION, *ANALYSIS)}
+    assert documented - set(ELSEWHERE) == run
+    assert set(ELSEWHERE) <= documented
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The recorded session of a simulated subject who held one torque for 50 s."""
+    folder = tmp_path_factory.mktemp("readme")
+    record_session(VirtualSession(1, (1, 0), hold=50.0, reach=35.0), folder / "session")
+    return folder
+
+
+@pytest.mark.parametrize("line", SHORT)
+def test_the_short_commands_of_the_readme_do_what_they_say(line, folder, monkeypatch):
+    assert line in commands(ROOT / "README.md")
+    monkeypatch.chdir(folder)
+    before = set(folder.rglob("*"))
+    words = shlex.split(line)[1:]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception}"
+    assert done.output.strip()
+    if "--out" in words:
+        assert (folder / words[-1]).exists()
+    if words[0] in ("open", "study"):
+        assert set(folder.rglob("*")) - before
