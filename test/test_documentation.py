@@ -9,6 +9,8 @@ import sys
 import pytest
 from documented_commands import PAGES, ROOT, commands
 
+PUBLIC = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+
 
 def run(line, folder, timeout):
     done = subprocess.run(
@@ -55,26 +57,36 @@ def test_the_site_is_built_without_a_warning(tmp_path):
 
 
 def documented(path):
-    """Public functions of a file with the names of their arguments and of those documented."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
-            continue
-        text = ast.get_docstring(node) or ""
-        section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", text, re.M | re.S)
-        if section is None:
-            continue
-        names = re.findall(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :.*)?$", section[1], re.M)
-        stated = {name.strip().lstrip("*") for line in names for name in line.split(",")}
-        signature = node.args
-        have = {a.arg for a in (*signature.posonlyargs, *signature.args, *signature.kwonlyargs)}
-        have |= {a.arg for a in (signature.vararg, signature.kwarg) if a is not None}
-        yield node.name, stated, have
+    """Public functions and classes of a file that have a section of parameters.
+
+    With the names of their arguments and of those documented.
+    """
+    tree = ast.parse(path.read_text())
+    for owner in (tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))):
+        for node in owner.body:
+            if not isinstance(node, PUBLIC) or node.name.startswith("_"):
+                continue
+            text = ast.get_docstring(node) or ""
+            section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", text, re.M | re.S)
+            made = [node] if not isinstance(node, ast.ClassDef) else node.body
+            made = [one for one in made if getattr(one, "name", "") in (node.name, "__init__")]
+            if section is None or not made:
+                continue
+            names = re.findall(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :.*)?$", section[1], re.M)
+            stated = {name.strip().lstrip("*") for line in names for name in line.split(",")}
+            yield node.name, stated, arguments_of(made[0].args)
+
+
+def arguments_of(signature):
+    have = {a.arg for a in (*signature.posonlyargs, *signature.args, *signature.kwonlyargs)}
+    have |= {a.arg for a in (signature.vararg, signature.kwarg) if a is not None}
+    return have - {"self", "cls"}
 
 
 @pytest.mark.parametrize(
     "package", sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
 )
-def test_what_a_docstring_calls_a_parameter_is_one(package):
+def test_a_section_of_parameters_has_the_names_of_the_signature(package):
     wrong = [
         f"{path.relative_to(ROOT)}: {name}: {sorted(stated - have)}"
         for path in sorted((ROOT / "src" / package / package).rglob("*.py"))

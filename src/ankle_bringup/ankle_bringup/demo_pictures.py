@@ -120,12 +120,16 @@ def real_trial(
 
     Parameters
     ----------
+    name
+        Title of the picture.
     estimates
         Shape (n, 12), columns `ESTIMATE_COLUMNS`.
     torques
         Shape (j, 4), columns `TORQUE_COLUMNS`.
     samples
         Shape (k, 3): time [s], position [rad], torque [N.m].
+    path
+        File to write.
     """
     figure, axes = plt.subplots(2, 2, figsize=(11, 7), constrained_layout=True)
     start = samples[0, 0]

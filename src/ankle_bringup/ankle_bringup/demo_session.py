@@ -35,6 +35,10 @@ def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str
     ----------
     out
         New folder; gets ``bag``, ``report``, ``subject.png``, ``operator.png``.
+    logs
+        Folder for one log file a node.
+    console
+        Where progress is shown.
 
     Returns
     -------

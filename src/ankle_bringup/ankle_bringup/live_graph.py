@@ -72,6 +72,12 @@ def echo(node: Node, topic: str, show: Callable[[str], None], count: int, second
 
     Parameters
     ----------
+    node
+        Node that reads.
+    topic
+        Name of the topic, resolved as the node's names are.
+    show
+        Called with the text of each message.
     count
         End after so many messages; 0 never ends by number.
     seconds

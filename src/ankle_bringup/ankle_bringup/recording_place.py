@@ -35,6 +35,8 @@ def in_study(
 
     Parameters
     ----------
+    graph
+        A graph with a recorder.
     study
         Made by ``ankle study init``.
     subject
@@ -71,6 +73,8 @@ def with_free_place(graph: Graph, settings: Iterable[str]) -> tuple[Graph, str]:
 
     Parameters
     ----------
+    graph
+        A graph, with or without a recorder.
     settings
         What the user set; a place that was set is left as it is.
 

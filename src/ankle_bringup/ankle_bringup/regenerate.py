@@ -27,6 +27,8 @@ def regenerate_by_replay(
         What was recorded.
     out
         The new bag, with the estimates.
+    logs
+        Folder for one log file a node.
     settings
         ``node.parameter=value`` for the estimator, as in the recorded run.
     patience

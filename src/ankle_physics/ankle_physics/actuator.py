@@ -92,7 +92,7 @@ class Actuator:
         self._dynamics = SecondOrder(rate * self.factor)
 
     def run(self, reference: np.ndarray) -> np.ndarray:
-        """True plate motion up to the time of the last reference sample.
+        """Return the true plate motion up to the time of the last reference sample.
 
         Parameters
         ----------

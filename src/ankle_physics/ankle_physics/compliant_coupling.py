@@ -146,6 +146,8 @@ class FootLoop:
 
         Parameters
         ----------
+        signals
+            Motion of plate and foot over the stretch; the foot's is replaced.
         given
             Torque on the foot that does not depend on its motion [N.m], shape (n,).
 

@@ -41,7 +41,7 @@ class Sampler:
         self._state: np.ndarray | None = None
 
     def run(self, *signals: np.ndarray) -> np.ndarray:
-        """Samples of shape (n, m) from m internal signals, each of shape (n * factor,)."""
+        """Return samples of shape (n, m) from m internal signals of shape (n * factor,)."""
         if self._state is None:
             rest = sosfilt_zi(self._sections)
             self._state = np.array([rest * signal[0] for signal in signals])
@@ -119,7 +119,7 @@ class SignalToNoise:
                 raise ModelError(f"signal-to-noise ratio of {name} = {value:g} dB is below 0 dB")
 
     def deviations(self, clean: np.ndarray) -> np.ndarray:
-        """Standard deviations of the noise, shape (3,), for clean signals of shape (n, 3)."""
+        """Return the deviations of the noise, shape (3,), for clean signals of shape (n, 3)."""
         ratios = np.array([self.position, self.velocity, self.torque])
         return clean.std(axis=0) * 10.0 ** (-ratios / 20.0)
 

@@ -261,7 +261,7 @@ class AnkleSimNode(AnkleNode):
 
 
 def make_model(values: Mapping[str, Any]) -> Model:
-    """The model that the values of the parameters `model`, `subject`, `terms` and `rig` name."""
+    """Make the model that the parameters `model`, `subject`, `terms` and `rig` name."""
     load_terms(str(values.get(TERMS.name, "")))
     path, subject = str(values.get(MODEL.name, "")), int(values.get(SUBJECT.name, 0))
     rig = str(values.get(RIG.name, ""))
@@ -275,7 +275,7 @@ def make_model(values: Mapping[str, Any]) -> Model:
 
 
 def declared_parameters(values: Mapping[str, Any]) -> list[Quantity]:
-    """The parameters of the node with these start values; they depend on its model."""
+    """Return the parameters for these start values; they depend on the node's model."""
     of_model = model_parameters(make_model(values))
     return [
         *RIG_PARAMETERS,
@@ -285,7 +285,7 @@ def declared_parameters(values: Mapping[str, Any]) -> list[Quantity]:
 
 
 def make() -> AnkleSimNode:
-    """The node with the model that its parameters name."""
+    """Make the node with the model that its parameters name."""
     return AnkleSimNode(
         make_model(
             {

@@ -61,7 +61,7 @@ def plan(
     hold: float = HOLD,
     reach: float = REACH,
 ) -> list[PlannedHold]:
-    """Holds in random order, as many in a block as it has room for.
+    """Return holds in random order, as many in a block as it has room for.
 
     Parameters
     ----------

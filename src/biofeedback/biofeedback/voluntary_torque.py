@@ -60,8 +60,8 @@ class VoluntaryTorque:
             are left out.
         rate
             Sampling rate [Hz].
-        K
-            [N.m/rad], G: [N.m.s/rad]: present estimates; NaN takes nothing off.
+        K, G
+            Present estimates [N.m/rad], [N.m.s/rad]; NaN takes nothing off.
         """
         samples = samples[np.isfinite(samples).all(axis=1)]
         if not len(samples):

@@ -127,6 +127,8 @@ def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> 
 
     Parameters
     ----------
+    setup
+        Rig, subject and influences.
     onsets
         Times at which movements start [s].
     n, rate

@@ -138,6 +138,8 @@ def scale(
     ----------
     trial
         Without the effect.
+    effect
+        What grows.
     shape, limits
         As `effects.draw_shape` gives.
     target

@@ -58,6 +58,8 @@ def defects(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> list[Def
         Raw EMG [V], shape (n, m), equally spaced, at least `SHORTEST_STRETCH` long.
     rate
         [Hz].
+    limits
+        Beyond which a channel is bad.
     """
     return [
         _defect(np.ascontiguousarray(emg[:, channel]), rate, limits)

@@ -93,6 +93,12 @@ def respond_bag(
 
     Parameters
     ----------
+    bag
+        A bag with ``/emg/samples``.
+    out
+        The new bag; None writes none.
+    settings
+        Windows and filters; the defaults where None.
     overwrite
         Replace a bag at `out`.
     progress

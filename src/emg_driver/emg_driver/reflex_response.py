@@ -24,6 +24,10 @@ def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | N
     ----------
     time
         Ascending times [s], shape (n,).
+    start
+        First time [s].
+    end
+        First time that no longer counts [s].
     rate
         [Hz].
     """
@@ -47,8 +51,12 @@ def respond(
         [s], shape (n,).
     rectified
         [V], shape (n, m).
+    rate
+        Sampling rate [Hz].
     onset
         [s].
+    settings
+        Windows of background and reflex.
     """
     before = window(time, onset - settings.background_window, onset, rate)
     after = window(time, onset + settings.reflex_start, onset + settings.reflex_end, rate)

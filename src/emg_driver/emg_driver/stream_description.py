@@ -116,6 +116,8 @@ def map_channels(
 
     Parameters
     ----------
+    stream
+        What the stream says of itself.
     channels
         As `parse_channels` takes it; an index counts from 0. A label counts first.
     unit

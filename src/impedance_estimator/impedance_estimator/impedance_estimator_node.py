@@ -90,6 +90,7 @@ class ImpedanceEstimator(AnkleNode):
             raise QuantityError(str(error)) from None
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
+        """Make an estimator with the new values; it takes over when it has settled."""
         changed = {**self._values, **values}
         if changed == self._values:
             return

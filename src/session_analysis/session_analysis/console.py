@@ -31,6 +31,14 @@ def report_validation(
         Each as ``BAG`` or ``SUBJECT=BAG``.
     out
         Folder of the report; it must be new or empty.
+    recompute
+        Whether estimates and responses are made again from the samples.
+    progress
+        Called with the present step and the fraction done.
+    console
+        Where the table is shown.
+    algorithm
+        Of estimates that come from the samples.
 
     Raises
     ------

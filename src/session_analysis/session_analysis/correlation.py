@@ -73,6 +73,8 @@ def correlate(
         Shape (n,).
     seed
         Of the bootstrap.
+    resamples
+        Draws of the bootstrap.
     """
     good = np.isfinite(x) & np.isfinite(y)
     x, y, n = x[good], y[good], int(good.sum())

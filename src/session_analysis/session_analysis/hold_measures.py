@@ -71,6 +71,10 @@ def measure_hold(
 
     Parameters
     ----------
+    subject
+        Whose hold it is.
+    hold
+        When it began and ended, and its target.
     estimates
         Of the session, shape (n, 12), columns `ESTIMATE_COLUMNS`.
     responses

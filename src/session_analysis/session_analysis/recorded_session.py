@@ -86,6 +86,8 @@ def read_session(
 
     Parameters
     ----------
+    path
+        The bag.
     subject
         Whose; else what the bag's custom data say, else the bag's name.
     recompute

@@ -162,6 +162,8 @@ def coarsened(track: Track, group: int) -> Track:
 
     Parameters
     ----------
+    track
+        Times and values.
     group
         Values that one pair stands for.
     """

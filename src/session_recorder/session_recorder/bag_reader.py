@@ -242,6 +242,8 @@ class BagReader:
 
         Parameters
         ----------
+        topic
+            Its absolute name.
         refused
             Called with a sentence for each message that is no valid block, which is then left out.
         progress

@@ -136,6 +136,8 @@ class BagWriter:
 
         Parameters
         ----------
+        topic
+            Its absolute name.
         message_type
             As ``std_msgs/msg/Float64MultiArray``.
         qos
@@ -181,6 +183,8 @@ class BagWriter:
 
         Parameters
         ----------
+        topic
+            A topic that was announced.
         stamp_ns
             Log time [ns since the epoch], not negative.
         cdr

@@ -39,8 +39,12 @@ def export_bag(
 
     Parameters
     ----------
+    bag
+        The bag that is read.
     output
         The folder (``csv``) or file (``npz``) to write.
+    file_format
+        ``csv`` or ``npz``.
     topics
         Names; None exports every topic (``npz``: every topic of blocks).
     overwrite

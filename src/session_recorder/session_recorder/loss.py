@@ -411,6 +411,8 @@ class LossAccount:
 
         Parameters
         ----------
+        topic
+            Its absolute name.
         message
             Its CDR bytes.
         log_time_ns

@@ -61,6 +61,8 @@ class Recording:
 
         Parameters
         ----------
+        topic
+            Its absolute name.
         publishers
             Name of the node by the publisher's identity.
 
@@ -90,8 +92,12 @@ class Recording:
 
         Parameters
         ----------
+        topic
+            A topic that was announced.
         stamp_ns, publish_ns
             Times of reception and publication [ns].
+        message
+            Its CDR bytes.
         sequence
             The message's number at its publisher, None where it is not known.
 

@@ -28,6 +28,8 @@ def choose_topics(reader: BagReader, wanted: str) -> list[str]:
 
     Parameters
     ----------
+    reader
+        The bag.
     wanted
         Names joined by commas; empty takes the recorded inputs that the bag holds; ``all`` takes
         everything but what ROS writes about itself.
@@ -72,10 +74,16 @@ class Replay:
 
     Parameters
     ----------
+    reader
+        The bag.
+    topics
+        Absolute names of the topics that are sent.
     rate
         Bag seconds per second; 0 is as fast as the readers follow.
     flows
         Of the topics whose readers report how far they are.
+    outlet
+        Takes the messages that are due.
     patience
         Time [s] that a reader may take for one message.
     going_on

@@ -37,6 +37,8 @@ def write_comparison(results: dict[str, dict[str, Any]], out: Path) -> str:
     ----------
     results
         Of the trials of `comparison.comparison_trials`, by name.
+    out
+        Folder to write into.
 
     Returns
     -------

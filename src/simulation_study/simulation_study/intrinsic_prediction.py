@@ -47,7 +47,7 @@ def motion(recording: Recording, measured_velocity: bool, filtered: bool) -> np.
 
 
 def true_torque(recording: Recording, filtered: bool) -> np.ndarray:
-    """True intrinsic torque [N.m] behind the same low-pass as the motion, shape (n,)."""
+    """Return the true intrinsic torque [N.m] behind the motion's low-pass, shape (n,)."""
     torque = intrinsic_torque(recording)
     if not filtered:
         return torque

@@ -41,7 +41,6 @@ def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray
     DiagnosisError
         The term changes no torque on this movement.
     """
-
     values = {
         term: base.values[term]
         for term in PAPER_TERMS

@@ -208,7 +208,7 @@ def _line(result: dict[str, Any]) -> str:
 
 
 def summary(results: list[dict[str, Any]]) -> str:
-    """False alarms, names and sets; for terms that were left out of the library, what was said
+    """Count false alarms, names and sets; for terms left out of the library, what was said
     instead.
     """
     nulls = [r for r in results if r["planted"] is None]

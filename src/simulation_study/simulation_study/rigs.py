@@ -163,5 +163,5 @@ def _differenced(
 
 
 def intrinsic_torque(recording: Recording) -> np.ndarray:
-    """True torque of inertia, viscosity and stiffness [N.m], shape (n,)."""
+    """Return the true torque of inertia, viscosity and stiffness [N.m], shape (n,)."""
     return np.sum([recording.parts[name] for name in INTRINSIC_TERMS], axis=0)

@@ -185,6 +185,8 @@ class Bridge:
         ----------
         names
             Full names of the publishing nodes.
+        now
+            Time of the driver [s].
         """
         self._sources = tuple(sorted(names))
         if len(self._sources) > 1 and self.states.state in (State.ARMED, State.RUNNING):
@@ -287,6 +289,10 @@ class Bridge:
             ROS times [s], shape (n,).
         motion
             Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3).
+        now
+            Time of the driver [s].
+        ros
+            ROS time [s] at `now`.
         """
         if self.states.state is not State.RUNNING or not len(time):
             self.unused += len(time)

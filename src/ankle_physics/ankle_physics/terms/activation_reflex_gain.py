@@ -17,7 +17,8 @@ MUSCLE_DAMPING = 0.8
 
 class ActivationReflexGain(Term):
     """Automatic gain compensation: the reflex grows with the background activity of its muscle
-    (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque."""
+    (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque.
+    """
 
     name = "activation_reflex_gain"
     place = Place.REFLEX_DYNAMICS

@@ -19,7 +19,8 @@ MUSCLE_DAMPING = 0.8
 class AntagonistReflex(Term):
     """Stretch reflex of the shin muscle (tibialis anterior), or the calf's activity falling away
     when it is unloaded; without EMG the two cannot be told apart. It sees the foot's velocity, not
-    the calf's reflex input."""
+    the calf's reflex input.
+    """
 
     name = "antagonist_reflex"
     place = Place.REFLEX_DYNAMICS

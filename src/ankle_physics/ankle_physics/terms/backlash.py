@@ -12,7 +12,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 class Backlash(Term):
     """The foot follows the backlash operator of the plate's position; it moves only while it is in
     touch. Its acceleration is the plate's while in touch: the impact itself is shorter than the
-    band that is measured."""
+    band that is measured.
+    """
 
     name = "backlash"
     place = Place.COUPLING

@@ -14,7 +14,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 class ReflexDepression(Term):
     """A stretch uses up readiness r, which comes back with time (post-activation depression,
-    Hultborn et al. 1996: recovery 0.1 to 10 s)."""
+    Hultborn et al. 1996: recovery 0.1 to 10 s).
+    """
 
     name = "reflex_depression"
     place = Place.REFLEX_INPUT

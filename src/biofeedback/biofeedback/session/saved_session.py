@@ -29,6 +29,10 @@ def save(path: Path, content: Mapping[str, Any], now: float) -> None:
 
     Parameters
     ----------
+    path
+        File to write.
+    content
+        What is written, as YAML knows it.
     now
         Wall time [s].
 

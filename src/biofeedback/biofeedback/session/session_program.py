@@ -381,6 +381,8 @@ class Session:
 
         Parameters
         ----------
+        now
+            Time of the session [s].
         values
             Fields of `Target`.
 

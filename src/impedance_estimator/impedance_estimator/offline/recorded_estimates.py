@@ -130,6 +130,14 @@ def estimate_bag(
 
     Parameters
     ----------
+    bag
+        A bag with ``/ankle/samples``.
+    out
+        The new bag; None writes none.
+    algorithm
+        A key of `algorithms.ALGORITHMS`.
+    settings
+        The algorithm's defaults where None.
     known
         Physics of rig and subject that is known beforehand.
     overwrite

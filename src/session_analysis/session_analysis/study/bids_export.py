@@ -29,6 +29,8 @@ def export_bids(
 
     Parameters
     ----------
+    study
+        The study that is exported.
     out
         A new or empty folder.
     progress

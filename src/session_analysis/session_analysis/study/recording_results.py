@@ -63,6 +63,8 @@ def process(folder: Path, entry: Entry, diagnosed: bool) -> list[Row]:
     ----------
     folder
         The study's.
+    entry
+        Subject, visit and run of the recording, and its file.
     diagnosed
         Whether the recording is diagnosed as well; takes a minute or more.
 

@@ -28,6 +28,8 @@ def run_study(
 
     Parameters
     ----------
+    study
+        The study whose recordings are processed.
     workers
         Processes on this machine.
     scheduler
@@ -114,6 +116,8 @@ def write_results(rows: Sequence[Row], path: Path) -> None:
 
     Parameters
     ----------
+    rows
+        One row a recording.
     path
         Replaced; its folder is made where it is missing.
     """

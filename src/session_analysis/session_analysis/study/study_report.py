@@ -62,6 +62,8 @@ def write_study_report(
         Why a recording gave no result, by its name.
     path
         The file to write.
+    title
+        Title of the page.
     subject
         Only this subject's part; the reliability is that of the whole study.
     """

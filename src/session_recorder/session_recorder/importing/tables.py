@@ -121,6 +121,8 @@ class Table:
 
         Parameters
         ----------
+        name
+            Name of the column in the file.
         values
             Shape (n,).
         unit

@@ -197,6 +197,8 @@ def blind(
         Address of a running Dask scheduler whose workers see the same folders.
     time_limit
         For one diagnosis [s].
+    console
+        Where progress is shown; None shows none.
 
     Returns
     -------
