@@ -154,7 +154,7 @@ class BiofeedbackNode(AnkleNode):
             raise self._failure or OSError(f"the pages were not there within {START_PATIENCE:g} s")
 
     def _open_course(self) -> CourseFile | None:
-        """The course that this node leads, from the record of its subject."""
+        """Make the course that this node leads, from the record of its subject."""
         if not self.text("course"):
             return None
         subject = self.text("subject")

@@ -58,7 +58,7 @@ def read(session: Session, results: Results, found: Snapshot, rows: list[np.ndar
 
 
 def _activity(conditioning: Conditioning, results: Results, found: Snapshot) -> float:
-    """The activity of the course's muscle [MVC]; NaN while it is not known."""
+    """Return the activity of the course's muscle [MVC]; NaN while it is not known."""
     present = found.emg.get(conditioning.course.muscle, math.nan)
     if found.emg_quality != GOOD:
         return math.nan
@@ -69,7 +69,7 @@ def _activity(conditioning: Conditioning, results: Results, found: Snapshot) -> 
 
 
 def _responses(rows: list[np.ndarray], muscle: str) -> list[Response]:
-    """The responses of a muscle to the stretches that lengthen it, in the order of their onsets."""
+    """Return the responses of a muscle to stretches that lengthen it, in order of their onsets."""
     size = EMG_RESPONSES.columns.index(f"reflex_{muscle}[V.s]")
     lengthening = STRETCHED_BY[muscle]
     return [Response(float(row[0]), float(row[size])) for row in rows if row[1] == lengthening]

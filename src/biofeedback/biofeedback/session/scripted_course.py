@@ -139,4 +139,4 @@ class ScriptedCourse(ScriptedSession):
 
 
 async def _no_moment(kind: str, hold: int) -> None:
-    """A course has no moments at which something is looked at."""
+    """Show nothing: a course has no moments at which something is looked at."""

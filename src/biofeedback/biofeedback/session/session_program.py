@@ -157,7 +157,7 @@ class Session:
         self._last: float | None = None
 
     def _first_step(self) -> int:
-        """The first step that is not done: a course's session may have trials already."""
+        """Return the first step that is not done: a course's session may have trials already."""
         if self.conditioning is None:
             return 0
         block = self.conditioning.session.block

@@ -178,7 +178,8 @@ def _core_values(
 
 def _with_gains(model: Model, gains: dict[str, np.ndarray], middle: float) -> Model:
     """Return the model with changing K, B, I, G and its spring about the mean angle: a change of K
-    then adds no offset."""
+    then adds no offset.
+    """
     entries = []
     for entry in model.entries:
         name = entry.term.name
