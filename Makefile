@@ -25,7 +25,7 @@ help:
 	@echo "make test-pythons   make test with each of Python $(PYTHONS) that is installed"
 	@echo "make docs    the documentation as a site, in build/docs/index.html"
 	@echo "make mutants        remove each safety control in turn: the tests have to notice (30 minutes)"
-	@echo "make faults         faults at random moments of a running rig; writes docs/reliability.md"
+	@echo "make faults         faults at random moments of a running rig; writes docs/reliability.md (20 minutes)"
 	@echo "make soak           a session of two hours on the emulated rig (MINUTES=10 for a short one)"
 	@echo "make manifests      write the imports of each package into its package.xml"
 	@echo "make bench   the benchmarks of simulation, estimators, files and graph (4 minutes)"
@@ -66,7 +66,8 @@ mutants: setup
 	@$(BIN)/python src/ankle_actuator_driver/test/mutants.py
 
 faults: setup
-	@$(BIN)/python src/ankle_actuator_driver/test/fault_campaign.py
+	@$(BIN)/python src/ankle_actuator_driver/test/fault_campaign.py --times 5
+	@$(BIN)/python benchmarks/live_faults.py --times 4
 
 MINUTES ?= 120
 soak: setup

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -98,10 +99,24 @@ class Processes:
             self._start(node, command)
         return self
 
-    def _start(self, node: NodeDescription, command: list[str]) -> None:
+    def restart(self, name: str, **parameters: object) -> None:
+        """Start a node again that has ended; its log goes on in the same file.
+
+        Parameters
+        ----------
+        name
+            Of the node.
+        parameters
+            Values that it gets instead of those of the graph.
+        """
+        self._running.pop(name).wait()
+        node, command = next(entry for entry in self._commands if entry[0].name == name)
+        self._start(replace(node, parameters={**node.parameters, **parameters}), command, "ab")
+
+    def _start(self, node: NodeDescription, command: list[str], mode: str = "wb") -> None:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        with open(self._logs / f"{node.name}.log", "wb") as log:
+        with open(self._logs / f"{node.name}.log", mode) as log:
             # Its own session: Ctrl-C at the terminal reaches us alone, and we stop the nodes in
             # order.
             self._running[node.name] = subprocess.Popen(

@@ -25,6 +25,9 @@ GENERATOR_PRIORITY = 10
 """Priority of the generator: what it sends is 1 s ahead of its time."""
 PAGES_PRIORITY = 5
 """Priority of the node that serves the pages: a stop from a page passes through it."""
+RECORDER_PRIORITY = 3
+"""Priority of a recorder in real time: one that gets no core falls behind, and what waits in its
+memory is lost if it is killed."""
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from datetime import datetime
@@ -28,6 +29,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_interfaces.topics import JOINT_STATES, TOPICS
 from ankle_node.node import ACKNOWLEDGED, BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
+from ankle_node.real_time import RECORDER_PRIORITY, take_priority
 from session_recorder import bag_metadata
 from session_recorder.bag_writer import CHUNK_SECONDS
 from session_recorder.errors import BagError
@@ -42,6 +44,11 @@ LABORATORY_TOPICS = (*(topic for topic in TOPICS if topic.columns), JOINT_STATES
 OF_EVERY_NAMESPACE = (*OWN_OF_ROS, "/tf", "/tf_static")
 DISCOVERY_PERIOD = 0.25  # s; how long a new topic waits for its subscription
 SETTLED_LOOKS = 3  # looks at the graph without a new topic before the recorder calls itself ready
+SYNC_PERIOD = 2.0
+"""[s] What a power cut may cost besides the last chunk: a disk that is busy takes 0.1 s for it."""
+LONGEST_BACKLOG = 2.0
+"""[s] Age of a message from which the recorder says that it falls behind: what waits is only in
+memory."""
 NAMED_TOPIC_PATIENCE = 5.0  # s before a named topic without publisher is reported
 
 
@@ -65,6 +72,9 @@ class RecordNode(AnkleNode):
         self._began = time.monotonic()
         self._simulated_time = bool(self.get_parameter("use_sim_time").value)
         self.failed = False
+        self._behind = 0.0  # s, the oldest message since the last look
+        if not self._simulated_time and (refusal := take_priority(RECORDER_PRIORITY)):
+            self.get_logger().warning(refusal)
         self.recording: Recording | None = Recording(
             self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
         )
@@ -78,6 +88,15 @@ class RecordNode(AnkleNode):
         self.create_timer(DISCOVERY_PERIOD, self._look_for_topics, clock=steady)
         self.create_timer(CHUNK_SECONDS / 2, self._keep_safe, clock=steady)
         self.count("ready", False)
+        self._ended = threading.Event()
+        self._syncing = threading.Thread(target=self._sync, name="sync", daemon=True)
+        self._syncing.start()
+
+    def _sync(self) -> None:
+        """Bring the bag to the medium again and again, while others wait for no disk."""
+        while not self._ended.wait(SYNC_PERIOD):
+            if (recording := self.recording) is not None:
+                recording.bag.sync()
 
     def _look_for_topics(self) -> None:
         self._quiet_looks += 1
@@ -162,6 +181,7 @@ class RecordNode(AnkleNode):
             if self._simulated_time
             else info["received_timestamp"] or time.time_ns()
         )
+        self._behind = max(self._behind, 1e-9 * (time.time_ns() - info["received_timestamp"]))
         for sentence in self.recording.write(
             name,
             received,
@@ -191,11 +211,14 @@ class RecordNode(AnkleNode):
         if self.recording is None:
             return
         self.recording.bag.flush()
+        self._report_backlog()
         free = self.recording.free_space()
         self.count("messages", self.recording.bag.count)
         for topic, sentence in self.recording.settle().items():
             self._warn(topic, sentence)
         self.count("missing samples", self.recording.account.missing)
+        for name, held in self.recording.account.topics.items():
+            self.count(f"{name} missing samples", held.missing)
         self.count("lost messages", self.recording.account.missing_messages)
         self.count("free disk [MB]", round(free))
         if free < self.number("min_free_disk"):
@@ -210,6 +233,17 @@ class RecordNode(AnkleNode):
             self._close()
             raise BagError(sentence)
 
+    def _report_backlog(self) -> None:
+        behind, self._behind = self._behind, 0.0
+        self.count("behind [s]", f"{behind:.2f}")
+        if behind > LONGEST_BACKLOG:
+            sentence = (
+                f"{behind:.1f} s behind: messages wait in memory for this process, because the "
+                "computer is too busy"
+            )
+            self.health("backlog", WARN, sentence)
+            self.get_logger().warning(sentence, throttle_duration_sec=10.0)
+
     def _close(self) -> None:
         recording, self.recording = self.recording, None
         if recording is not None:
@@ -218,6 +252,7 @@ class RecordNode(AnkleNode):
 
     def destroy_node(self) -> None:
         """Finish the bag first."""
+        self._ended.set()
         try:
             self._close()
         except BagError as error:

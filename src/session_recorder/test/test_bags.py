@@ -432,3 +432,16 @@ def test_empty_blocks_and_empty_bags(tmp_path):
         writer.add_topic("/x")
         writer.write_block("/x", Block(("t[s]", "v[1]"), np.zeros((0, 2))), 5)
     assert BagReader(tmp_path / "second").signal("/x")[1].shape == (0, 2)
+
+
+def test_a_bag_is_brought_to_the_medium_while_it_is_open_and_left_alone_afterwards(
+    tmp_path, monkeypatch
+):
+    synced = []
+    monkeypatch.setattr(
+        "os.fdatasync", lambda number: synced.append(os.readlink(f"/proc/self/fd/{number}"))
+    )
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.sync()
+    bag.sync()
+    assert synced == [str(tmp_path / "bag" / "bag_0.mcap")]
