@@ -11,6 +11,7 @@ import numpy as np
 
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
@@ -84,6 +85,7 @@ def diagnose(
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
     joint: JointProfile | None = None,
+    rig: RigFile | str | Path | None = None,
 ) -> Diagnosis:
     """Diagnose a recording or a bag.
 
@@ -102,6 +104,8 @@ def diagnose(
         Called with one line for each step.
     joint
         Whose ranges, units and base model hold; None: those in force, which are an ankle's.
+    rig
+        A calibrated rig (or its file), which is taken as known: its zeros, delays and terms.
 
     Raises
     ------
@@ -111,7 +115,8 @@ def diagnose(
         The model cannot be read.
     """
     with (joint or joint_in_force()).in_force():
-        return _diagnose_and_report(source, out, model, library, progress)
+        known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
+        return _diagnose_and_report(source, out, model, library, progress, known)
 
 
 def _diagnose_and_report(
@@ -120,6 +125,7 @@ def _diagnose_and_report(
     model: str | Path | Model | None,
     library: Sequence[str] | None,
     progress: Progress,
+    rig: RigFile | None,
 ) -> Diagnosis:
     """Diagnose a recording or a bag by the ranges and units in force, and write what was found."""
     progress("reading")
@@ -133,8 +139,13 @@ def _diagnose_and_report(
     if reasons:
         diagnosis = Diagnosis(recording, Verdict("bad_recording", reasons=reasons))
     else:
-        diagnosis = _diagnose(recording, baseline, library, progress)
+        diagnosis = _diagnose(recording, baseline, library, progress, rig)
     diagnosis.verdict.reasons += list(recording.notes)
+    if rig is not None:
+        diagnosis.verdict.rig["known"] = rig.title
+        diagnosis.verdict.reasons.append(
+            f"the rig '{rig.title}', calibrated {rig.calibrated:%Y-%m-%d}, is taken as known"
+        )
     if out is not None:
         progress("writing the report")
         folder = Path(out)
@@ -170,7 +181,11 @@ def augmented_model(diagnosis: Diagnosis) -> Model:
 
 
 def _diagnose(
-    recording: Recording, baseline: Model | None, library: Sequence[str] | None, progress: Progress
+    recording: Recording,
+    baseline: Model | None,
+    library: Sequence[str] | None,
+    progress: Progress,
+    rig: RigFile | None = None,
 ) -> Diagnosis:
     channels = channel_findings(recording, identify_servo(recording, motion_step(recording)))
     terms = (
@@ -178,7 +193,7 @@ def _diagnose(
         if baseline is None
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )
-    problem = prepare(trusted(recording, channels), terms, progress)
+    problem = prepare(trusted(recording, channels), terms, progress, rig)
     fitter, base, bank, parts = problem.fitter, problem.base, problem.bank, problem.parts
     null = Null.of(problem.noise, fitter.rows.time, fitter.rows.used)
     progress("asking what chance finds in this recording's noise")

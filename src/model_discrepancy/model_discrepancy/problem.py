@@ -12,11 +12,13 @@ import numpy as np
 from scipy.signal import coherence, welch
 
 from ankle_physics.model import PAPER_TERMS
+from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.generic_bank import GenericBank
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.recording.emg_activation import emg_activation
+from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Compliance, Servo, held_compliance, identify_servo
@@ -80,7 +82,10 @@ class Problem:
 
 
 def prepare(
-    recording: Recording, terms: Sequence[str] = PAPER_TERMS, progress: Progress = lambda _: None
+    recording: Recording,
+    terms: Sequence[str] = PAPER_TERMS,
+    progress: Progress = lambda _: None,
+    rig: RigFile | None = None,
 ) -> Problem:
     """Fit the base model to a recording and learn its noise.
 
@@ -92,16 +97,22 @@ def prepare(
         Of the base model.
     progress
         Called with one line for each step.
+    rig
+        A calibrated one, whose terms are held; None: nothing is known of the rig.
     """
+    held: dict[str, dict[str, float]] = {}
+    if rig is not None:
+        recording, held = calibrated(recording, rig), held_terms(rig)
+        terms = [*terms, *(name for name in held if name not in terms)]
     progress("finding how the servo follows its command")
     servo = identify_servo(recording, motion_step(recording))
     motion = motion_of(recording, servo)
-    fitter = Fitter.of(motion, coherent_limit(motion))
+    fitter = Fitter.of(motion, coherent_limit(motion), held)
     progress("fitting the base model")
     base = fit_base(fitter, terms)
     clear = clear_limit(fitter, base)
     if clear < fitter.rows.limit:
-        fitter = Fitter.of(motion, clear)
+        fitter = Fitter.of(motion, clear, held)
         base = fit_base(fitter, terms)
     # What the base model does not make of the movement is voluntary torque, and what is missing.
     left = fitter.rows.torque(base.left)
@@ -111,7 +122,8 @@ def prepare(
     compliance = (
         servo.compliance
         if servo is not None
-        else held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
+        else (known_compliance(rig, motion.rate) if rig is not None else None)
+        or held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
     )
     if compliance is not None and compliance.significant:
         motion = motion.undisturbed(compliance, left, joint_impedance(base))

@@ -17,6 +17,9 @@ def verb(
         Path | None,
         typer.Option(help="A model file as the baseline, instead of the paper's model refitted."),
     ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="The calibrated rig (rig.yaml), which is taken as known.")
+    ] = None,
     joint: Annotated[
         str, typer.Option(help="ankle, knee, elbow, wrist, or a joint's file (YAML).")
     ] = "ankle",
@@ -42,7 +45,7 @@ def verb(
     with working("diagnosing") as step:
         with profile.in_force():
             baseline = Model.load(model) if model is not None else None
-        found = diagnose(bag, out, baseline, progress=step, joint=profile)
+        found = diagnose(bag, out, baseline, progress=step, joint=profile, rig=rig)
     console.print(f"verdict: {found.verdict.verdict}", style="bold")
     for effect in found.verdict.effects:
         console.print(profile.in_units(f"- {effect['sentence']}"))

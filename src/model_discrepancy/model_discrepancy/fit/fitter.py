@@ -133,26 +133,40 @@ class Fitter:
         Of the recording.
     rows
         With the whitening that is to be used; None for those of the columns.
+    held
+        Values of terms that are known, by term and symbol, such as a calibrated rig's; they are
+        never fitted.
     """
 
-    def __init__(self, columns: Columns, rows: Rows | None = None) -> None:
+    def __init__(
+        self, columns: Columns, rows: Rows | None = None, held: Start | None = None
+    ) -> None:
         self.columns = columns
         self.rows = columns.rows if rows is None else rows
+        self.held: Start = held or {}
         self.plain_target = self.rows.plain(columns.target)
         self._refresh()
 
     @classmethod
-    def of(cls, motion: Motion, limit: float = LOW_PASS_HZ) -> Fitter:
+    def of(cls, motion: Motion, limit: float = LOW_PASS_HZ, held: Start | None = None) -> Fitter:
         """The problem of one recording: its columns and rows up to a limit [Hz], not whitened."""
-        return cls(Columns(motion, Rows(len(motion.position), motion.rate, limit)))
+        return cls(Columns(motion, Rows(len(motion.position), motion.rate, limit)), held=held)
 
     def unwhitened(self) -> Fitter:
         """Return a fitter of this problem that minimises the plain error."""
-        return Fitter(self.columns, self.rows.unwhitened())
+        return Fitter(self.columns, self.rows.unwhitened(), self.held)
 
     def along(self, motion: Motion) -> Fitter:
         """Return a fitter with this problem and whitening for another movement of that length."""
-        return Fitter(Columns(motion, self.rows))
+        return Fitter(Columns(motion, self.rows), held=self.held)
+
+    def holding(self, held: Start) -> Fitter:
+        """Return a fitter of this problem that holds these terms too."""
+        return Fitter(self.columns, self.rows, {**self.held, **held})
+
+    def searched(self, names: Sequence[str]) -> list[tuple[str, Parameter]]:
+        """Return the parameters of these terms that a fit searches for and that are not held."""
+        return [(name, p) for name, p in searched(names) if name not in self.held]
 
     @property
     def motion(self) -> Motion:
@@ -194,8 +208,8 @@ class Fitter:
             values[name] = {
                 p.symbol: p.default for p in term_library()[name].parameters
             } | self.columns.convention(name)
-            if start and name in start:
-                values[name] |= start[name]
+            for given in (start or {}, self.held):
+                values[name] |= given.get(name, {})
         return values
 
     def fit(
@@ -224,7 +238,7 @@ class Fitter:
         """
         mask = self.rows.used if mask is None else mask & self.rows.used
         values = self.start_values(names, start)
-        free = searched(names)
+        free = self.searched(names)
         if free:
             problem = _Projection(self, values, free, mask)
             first = np.array(
@@ -255,7 +269,8 @@ class Fitter:
         order = list(spectra)
         matrix = self.whitened(spectra.values())
         amplitudes = np.array([float(values[name][symbol]) for name, symbol in order])
-        given = {(name, p.symbol) for name, p in searched(list(values))}
+        given = {(name, p.symbol) for name, p in self.searched(list(values))}
+        given |= {column for column in order if column[0] in self.held}
         open_ = np.array([column not in given for column in order])
         rest = self.target - matrix[:, ~open_] @ amplitudes[~open_]
         amplitudes[open_] = bounded(
@@ -301,9 +316,11 @@ class Fitter:
         spectra = self.columns.spectra(fit.values)
         amplitudes = {(n, symbol): fit.values[n][symbol] for n, symbol in spectra}
         found = {
-            c: self.rows.plain(s) if plain else self.whitened([s])[:, 0] for c, s in spectra.items()
+            c: self.rows.plain(s) if plain else self.whitened([s])[:, 0]
+            for c, s in spectra.items()
+            if c[0] not in self.held
         }
-        for name, parameter in searched(fit.terms):
+        for name, parameter in self.searched(fit.terms):
             slope = self.slope(fit.values, name, parameter, amplitudes, spectra, plain)
             found[name, parameter.symbol] = (
                 slope / _stretch(parameter, fit.values[name][parameter.symbol])
@@ -444,7 +461,9 @@ class _Projection:
         inside = [
             s
             for (n, symbol), s in spectra.items()
-            if (n, symbol) not in own and f"{n}.{symbol}" not in self._fit.at_bounds
+            if (n, symbol) not in own
+            and n not in self._fitter.held
+            and f"{n}.{symbol}" not in self._fit.at_bounds
         ]
         if inside:
             basis = orthonormal(self._fitter.whitened(inside)[self._mask])

@@ -208,19 +208,15 @@ def _shaping(
     results = []
     for point in points:
         values = _with(columns, fit, name, point)
-        spectra = columns.spectra(values)
-        matrix = fitter.whitened(spectra.values())[used]
-        amplitudes = bounded(matrix, fitter.target[used], *ranges(spectra))
-        left = fitter.target[used] - matrix @ amplitudes
-        results.append((float(left @ left), values, amplitudes))
+        left, values = _left(fitter, values)
+        results.append((float(left @ left), values, left))
     shares = [1.0 - error / fit.score for error, _, _ in results]
     # The present model's nonlinear parameters follow where it matters: at the best points.
     for k in sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED_POINTS]:
-        error, values, amplitudes = results[k]
+        error, values, left = results[k]
         spectra = columns.spectra(values)
-        matrix = fitter.whitened(spectra.values())[used]
-        left = fitter.target[used] - matrix @ amplitudes
-        given = dict(zip(spectra, amplitudes, strict=True))
+        matrix = fitter.whitened([s for c, s in spectra.items() if c[0] not in fitter.held])[used]
+        given = {(n, symbol): values[n][symbol] for n, symbol in spectra}
         own = [fitter.slope(values, name, p, given, spectra)[used] for _, p in nonlinear([name])]
         span = orthonormal(np.column_stack([matrix, slopes, *own]))
         refined = left - span @ (span.T @ left)
@@ -228,6 +224,28 @@ def _shaping(
         # it out.
         shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
     return [(share, values[name]) for share, (_, values, _) in zip(shares, results, strict=True)]
+
+
+def _left(
+    fitter: Fitter, values: dict[str, dict[str, float]]
+) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+    """Fitted rows that are left with all amplitudes solved for but those of held terms, and the
+    values with these amplitudes.
+    """
+    used = fitter.rows.used
+    spectra = fitter.columns.spectra(values)
+    target = fitter.target[used]
+    fixed = {c: s for c, s in spectra.items() if c[0] in fitter.held}
+    if fixed:
+        amplitudes = np.array([values[n][symbol] for n, symbol in fixed])
+        target = target - fitter.whitened(fixed.values())[used] @ amplitudes
+    free = {c: s for c, s in spectra.items() if c not in fixed}
+    matrix = fitter.whitened(free.values())[used]
+    amplitudes = bounded(matrix, target, *ranges(free))
+    filled = {n: dict(v) for n, v in values.items()}
+    for (n, symbol), amplitude in zip(free, amplitudes, strict=True):
+        filled[n][symbol] = float(amplitude)
+    return target - matrix @ amplitudes, filled
 
 
 def _observe_shaping(

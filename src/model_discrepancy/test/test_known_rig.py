@@ -1,0 +1,77 @@
+"""A calibrated rig is taken as known, on recordings that scipy alone makes."""
+
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.rig_file import Measured, RigFile
+from model_discrepancy.problem import prepare
+from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
+from model_discrepancy.recording.recording import Recording
+
+RATE = 1000.0
+FOOT, PLATE, VISCOSITY, STIFFNESS = 0.014, 0.005, 0.8, 90.0
+LATE, VELOCITY_LATE = 3, 4  # samples
+RIG = RigFile(
+    "laboratory 2",
+    datetime(2026, 11, 20, tzinfo=timezone.utc),
+    torque_delay=Measured(LATE / RATE),
+    velocity_delay=Measured(VELOCITY_LATE / RATE),
+    zero_position=0.3,
+    zero_torque=-1.5,
+    model=Model.of({"footplate_inertia": {"Ip": PLATE}, "servo_compliance": {"k_a": 2500.0}}),
+)
+
+
+def recording() -> Recording:
+    """Random steps of a foot on a plate; the torque channel is late and both have an offset."""
+    random = np.random.default_rng(3)
+    steps = np.repeat(random.uniform(-0.02, 0.02, 120), 250)
+    position = lfilter(*butter(4, 15.0, fs=RATE), steps)
+    velocity = np.gradient(position) * RATE
+    torque = (
+        (FOOT + PLATE) * np.gradient(velocity) * RATE + VISCOSITY * velocity + STIFFNESS * position
+    )
+    torque = np.concatenate([np.zeros(LATE), torque[:-LATE]]) - 1.5
+    velocity = np.concatenate([np.zeros(VELOCITY_LATE), velocity[:-VELOCITY_LATE]])
+    noise = random.standard_normal((2, len(position)))
+    return Recording(
+        RATE,
+        position + 0.3 + 2e-5 * noise[0],
+        torque + 0.01 * np.std(torque) * noise[1],
+        velocity,
+    )
+
+
+def test_what_the_rig_file_states_is_held_and_not_found_again():
+    problem = prepare(recording(), rig=RIG)
+    values = problem.base.values
+    assert values["footplate_inertia"] == {"Ip": PLATE}
+    assert values["channel_skew"] == {"skew": LATE / RATE}
+    assert values["inertia"]["I"] == pytest.approx(FOOT, rel=0.02)
+    assert values["viscosity"]["B"] == pytest.approx(VISCOSITY, rel=0.05)
+    labels = problem.fitter.derivatives(problem.base)[1]
+    assert {name for name, _ in labels} == set(PAPER_TERMS)
+    used = problem.fitter.rows.used
+    assert np.var(problem.base.plain[used]) < 0.002 * np.var(problem.fitter.plain_target[used])
+    assert abs(problem.fitter.motion.torque.mean()) < 0.1
+
+
+def test_zeros_and_the_velocitys_clock_are_corrected():
+    late = recording()
+    moved = calibrated(late, RIG)
+    assert moved.position.mean() == pytest.approx(late.position.mean() - 0.3)
+    assert moved.torque.mean() == pytest.approx(late.torque.mean() + 1.5)
+    np.testing.assert_allclose(moved.velocity[:-VELOCITY_LATE], late.velocity[VELOCITY_LATE:])
+
+
+def test_the_servos_stiffness_is_a_known_compliance():
+    found = known_compliance(RIG, 500.0)
+    assert found.significant
+    assert found.response(np.array([0.0]))[0] == pytest.approx(1 / 2500.0)
+    bare = RigFile("bare", RIG.calibrated)
+    assert known_compliance(bare, 500.0) is None
+    assert held_terms(bare) == {}
