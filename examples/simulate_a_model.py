@@ -46,7 +46,8 @@ def main() -> None:
             bag.add_topic(topic.absolute, topic.message)
             rows = np.column_stack([recording.time, values])
             for start in range(0, len(rows), BLOCK):
-                bag.write_block(topic.absolute, Block(topic.columns, rows[start : start + BLOCK]))
+                block = Block(topic.columns_of(rows.shape[1]), rows[start : start + BLOCK])
+                bag.write_block(topic.absolute, block)
     print(f"{asked.seconds:g} s in {asked.bag}")
 
 

@@ -81,6 +81,16 @@ def test_what_writes_a_result_knows_overwrite(name):
     assert "--overwrite" in options
 
 
+STUDIES = ("table2", "virtual-study", "robustness", "blind")
+ANALYSES = ("estimate", "emg", "import", "export", "diagnose", "compare", "resimulate")
+
+
+@pytest.mark.parametrize("name", [*ANALYSES, "design-experiment", *STUDIES])
+def test_what_computes_a_result_gives_it_as_json(name):
+    options = {o for p in load_verb(name, verb_names()[name]).params for o in p.opts}
+    assert "--json" in options
+
+
 def test_units_in_brackets_stay_in_the_help():
     assert "[Hz]" in ankle("import", "--help").output
     assert "'t[s]=time'" in ankle("import", "--help").output

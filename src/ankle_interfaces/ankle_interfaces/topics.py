@@ -73,6 +73,27 @@ class Topic:
         """The columns that every block has, without the first one."""
         return tuple(name for name in self.columns[1:] if name not in self.optional)
 
+    def columns_of(self, count: int) -> tuple[str, ...]:
+        """Return the names of the first columns, for a publisher that has no more.
+
+        Parameters
+        ----------
+        count
+            Number of columns that the publisher has, time included.
+
+        Raises
+        ------
+        ValueError
+            The topic has fewer columns, or one that is left out is required.
+        """
+        missing = [name for name in self.columns[count:] if name not in self.optional]
+        if missing or count > len(self.columns):
+            raise ValueError(
+                f"{self.name}: {count} columns are refused; "
+                + (f"required: {', '.join(missing)}" if missing else f"{len(self.columns)} exist")
+            )
+        return self.columns[:count]
+
     @property
     def absolute(self) -> str:
         """Name in the root namespace, as in a bag: ``/ankle/samples``."""

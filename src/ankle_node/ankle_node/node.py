@@ -172,19 +172,20 @@ class AnkleNode(Node):
         topic
             One of `ankle_interfaces.topics`.
         columns
-            Columns that this node has; all of the topic's where None.
+            Columns that this node has; the topic's first ones, as many as the data have, where
+            None.
 
         Returns
         -------
         Callable
             To be called with data of shape (n, m), one column for each of `columns`.
         """
-        names = topic.columns if columns is None else tuple(columns)
         publisher = self.create_publisher(Float64MultiArray, topic.name, publisher_qos(topic))
         self._block_publishers[topic.name] = publisher
-        plot = derived_topics.plots(self, topic, names)
+        plot = derived_topics.plots(self, topic, columns or topic.columns)
 
         def publish(data: np.ndarray) -> None:
+            names = topic.columns_of(data.shape[1]) if columns is None else tuple(columns)
             publisher.publish(pack(Block(names, data)))
             plot(data)
 

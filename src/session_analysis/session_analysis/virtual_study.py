@@ -52,7 +52,7 @@ EPOCH = 1.7e9
 TAIL = 2.0
 """[s] Perturbation after the last hold, so that its last responses are complete."""
 REFERENCE_COLUMNS = PERTURBATION_REFERENCE.columns
-MOTION_COLUMNS = ANKLE_SAMPLES.columns
+MOTION_COLUMNS = ANKLE_SAMPLES.columns_of(4)
 DESCRIPTION_KEY = "virtual_session"
 """Key in the bag's custom data under which it says how it was made."""
 

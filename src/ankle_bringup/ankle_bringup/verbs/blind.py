@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,7 +17,7 @@ def verb(
     out: StudyOut = Path("blind_study"),
     workers: Workers = CORES,
     scheduler: Scheduler = None,
-) -> None:
+) -> dict[str, Any]:
     """Diagnose recordings of an independent rig whose truth is sealed; then open the seal and
     score.
 
@@ -29,5 +29,6 @@ def verb(
 
     diagnose = [sys.executable, "-m", "ankle_bringup.command_line", "diagnose"]
     command = [*diagnose, "{bag}", "--out", "{out}"]
-    blind(cases, seed, out, command, workers, scheduler=scheduler, console=console)
+    result = blind(cases, seed, out, command, workers, scheduler=scheduler, console=console)
     console.print((out / "result.md").read_text())
+    return result

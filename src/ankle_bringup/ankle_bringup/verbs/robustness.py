@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -25,7 +25,7 @@ def verb(
     ] = None,
     workers: Workers = CORES,
     scheduler: Scheduler = None,
-) -> None:
+) -> dict[str, Any]:
     """Compare the estimators on an independent rig, with each effect of rig, fixation, joint,
     reflex and sensors at three strengths: bias, spread, arrival, coverage and doubt.
 
@@ -39,3 +39,4 @@ def verb(
     shown = run_study(out, seed, quick, workers, seconds, recordings, scheduler, console)
     console.print(shown, soft_wrap=True)
     console.print(f"written to {out.resolve()}")
+    return {"out": out.resolve()}

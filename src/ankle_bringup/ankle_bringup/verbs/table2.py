@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,7 +18,7 @@ def verb(
     ] = False,
     workers: Workers = CORES,
     scheduler: Scheduler = None,
-) -> None:
+) -> dict[str, Any]:
     """Make table II of van 't Veld and others 2018 again: six combinations of signal-model and
     algorithm, the paper's numbers beside ours.
 
@@ -26,7 +26,11 @@ def verb(
 
     Example: ankle table2 --quick --out table2_study
     """
-    from simulation_study.table2_report import reproduce_table2
+    import csv
+
+    from simulation_study.table2_report import TABLE, reproduce_table2
 
     console.print(reproduce_table2(out, seed, quick, workers, scheduler, console), soft_wrap=True)
     console.print(f"written to {out.resolve()}")
+    with open(out / TABLE, newline="") as stream:
+        return {"out": out.resolve(), "table": list(csv.DictReader(stream))}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,9 +19,9 @@ def verb(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(help="Of states, noise and perturbation.")] = 1,
-) -> None:
-    """Three virtual subjects through the paper's experiment, recorded as bags, then validated like
-    real ones (about 15 minutes).
+) -> dict[str, Any]:
+    """Lead three virtual subjects through the paper's experiment, record them as bags and validate
+    these like real ones (about 15 minutes).
 
     Writes subject_1 to subject_3 (bags of 45 minutes, together 1.2 GB) and validation/; bags that
     are there are used again.
@@ -34,3 +34,4 @@ def verb(
     with steps() as step:
         bags = record_study(paper_study(not steady, seed), out, step)
         report_validation([str(bag) for bag in bags], out / "validation", False, step, console)
+    return {"out": out.resolve(), "bags": bags, "report": (out / "validation").resolve()}

@@ -198,7 +198,7 @@ def blind(
     time_limit
         For one diagnosis [s].
     console
-        Where progress is shown; None shows none.
+        Where progress is shown; the terminal where None.
 
     Returns
     -------
