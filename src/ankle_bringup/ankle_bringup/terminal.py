@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.status import Status
 
 from ankle_bringup.errors import RunError
 
@@ -103,14 +104,40 @@ def steps() -> Iterator[Callable[[str, float], None]]:
         yield lambda what, share: bar.update(task, description=what, completed=share)
 
 
-@contextmanager
-def working(what: str) -> Iterator[Callable[[str], None]]:
-    """Show that work of unknown length goes on.
+class Work:
+    """Shows the present step of work of unknown length; called with the step's name.
 
-    The returned function takes the name of the present step.
+    Parameters
+    ----------
+    status
+        What is shown.
+    what
+        The work, in front of each step.
     """
+
+    def __init__(self, status: Status, what: str) -> None:
+        self._status = status
+        self._what = what
+
+    def __call__(self, step: str) -> None:
+        """Show the name of the present step."""
+        self._status.update(f"{self._what}: {step}")
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Leave the terminal to something else, as a question, for as long."""
+        self._status.stop()
+        try:
+            yield
+        finally:
+            self._status.start()
+
+
+@contextmanager
+def working(what: str) -> Iterator[Work]:
+    """Show that work of unknown length goes on; what is returned takes the name of each step."""
     with Console(stderr=True, markup=False, quiet=console.quiet).status(f"{what} ...") as status:
-        yield lambda step: status.update(f"{what}: {step}")
+        yield Work(status, what)
 
 
 def as_json(result: Any) -> str:

@@ -7,11 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
+from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import Out, Overwrite, OwnTerms, clear_folder, console, working
 
 
 def verb(
-    bag: Annotated[Path, typer.Argument(help="A bag with ankle/samples.")],
+    bags: Annotated[
+        list[Path], typer.Argument(help="A bag with ankle/samples; several of one rig: together.")
+    ],
     out: Out = Path("diagnosis"),
     model: Annotated[
         Path | None,
@@ -28,28 +31,45 @@ def verb(
 ) -> dict[str, Any]:
     """Find where the joint model fails on a recording, and which physics was left out.
 
-    Writes report.html, verdict.json and the augmented model.yaml, which ankle_sim loads.
+    Writes report.html, verdict.json and the augmented model.yaml, which ankle_sim loads. Several
+    recordings are searched together: what belongs to the rig is the same in all of them, what
+    belongs to the subject is each recording's own, and each gets a model file of its own.
 
     Example: ankle diagnose session --out session_diagnosis
     """
-    import json
-
     from ankle_physics.joint_profile import JointProfile
     from ankle_physics.model import Model
     from ankle_physics.own_terms import load_terms
     from model_discrepancy.diagnose import diagnose
+    from model_discrepancy.report.several_report import write_several
+    from model_discrepancy.tools.several_recordings import diagnose_together
 
     load_terms(terms or "")
     profile = JointProfile.load(joint)
+    if model is not None and len(bags) > 1:
+        raise RunError("--model is the baseline of one recording; several begin from the joint's")
     clear_folder(out, overwrite, "verdict.json")
     with working("diagnosing") as step:
         with profile.in_force():
             baseline = Model.load(model) if model is not None else None
-        found = diagnose(bag, out, baseline, progress=step, joint=profile, rig=rig)
-    console.print(f"verdict: {found.verdict.verdict}", style="bold")
-    for effect in found.verdict.effects:
-        console.print(profile.in_units(f"- {effect['sentence']}"))
-    for reason in found.verdict.reasons:
-        console.print(profile.in_units(f"  {reason}"))
+        if len(bags) > 1:
+            together = diagnose_together(bags, progress=step, joint=profile, rig=rig)
+            with profile.in_force():
+                together.save(out)
+                write_several(together, out / "report.html")
+            return _told(out, [e.sentence for e in together.effects], together.verdict)
+        found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=rig)
+    lines = [f"- {effect['sentence']}" for effect in found.verdict.effects]
+    lines += [f"  {reason}" for reason in found.verdict.reasons]
+    return _told(out, [profile.in_units(line) for line in lines], found.verdict.verdict)
+
+
+def _told(out: Path, lines: list[str], verdict: str) -> dict[str, Any]:
+    """Print what was found; the answer of the verb."""
+    import json
+
+    console.print(f"verdict: {verdict}", style="bold")
+    for line in lines:
+        console.print(line)
     console.print(f"report: {(out / 'report.html').resolve()}")
     return {"out": out.resolve(), **json.loads((out / "verdict.json").read_text())}

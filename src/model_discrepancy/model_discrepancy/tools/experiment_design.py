@@ -6,7 +6,8 @@ For each pair of a set, one model makes the torque on a candidate movement and t
 to it; what then remains of the whitened torque is the noncentrality that a second recording would
 have against the wrong one (Atkinson & Fedorov 1975, Biometrika 62, 57: T-optimality, as an expected
 log-likelihood ratio). The whitening is that of the recording's own residual, so that its noise
-counts as it was. A design is worth its worst pair.
+counts as it was. A design is worth its worst pair, of those that any movement within the limits
+can decide: a pair that none decides is named, and hides no other.
 
 All candidates are ranked with the rival refitted by one linear step; the best few are then refitted
 in full.
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
@@ -31,12 +33,12 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter, orthonormal
 from model_discrepancy.fit.rows import Rows
-from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.verdict import separating_measurements
 from model_discrepancy.search.term_search import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
 
 Values = dict[str, dict[str, float]]
+Pair = tuple[str, str]
 # Enough movements (60 and more) for an expectation, little enough to compute for dozens of
 # candidates.
 SIMULATED_S = 30.0
@@ -79,6 +81,8 @@ class Proposal:
         The same as whitened sum of squares per minute.
     pair
         (true, wrong) of that pair.
+    pairs
+        Expected excess of each pair (true, wrong).
     refitted
         Whether the wrong model was refitted in full.
     """
@@ -86,7 +90,8 @@ class Proposal:
     candidate: Candidate
     excess: float
     misfit: float
-    pair: tuple[str, str]
+    pair: Pair
+    pairs: dict[Pair, float]
     refitted: bool = False
 
     @property
@@ -110,6 +115,18 @@ class Design:
     other: list[str]
 
     @property
+    def undecided(self) -> list[Pair]:
+        """Pairs, in either order once, that the best movement does not decide."""
+        if not self.proposals:
+            return []
+        pairs = self.proposals[0].pairs
+        return [
+            (a, b)
+            for a, b in pairs
+            if a < b and min(pairs[a, b], pairs.get((b, a), pairs[a, b])) < RIVAL_EXCESS
+        ]
+
+    @property
     def sentence(self) -> str:
         """The proposal in one sentence."""
         if not self.sets:
@@ -124,12 +141,14 @@ class Design:
                 f"{best.candidate.title}, leaves {worth}, "
                 f"and {100 * RIVAL_EXCESS:g} % are needed. {' '.join(self.other)}".strip()
             )
+        hidden = [" from ".join(name.replace("_", " ") for name in pair) for pair in self.undecided]
+        left = f" It does not tell {', nor '.join(hidden)}." if hidden else ""
         return (
             f"Record {max(best.minutes, LEAST_MINUTES):.1f} minutes or more of "
             f"{best.candidate.title}: "
             f"the hardest pair, {true} and {wrong}, "
             f"is expected to leave {worth} (this recording: {100 * now:.1f} %; "
-            f"{100 * RIVAL_EXCESS:g} % exclude it)."
+            f"{100 * RIVAL_EXCESS:g} % exclude it).{left}"
         )
 
     def save(self, folder: Path) -> None:
@@ -223,16 +242,38 @@ def rank(
     """
     levels = any(_by_activation(values) for s in sets for values in s.models.values())
     candidates = candidates_for(float(conditions["movement[rad]"]), levels)
-    first = []
+    tried = []
     for number, candidate in enumerate(candidates):
         progress(f"movement {number + 1} of {len(candidates)}: {candidate.title}")
-        first.append(_worth(candidate, sets, conditions, refit=False))
-    first.sort(key=lambda p: -p.misfit)
+        tried.append((candidate, _excesses(candidate, sets, conditions, refit=False), False))
+    first = _ranked(tried, conditions)
     final = []
     for proposal in first[:REFITTED_DESIGNS]:
         progress(f"refitting the rivals on {proposal.candidate.title}")
-        final.append(_worth(proposal.candidate, sets, conditions, refit=True))
-    return sorted(final, key=lambda p: -p.misfit) + first[REFITTED_DESIGNS:]
+        excesses = _excesses(proposal.candidate, sets, conditions, refit=True)
+        final.append((proposal.candidate, excesses, True))
+    return _ranked(final, conditions) + first[REFITTED_DESIGNS:]
+
+
+def _ranked(
+    tried: list[tuple[Candidate, dict[Pair, float], bool]], conditions: dict[str, Any]
+) -> list[Proposal]:
+    """Proposals by their worst pair, best first; pairs that no candidate decides do not count
+    unless there are no others.
+    """
+    if not tried:
+        return []
+    pairs = list(tried[0][1])
+    decidable = [
+        pair for pair in pairs if max(found[pair] for _, found, _ in tried) >= RIVAL_EXCESS
+    ] or pairs
+    rows = 60.0 * float(conditions["whitening_rate[Hz]"])
+    proposals = []
+    for candidate, found, refitted in tried:
+        pair = min(decidable, key=lambda p, found=found: found[p])  # type: ignore[misc]
+        worst = found[pair]
+        proposals.append(Proposal(candidate, worst, worst * rows, pair, found, refitted))
+    return sorted(proposals, key=lambda p: -p.excess)
 
 
 def _by_activation(values: Values) -> bool:
@@ -243,32 +284,33 @@ def _by_activation(values: Values) -> bool:
     )
 
 
-def _worth(
+def _excesses(
     candidate: Candidate, sets: list[RivalSet], conditions: dict[str, Any], refit: bool
-) -> Proposal:
+) -> dict[Pair, float]:
+    """Expected excess of whitened error of the wrong model of each pair (true, wrong)."""
     motion = candidate.motion(SIMULATED_S, float(conditions["background_torque[N.m]"]))
-    found = []
+    rows = Rows(len(motion.position), motion.rate)
+    rows.whiten_with(np.array(conditions["whitening[1/N.m]"]))
+    columns = Columns(motion, rows)
+    count = int(rows.used.sum())
+    found: dict[Pair, float] = {}
     for models in (s.models for s in sets):
         for true, wrong in permutations(models, 2):
             # Every pair with the chosen model; rivals among each other need no decision.
             if next(iter(models)) in (true, wrong):
-                fitter = _fitter(motion, models[true], np.array(conditions["whitening[1/N.m]"]))
-                found.append((_misfit(fitter, models[wrong], refit), (true, wrong), fitter))
-    score, pair, fitter = min(found, key=lambda entry: entry[0])
-    count = int(fitter.rows.used.sum())
-    return Proposal(candidate, score / count, score / count * fitter.rows.rate * 60.0, pair, refit)
+                fitter = _fitter(columns, models[true])
+                found[true, wrong] = _misfit(fitter, models[wrong], refit) / count
+    return found
 
 
-def _fitter(motion: Motion, true: Values, whitening: np.ndarray) -> Fitter:
-    """A fitter whose torque is made by the true model, whitened as the recording was."""
-    rows = Rows(len(motion.position), motion.rate)
-    rows.whiten_with(whitening)
-    columns = Columns(motion, rows)
-    columns.target = sum(
+def _fitter(columns: Columns, true: Values) -> Fitter:
+    """Return a fitter whose torque is made by the true model; it shares what columns remember."""
+    own = copy(columns)
+    own.target = sum(
         (true[n][s] * spectrum for (n, s), spectrum in columns.spectra(true).items()),
         np.zeros_like(columns.target),
     )
-    return Fitter(columns)
+    return Fitter(own)
 
 
 def _misfit(fitter: Fitter, wrong: Values, refit: bool) -> float:

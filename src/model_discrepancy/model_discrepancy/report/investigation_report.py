@@ -1,0 +1,84 @@
+"""``report.html`` of an investigation: its story, round by round."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from model_discrepancy.report.html_report import html_list, html_table, image, write_page
+from model_discrepancy.report.pictures import encoded
+from model_discrepancy.search.term_search import RIVAL_EXCESS
+from model_discrepancy.tools.investigation import Investigation, OpenSet
+
+
+def write_investigation(story: Investigation, path: Path) -> None:
+    """Write the story; the first diagnosis' own report lies in ``first``."""
+    parts = [
+        f"<h1>{escape(_headline(story))}</h1>",
+        f"<p>{escape(story.ended)}</p>",
+        "<h2>How it began</h2>",
+        "<p><a href='first/report.html'>The first recording</a> left open: "
+        + escape("; ".join(_plain(" or ".join(s.models)) for s in story.sets) or "nothing")
+        + ".</p>",
+    ]
+    for number, one in enumerate(story.rounds, start=1):
+        recorded = f"{one.duration:.0f} s" if one.duration else "not recorded"
+        parts += [
+            f"<h2>Round {number}</h2>",
+            html_list(
+                [
+                    f"Question: {one.question}?",
+                    f"Plan: {one.proposal}",
+                    f"Recorded: {one.title}, {recorded}.",
+                    f"Answer: {one.answer}",
+                ]
+            ),
+        ]
+    judged = [s for s in story.sets if s.excess]
+    if judged:
+        parts += ["<h2>What excludes what</h2>", image(encoded(_excess_picture(judged)))]
+        rows = [
+            [
+                _plain(name),
+                ", ".join(f"{100 * e:.1f}" for e in one.excess.get(name, [])),
+                f"{one.evidence.get(name, float('nan')):.0f}",
+                "left" if name in one.left else "excluded",
+            ]
+            for one in judged
+            for name in one.models
+        ]
+        head = [
+            "name",
+            "error beyond the best of its set, recording by recording [%]",
+            "log-likelihood below the best",
+            "",
+        ]
+        parts.append(html_table(head, rows))
+    write_page("investigation", parts, path)
+
+
+def _headline(story: Investigation) -> str:
+    if not story.names:
+        return f"Nothing was left to ask: {story.first.verdict.verdict.replace('_', ' ')}."
+    return f"The base model leaves out {_plain(', '.join(story.names))}."
+
+
+def _plain(text: str) -> str:
+    return text.replace("_", " ").replace("/", " or ")
+
+
+def _excess_picture(sets: list[OpenSet]) -> Figure:
+    """Error of each name beyond the best of its set, by recording."""
+    figure = Figure(figsize=(4.5 * len(sets), 3.0), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, len(sets)))
+    for axis, one in zip(axes, sets, strict=True):
+        for name, excess in one.excess.items():
+            axis.plot(range(1, len(excess) + 1), 100 * np.array(excess), "o-", label=_plain(name))
+        axis.axhline(100 * RIVAL_EXCESS, color="0.5", ls="--", lw=1)
+        axis.set_xlabel("recording")
+        axis.set_ylabel("error beyond the best [%]")
+        axis.legend(fontsize=7)
+    return figure

@@ -1,0 +1,329 @@
+"""Diagnose, design the experiment that tells the rivals apart, record it, and judge all recordings.
+
+This goes on until each effect has one name, until no movement within the limits would tell what is
+left, or until the budget of recordings is spent. A rival is fitted to every recording anew, since a
+subject's state changes from one to the next; what counts is how much more whitened error it leaves
+than the best name of its set.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ankle_physics.joint_profile import joint_in_force
+from ankle_physics.term import term_library
+from model_discrepancy.diagnose import Diagnosis, diagnose
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.problem import prepare
+from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.search.screening import with_term, without_term
+from model_discrepancy.search.term_search import RIVAL_EXCESS
+from model_discrepancy.tools.candidate_movements import Candidate
+from model_discrepancy.tools.experiment_design import Design, RivalSet, Values, rank
+
+# Longer than this is asked of no subject at once.
+LONGEST_S = 180.0
+# Shorter recordings have too few stretches for a null and for errors.
+SHORTEST_S = 60.0
+# Evaluations of the refit of a rival on a new recording.
+EVALUATIONS = 25
+
+Progress = Callable[[str], None]
+Conduct = Callable[[Candidate, float, int], Recording | None]
+"""Records a movement: the candidate, its duration [s] and the number of the round from 1; None
+where the operator does not consent."""
+
+
+@dataclass
+class OpenSet:
+    """Names that could each stand for one effect.
+
+    Attributes
+    ----------
+    effect
+        The name that the first recording preferred.
+    models
+        Values by term and symbol of the model with each name, the preferred one first.
+    excess
+        Whitened error that each name leaves beyond the best of the set, one number for each
+        recording judged; 0 is the best.
+    evidence
+        Log-likelihood of each name below that of the best, over all recordings.
+    left
+        Names that are not excluded.
+    """
+
+    effect: str
+    models: dict[str, Values]
+    excess: dict[str, list[float]] = field(default_factory=dict)
+    evidence: dict[str, float] = field(default_factory=dict)
+    left: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.left = self.left or list(self.models)
+
+    @property
+    def settled(self) -> bool:
+        """Say whether one name is left."""
+        return len(self.left) == 1
+
+
+@dataclass
+class Round:
+    """One recording that was designed and made.
+
+    Attributes
+    ----------
+    question
+        The sets that were open, in words.
+    proposal
+        What was to be recorded and why, in one sentence.
+    title
+        The movement.
+    duration
+        [s]; 0 where it was not recorded.
+    answer
+        What the recording said, in one sentence.
+    """
+
+    question: str
+    proposal: str
+    title: str
+    duration: float
+    answer: str
+
+
+@dataclass
+class Investigation:
+    """The story of an investigation.
+
+    Attributes
+    ----------
+    first
+        Diagnosis of the recording that it began with.
+    sets
+        What was open then, with what is left.
+    rounds
+        In order.
+    ended
+        Why it ended, in one sentence.
+    """
+
+    first: Diagnosis
+    sets: list[OpenSet]
+    rounds: list[Round] = field(default_factory=list)
+    ended: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """Names that are left: one of each settled set, all of an open one, joined by a slash."""
+        known = {s.effect: "/".join(s.left) for s in self.sets}
+        return [known.get(e["name"], e["name"]) for e in self.first.verdict.effects]
+
+    def content(self) -> dict[str, Any]:
+        """Plain data of ``investigation.json``."""
+        return {
+            "verdict": self.first.verdict.verdict,
+            "names": self.names,
+            "ended": self.ended,
+            "sets": [
+                {
+                    "effect": s.effect,
+                    "names": list(s.models),
+                    "left": s.left,
+                    "excess": s.excess,
+                    "log_likelihood_below_best": s.evidence,
+                }
+                for s in self.sets
+            ],
+            "rounds": [vars(r) for r in self.rounds],
+        }
+
+    def save(self, out: Path) -> None:
+        """Write ``investigation.json``."""
+        text = json.dumps(self.content(), indent=1, default=float)
+        (out / "investigation.json").write_text(joint_in_force().in_units(text) + "\n")
+
+
+def investigate(
+    source: Recording | str | Path,
+    conduct: Conduct,
+    out: str | Path,
+    rounds: int = 3,
+    library: Sequence[str] | None = None,
+    progress: Progress = lambda _: None,
+) -> Investigation:
+    """Find out which names of a recording's effects are right.
+
+    Parameters
+    ----------
+    source
+        The first recording, or its bag.
+    conduct
+        Makes a recording of a designed movement.
+    out
+        Folder; gets ``first`` (the diagnosis), a design for each round, and the story.
+    rounds
+        Recordings at most.
+    library
+        Terms that may be named; None for all.
+    progress
+        Called with one line for each step.
+
+    Raises
+    ------
+    BagError
+        No such bag.
+    DiagnosisError
+        The first recording cannot be used.
+    """
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    recording = source if isinstance(source, Recording) else Recording.from_bag(source)
+    first = diagnose(recording, folder / "first", library=library, progress=progress)
+    if first.verdict.verdict == "bad_recording":
+        raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
+    story = Investigation(first, _open_sets(first))
+    while not story.ended:
+        story.ended = _next_round(story, conduct, folder, rounds, progress)
+    story.save(folder)
+    return story
+
+
+def _open_sets(first: Diagnosis) -> list[OpenSet]:
+    assert first.found is not None
+    final = first.found.final.values
+    return [
+        OpenSet(
+            effect.trial.name,
+            {effect.trial.name: final, **{t.name: t.fit.values for t in effect.rivals}},
+        )
+        for effect in first.found.effects
+        if effect.rivals
+    ]
+
+
+def _next_round(
+    story: Investigation, conduct: Conduct, folder: Path, rounds: int, progress: Progress
+) -> str:
+    """Run one round; why the investigation ends, empty where it goes on."""
+    unsettled = [s for s in story.sets if not s.settled]
+    if not unsettled:
+        return (
+            "Each effect has one name."
+            if story.sets
+            else "The first recording left no rivals: there was nothing to ask."
+        )
+    number = len(story.rounds) + 1
+    if number > rounds:
+        return f"The budget of {rounds} recordings is spent."
+    progress(f"round {number}: designing")
+    design = _design(story, folder, number, progress)
+    best = design.proposals[0] if design.proposals else None
+    if best is None or best.excess < RIVAL_EXCESS:
+        return design.sentence
+    duration = float(np.clip(60.0 * best.minutes, SHORTEST_S, LONGEST_S))
+    question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
+    round_ = Round(question, design.sentence, best.candidate.title, 0.0, "")
+    story.rounds.append(round_)
+    recording = conduct(best.candidate, duration, number)
+    if recording is None:
+        round_.answer = "The operator did not consent; nothing was recorded."
+        return round_.answer
+    round_.duration = recording.duration
+    reasons = faults(recording)
+    if reasons:
+        round_.answer = f"The recording cannot be used: {reasons[0]}."
+        return ""
+    progress(f"round {number}: judging {recording.name}")
+    round_.answer = _judge(unsettled, recording)
+    return ""
+
+
+def _design(story: Investigation, folder: Path, number: int, progress: Progress) -> Design:
+    """The design that tells the names apart that are left, written to a folder of its own."""
+    sets = [
+        RivalSet(
+            {name: one.models[name] for name in one.left},
+            min((max(one.excess[n]) for n in one.left[1:] if n in one.excess), default=0.0),
+        )
+        for one in story.sets
+        if not one.settled
+    ]
+    design = Design(sets, rank(sets, story.first.verdict.recording, progress), [])
+    design.save(folder / f"design_{number}")
+    return design
+
+
+def _judge(sets: list[OpenSet], recording: Recording) -> str:
+    """Fit every name that is left to a new recording and exclude what it excludes."""
+    findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
+    problem = prepare(trusted(recording, findings), joint_in_force().terms)
+    fitter = problem.fitter
+    said = []
+    for one in sets:
+        scores = {}
+        for name in one.left:
+            values = one.models[name]
+            terms = list(values)
+            if name != one.effect:
+                terms = with_term(without_term(terms, one.effect), name)
+            scores[name] = fitter.fit(terms, values, evaluations=EVALUATIONS).score
+        best = min(scores.values())
+        for name, score in scores.items():
+            one.excess.setdefault(name, []).append(score / best - 1.0)
+            gain = 0.5 * fitter.rows.independent * float(np.log(score / best))
+            one.evidence[name] = one.evidence.get(name, 0.0) + gain
+        one.left = remaining(one, list(scores))
+        out = [name for name in scores if name not in one.left]
+        said.append(
+            f"{' or '.join(one.left)} is left"
+            + (f", {', '.join(out)} excluded" if out else ", nothing excluded")
+            + f" ({', '.join(f'{n} {100 * (s / best - 1.0):.1f} %' for n, s in scores.items())}"
+            " more error than the best)"
+        )
+    return ("; ".join(said) + ".").replace("_", " ")
+
+
+def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
+    """Names of a set that no recording excludes, the likeliest first.
+
+    A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
+    and all recordings together speak against it. A name of which another is a general case goes
+    with it only if the special one is excluded.
+
+    Parameters
+    ----------
+    one
+        The set with what was judged so far.
+    judged
+        Names that the last recording judged.
+    """
+    best = min(judged, key=lambda name: one.evidence[name])
+    kept = [
+        name
+        for name in judged
+        if name == best
+        or max(one.excess[name]) < RIVAL_EXCESS
+        or one.evidence[name] <= one.evidence[best]
+    ]
+    # A general term that does no better than its special case says nothing of its own.
+    kept = [
+        name
+        for name in kept
+        if not any(
+            special in kept and one.evidence[special] - one.evidence[name] < 1.0
+            for special in term_library()[name].generalises
+        )
+    ]
+    return sorted(kept, key=lambda name: one.evidence[name])

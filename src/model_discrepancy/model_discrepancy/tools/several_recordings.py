@@ -1,0 +1,419 @@
+"""Several recordings of one rig are searched together: one list of terms, a state for each.
+
+A candidate is screened on every recording and counts by what it gains in all of them together, so
+that an effect too weak for one recording is found in three. Every recording keeps its own values of
+what belongs to the subject. What belongs to the rig is the same in all of them: its values are
+pooled by their errors and held, unless Cochran's Q (1954, Biometrics 10, 101) says that they
+differ.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from ankle_physics.joint_profile import JointProfile, joint_in_force
+from ankle_physics.rig_file import RigFile
+from ankle_physics.term import Owner, term_library
+from model_discrepancy.criticism.generic_bank import Remainder
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.held_out import HeldOut, held_out
+from model_discrepancy.problem import Problem, prepare
+from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.report.fitted_model import fitted_model
+from model_discrepancy.search.null import Null, exceeded_by_chance
+from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
+from model_discrepancy.search.term_search import (
+    FOLLOWING_MARGIN,
+    MIN_PROMISE,
+    MOST_TERMS,
+    REFITS_PER_STEP,
+    Progress,
+    halves_errors,
+)
+
+# Values of a rig's term differ between recordings where Q is that improbable. Standard errors of a
+# fit are good to some ten per cent, so that a milder limit would call every rig unsteady.
+DIFFERENT = 1e-3
+# A standard error below this share of the parameter is not believed: models are not that exact.
+LEAST_RELATIVE_ERROR = 0.02
+
+
+@dataclass
+class Member:
+    """One of several recordings on its way through the search.
+
+    Attributes
+    ----------
+    problem
+        Its rows, noise and base model.
+    null
+        Surrogates of its noise.
+    fit
+        The present model.
+    """
+
+    problem: Problem
+    null: Null
+    fit: Fit
+    final: HeldOut | None = None
+    base: HeldOut | None = None
+    after: Remainder | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self.problem.recording.name
+
+
+@dataclass(frozen=True)
+class SharedEffect:
+    """A term that several recordings need together.
+
+    Attributes
+    ----------
+    name
+        The term.
+    belongs_to
+        Rig or subject, by what the term says of itself.
+    gain
+        Share of the whitened error of all recordings that it takes off.
+    values
+        Value and standard error of each fitted parameter, by its key, one pair for each recording,
+        before anything is shared.
+    probability_same
+        Of differences as large as these between the recordings if all had the same values.
+    shared
+        Whether its values are held to be the same in all recordings.
+    """
+
+    name: str
+    belongs_to: Owner
+    gain: float
+    values: dict[str, list[tuple[float, float]]]
+    probability_same: float
+    shared: bool
+
+    @property
+    def sentence(self) -> str:
+        """To whom it belongs and why, in plain words."""
+        what = term_library()[self.name].sentence
+        same = self.probability_same > DIFFERENT
+        odds = f"p = {self.probability_same:.2g}"
+        if self.belongs_to is Owner.RIG:
+            whose = (
+                f"It is the rig's, and the same in all recordings ({odds})."
+                if same
+                else f"By its place it would be the rig's, but it differs between the recordings "
+                f"({odds}): the rig was changed, or it is something of the subject."
+            )
+        else:
+            whose = (
+                f"It is the subject's, and did not change between the recordings ({odds})."
+                if same
+                else f"It is the subject's, and differs from recording to recording ({odds})."
+            )
+        return f"{what} {whose}"
+
+
+@dataclass
+class Together:
+    """Holds what several recordings say together.
+
+    Attributes
+    ----------
+    members
+        One for each recording, with its final model.
+    effects
+        In the order in which they were found.
+    by_chance
+        Joint gain that the library reaches by chance.
+    """
+
+    members: list[Member]
+    effects: list[SharedEffect] = field(default_factory=list)
+    by_chance: float = 0.0
+
+    @property
+    def verdict(self) -> str:
+        """``no_mismatch``, ``explained`` or ``unexplained``, of all recordings."""
+        if any(m.after is not None and m.after.significant for m in self.members):
+            return "unexplained"
+        return "explained" if self.effects else "no_mismatch"
+
+    def content(self) -> dict[str, Any]:
+        """Plain data of ``verdict.json``."""
+        return {
+            "verdict": self.verdict,
+            "joint": joint_in_force().name,
+            "effects": [
+                {
+                    "name": effect.name,
+                    "belongs_to": effect.belongs_to.value,
+                    "shared": effect.shared,
+                    "probability_same": round(effect.probability_same, 5),
+                    "gain": round(effect.gain, 4),
+                    "parameters": {k: [list(v) for v in vs] for k, vs in effect.values.items()},
+                    "sentence": effect.sentence,
+                }
+                for effect in self.effects
+            ],
+            "recordings": [
+                {
+                    "name": m.name,
+                    "baseline_vaf_holdout": round(m.base.vaf, 2) if m.base else None,
+                    "augmented_vaf_holdout": round(m.final.vaf, 2) if m.final else None,
+                    "remaining_predictable_share": round(max(m.after.share, 0.0), 4)
+                    if m.after
+                    else None,
+                }
+                for m in self.members
+            ],
+        }
+
+    def save(self, out: Path) -> None:
+        """Write ``verdict.json`` and a model file for each recording."""
+        out.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.content(), indent=1, default=float)
+        (out / "verdict.json").write_text(joint_in_force().in_units(text) + "\n")
+        for member in self.members:
+            fitted_model(member.fit, f"{member.name}: fitted together with others").save(
+                out / f"{member.name}.yaml"
+            )
+
+
+def diagnose_together(
+    sources: Sequence[Recording | str | Path],
+    library: Sequence[str] | None = None,
+    progress: Progress = lambda _: None,
+    joint: JointProfile | None = None,
+    rig: RigFile | str | Path | None = None,
+) -> Together:
+    """Diagnose several recordings of one rig together.
+
+    Parameters
+    ----------
+    sources
+        Recordings or bags, two at least, of different names.
+    library
+        Terms that may be named; None for all.
+    progress
+        Called with one line for each step.
+    joint
+        Whose ranges, units and base model hold; None: those in force.
+    rig
+        A calibrated rig (or its file), which is taken as known.
+
+    Raises
+    ------
+    BagError
+        No such bag.
+    DiagnosisError
+        Fewer than two recordings, two of one name, or one that cannot be used.
+    """
+    known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
+    with (joint or joint_in_force()).in_force():
+        recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
+        _require_usable(recordings)
+        members = [_member(r, known, progress) for r in recordings]
+        found = Together(members)
+        gains = _search(found, library, progress)
+        _settle(found, gains, progress)
+        return found
+
+
+def _require_usable(recordings: Sequence[Recording]) -> None:
+    names = [r.name for r in recordings]
+    if len(names) < 2:
+        raise DiagnosisError("several recordings are two at least; diagnose one by itself")
+    if len(set(names)) < len(names):
+        raise DiagnosisError(f"two recordings have one name: {', '.join(names)}")
+    for recording in recordings:
+        reasons = faults(recording)
+        if reasons:
+            raise DiagnosisError(f"{recording.name} cannot be used: {reasons[0]}")
+
+
+def _member(recording: Recording, rig: RigFile | None, progress: Progress) -> Member:
+    def told(line: str) -> None:
+        progress(f"{recording.name}: {line}")
+
+    findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
+    problem = prepare(trusted(recording, findings), joint_in_force().terms, told, rig)
+    rows = problem.fitter.rows
+    return Member(problem, Null.of(problem.noise, rows.time, rows.used), problem.base)
+
+
+def _search(found: Together, library: Sequence[str] | None, progress: Progress) -> dict[str, float]:
+    """Add terms to all models while they are worth it; the joint gain of each by its name."""
+    gains: dict[str, float] = {}
+    while len(gains) < MOST_TERMS:
+        progress(f"looking for term {len(gains) + 1}: screening all recordings")
+        screened = [_screened(m, library, first=not gains) for m in found.members]
+        found.by_chance = _joint_chance(found.members)
+        best = _best_step(found, screened, progress)
+        if best is None:
+            break
+        name, fits, gain = best
+        for member, fit in zip(found.members, fits, strict=True):
+            fitter = member.problem.fitter
+            member.fit = fitter.fit(fit.terms, fit.values, evaluations=15)
+        gains[name] = gain
+    return gains
+
+
+def _screened(member: Member, library: Sequence[str] | None, first: bool) -> dict[str, Screened]:
+    fitter, rows = member.problem.fitter, member.problem.fitter.rows
+    points = {name: grid(name, rows.count / rows.rate) for name in candidates(member.fit, library)}
+    listed = screen(fitter, member.fit, points, member.null if first else None)
+    return {s.name: s for s in listed}
+
+
+def _joint_chance(members: Sequence[Member]) -> float:
+    """Joint gain that the library exceeds by chance: each recording's best, added up draw by draw,
+    which no single term can do better.
+    """
+    scores = np.array([m.fit.score for m in members])
+    largest = np.array([m.null.largest for m in members])
+    return exceeded_by_chance(scores @ largest / scores.sum())
+
+
+def _best_step(
+    found: Together, screened: list[dict[str, Screened]], progress: Progress
+) -> tuple[str, list[Fit], float] | None:
+    """The term that gains most in all recordings together, with its fits; None where none is worth
+    it.
+    """
+    members = found.members
+    scores = np.array([m.fit.score for m in members])
+    names = set.intersection(*(set(s) for s in screened))
+    promise = {
+        name: float(scores @ [s[name].share for s in screened]) / scores.sum() for name in names
+    }
+    ranked = sorted(names, key=lambda n: -promise[n])[:REFITS_PER_STEP]
+    tried: dict[str, tuple[list[Fit], float]] = {}
+    for name in ranked:
+        if promise[name] < max(MIN_PROMISE, 0.5 * found.by_chance):
+            continue
+        progress(f"refitting all recordings with {name}")
+        starts = _starts(name, screened)
+        fits = [
+            m.problem.fitter.fit(
+                with_term(m.fit.terms, name), {**m.fit.values, name: start}, evaluations=12
+            )
+            for m, start in zip(members, starts, strict=True)
+        ]
+        gain = 1.0 - sum(f.score for f in fits) / scores.sum()
+        if _accepted(members, fits, name, gain, found.by_chance):
+            tried[name] = fits, gain
+    # A special case is kept where its generalisation gains no more than chance beyond it.
+    needless = {
+        general
+        for general in tried
+        for special in term_library()[general].generalises
+        if special in tried and tried[general][1] < tried[special][1] + found.by_chance
+    }
+    worth = [name for name in tried if name not in needless]
+    if not worth:
+        return None
+    best = max(worth, key=lambda name: tried[name][1])
+    return best, *tried[best]
+
+
+def _starts(name: str, screened: list[dict[str, Screened]]) -> list[dict[str, float]]:
+    """Where a refit begins: for a rig's term at the one point that suits all recordings."""
+    starts = [dict(s[name].start) for s in screened]
+    if term_library()[name].belongs_to is not Owner.RIG:
+        return starts
+    shares = np.array([[share for share, _ in s[name].tried] for s in screened])
+    if len({len(s[name].tried) for s in screened}) > 1:
+        return starts
+    point: Point = screened[0][name].tried[int(np.argmax(shares.sum(axis=0)))][1]
+    return [{**start, **point} for start in starts]
+
+
+def _accepted(
+    members: Sequence[Member], fits: Sequence[Fit], name: str, gain: float, by_chance: float
+) -> bool:
+    """Whether the joint gain exceeds chance and holds on unseen rows in both directions."""
+    margin = FOLLOWING_MARGIN if term_library()[name].follows_torque else 1.0
+    if gain <= margin * by_chance:
+        return False
+    old, new = np.zeros(2), np.zeros(2)
+    for member, fit in zip(members, fits, strict=True):
+        old += halves_errors(member.problem.fitter, member.fit)
+        new += halves_errors(member.problem.fitter, fit)
+    return bool(np.all(new < old))
+
+
+def _settle(found: Together, gains: dict[str, float], progress: Progress) -> None:
+    """Compare the recordings' values, share what is the rig's, and score everything."""
+    for member in found.members:
+        member.fit = member.problem.fitter.with_errors(member.fit)
+    held: dict[str, dict[str, float]] = {}
+    for name, gain in gains.items():
+        effect = _compared(found.members, name, gain)
+        found.effects.append(effect)
+        if effect.shared:
+            held[name] = _pooled(effect)
+    for member in found.members:
+        progress(f"{member.name}: scoring on unseen data")
+        problem = member.problem
+        fitter = problem.fitter.holding(held)
+        if held:
+            member.fit = fitter.with_errors(fitter.fit(member.fit.terms, member.fit.values))
+        member.base = held_out(problem.fitter, problem.base)
+        member.final = held_out(fitter, member.fit)
+        member.after = problem.bank.remainder(
+            fitter, member.fit.residual, member.fit.plain, problem.parts, member.null.noise
+        )
+
+
+def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect:
+    term = term_library()[name]
+    values: dict[str, list[tuple[float, float]]] = {}
+    q, freedom = 0.0, 0
+    for p in term.parameters:
+        if not p.fitted:
+            continue
+        pairs = [
+            (m.fit.values[name][p.symbol], m.fit.errors.get(name, {}).get(p.symbol, float("nan")))
+            for m in members
+        ]
+        values[p.key] = pairs
+        given = np.array([pair for pair in pairs if np.isfinite(pair[1])])
+        if len(given) < 2:
+            continue
+        least = LEAST_RELATIVE_ERROR * np.abs(given[:, 0]).mean()
+        weights = 1.0 / np.maximum(given[:, 1], max(least, 1e-300)) ** 2
+        mean = float(weights @ given[:, 0] / weights.sum())
+        q += float(weights @ (given[:, 0] - mean) ** 2)
+        freedom += len(given) - 1
+    same = float(chi2.sf(q, freedom)) if freedom else 1.0
+    shared = term.belongs_to is Owner.RIG and same > DIFFERENT
+    return SharedEffect(name, term.belongs_to, gain, values, same, shared)
+
+
+def _pooled(effect: SharedEffect) -> dict[str, float]:
+    """Values by symbol: means of the recordings, weighted by their errors; conventions typical."""
+    pooled = {p.symbol: p.default for p in term_library()[effect.name].parameters}
+    for p in term_library()[effect.name].parameters:
+        pairs = np.array(effect.values.get(p.key, []), dtype=float)
+        if not len(pairs):
+            continue
+        errors = np.where(np.isfinite(pairs[:, 1]), pairs[:, 1], np.inf)
+        known = np.isfinite(errors) & (errors > 0.0)
+        weights = np.where(known, 1.0 / errors**2, 0.0) if known.any() else np.ones(len(pairs))
+        pooled[p.symbol] = float(weights @ pairs[:, 0] / weights.sum())
+    return pooled

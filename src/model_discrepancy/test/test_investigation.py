@@ -1,0 +1,120 @@
+"""An investigation keeps what no recording excludes, ends by itself, and asks before it moves."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ankle_physics.model import Model
+from model_discrepancy.report.investigation_report import write_investigation
+from model_discrepancy.tools import investigation
+from model_discrepancy.tools.candidate_movements import Candidate
+from model_discrepancy.tools.experiment_design import RivalSet, _ranked
+from model_discrepancy.tools.investigation import OpenSet, investigate, remaining
+from model_discrepancy.tools.simulated_conduct import SimulatedConduct
+from simulation_study.planted_trials import simulate_trial
+
+CONDITIONS = {"whitening_rate[Hz]": 200.0}
+
+
+def judged(excess, evidence):
+    one = OpenSet(next(iter(excess)), {name: {} for name in excess})
+    one.excess, one.evidence = excess, evidence
+    return remaining(one, list(excess))
+
+
+def test_a_name_goes_where_one_recording_excludes_it_and_all_speak_against_it():
+    assert judged(
+        {"tendon": [0.0, 0.01], "reflex_threshold": [0.001, 0.05]},
+        {"tendon": 0.0, "reflex_threshold": 300.0},
+    ) == ["tendon"]
+
+
+def test_a_name_stays_where_no_recording_excludes_it():
+    assert judged(
+        {"tendon": [0.0, 0.01], "reflex_threshold": [0.02, 0.0]},
+        {"tendon": 5.0, "reflex_threshold": 90.0},
+    ) == ["tendon", "reflex_threshold"]
+
+
+def test_the_likeliest_of_all_recordings_stays_though_one_recording_prefers_another():
+    left = judged(
+        {"tendon": [0.0, 0.04], "reflex_exponent": [0.2, 0.0]},
+        {"tendon": 10.0, "reflex_exponent": 900.0},
+    )
+    assert left == ["tendon"]
+
+
+def test_a_general_term_that_does_no_better_than_its_special_case_says_nothing():
+    names = {"short_range_stiffness": [0.0], "distributed_short_range_stiffness": [0.0]}
+    assert judged(names, dict.fromkeys(names, 0.0)) == ["short_range_stiffness"]
+
+
+def test_a_pair_that_no_movement_decides_hides_no_other():
+    steps, sines = Candidate("steps", {}), Candidate("sines", {})
+    hopeless, open_ = ("a", "b"), ("a", "c")
+    ranked = _ranked(
+        [
+            (steps, {hopeless: 0.004, open_: 0.01}, False),
+            (sines, {hopeless: 0.001, open_: 0.20}, False),
+        ],
+        CONDITIONS,
+    )
+    assert [p.candidate.title for p in ranked] == ["sines", "steps"]
+    assert ranked[0].pair == open_
+    assert ranked[0].minutes < 1.0
+
+
+def test_where_nothing_can_be_decided_the_least_hopeless_leads():
+    ranked = _ranked(
+        [
+            (Candidate("steps", {}), {("a", "b"): 0.004}, False),
+            (Candidate("sines", {}), {("a", "b"): 0.001}, False),
+        ],
+        CONDITIONS,
+    )
+    assert ranked[0].candidate.title == "steps"
+    assert investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], ranked, []).undecided == [
+        ("a", "b")
+    ]
+
+
+def test_torque_levels_are_simulated_one_after_the_other():
+    model = Model.of({"stiffness": {"K": 50.0}, "inertia": {}, "voluntary_torque": {"rms": 0.0}})
+    steps = {"signal": "random_steps", "amplitude": 0.01, "direction": "both"}
+    made = SimulatedConduct(model)(Candidate("steps", steps, levels=True), 15.0, 1)
+    means = made.torque.reshape(3, -1).mean(axis=1)
+    np.testing.assert_allclose(means, [0.0, 4.0, 8.0], atol=0.5)
+    assert made.reference is not None
+
+
+@pytest.mark.slow
+def test_an_investigation_ends_with_the_planted_name_and_tells_its_story(tmp_path):
+    planted = {"reflex_threshold": {}}
+    first = simulate_trial(planted, seed=11, duration=60.0, rate=1024.0, protocol="equal")
+    paper = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
+    subject = Model.of({**paper, **planted, "voluntary_torque": {"rms": 0.3}})
+    asked = []
+
+    def conduct(candidate, duration, number):
+        asked.append(candidate.title)
+        return SimulatedConduct(subject)(candidate, duration, number)
+
+    story = investigate(first, conduct, tmp_path, rounds=2)
+    write_investigation(story, tmp_path / "report.html")
+    assert story.sets
+    assert asked == [r.title for r in story.rounds]
+    assert "reflex_threshold" in story.names
+    told = json.loads((tmp_path / "investigation.json").read_text())
+    assert told["names"] == story.names
+    assert "Round 1" in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_without_consent_nothing_is_recorded(tmp_path):
+    first = simulate_trial(
+        {"reflex_threshold": {}}, seed=11, duration=60.0, rate=1024.0, protocol="equal"
+    )
+    story = investigate(first, lambda *_: None, tmp_path, rounds=3)
+    assert len(story.rounds) == 1
+    assert "did not consent" in story.ended

@@ -1,0 +1,97 @@
+"""Several recordings of one rig together, on recordings that scipy alone makes."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import bilinear, butter, lfilter
+
+from ankle_physics.model import Model
+from ankle_physics.term import Owner
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.several_report import write_several
+from model_discrepancy.tools import several_recordings as several
+from model_discrepancy.tools.several_recordings import diagnose_together
+
+RATE = 1000.0
+LIBRARY = ("torque_sensor_mode", "torque_sensor_lag", "maxwell_relaxation", "short_range_stiffness")
+
+
+def lag(x: np.ndarray, time: float) -> np.ndarray:
+    b, a = bilinear([1.0], [time, 1.0], fs=RATE)
+    return lfilter(b, a, x)
+
+
+def recording(
+    number: int, stiffness: float, relaxing: float, mode: float = 28.0, seconds: float = 30.0
+) -> Recording:
+    """A subject with a Maxwell element of their own, read by a torque sensor that rings."""
+    random = np.random.default_rng(number)
+    steps = np.repeat(random.uniform(-0.02, 0.02, int(seconds / 0.25)), int(0.25 * RATE))
+    position = lfilter(*butter(4, 15.0, fs=RATE), steps)
+    velocity = np.gradient(position) * RATE
+    torque = (
+        0.014 * np.gradient(velocity) * RATE
+        + 0.8 * velocity
+        + stiffness * position
+        + relaxing * (position - lag(position, 0.1))
+    )
+    w = 2 * np.pi * mode
+    b, a = bilinear([w**2], [1.0, 2 * 0.1 * w, w**2], fs=RATE)
+    torque = lfilter(b, a, torque)
+    noise = random.standard_normal((2, len(position)))
+    return Recording(
+        RATE,
+        position + 2e-5 * noise[0],
+        torque + 0.03 * np.std(torque) * noise[1],
+        name=f"visit {number}",
+    )
+
+
+@pytest.mark.slow
+def test_what_is_the_rigs_is_shared_and_what_is_the_subjects_is_free(tmp_path):
+    found = diagnose_together(
+        [recording(1, 60.0, 20.0), recording(2, 90.0, 45.0), recording(3, 120.0, 70.0)], LIBRARY
+    )
+    effects = {e.name: e for e in found.effects}
+    assert set(effects) == {"torque_sensor_mode", "maxwell_relaxation"}
+    mode, maxwell = effects["torque_sensor_mode"], effects["maxwell_relaxation"]
+    assert mode.belongs_to is Owner.RIG
+    assert mode.shared
+    assert maxwell.belongs_to is Owner.SUBJECT
+    assert not maxwell.shared
+    assert maxwell.probability_same < several.DIFFERENT
+    found.save(tmp_path)
+    write_several(found, tmp_path / "report.html")
+    models = [Model.load(tmp_path / f"visit {n}.yaml") for n in (1, 2, 3)]
+    frequencies = {m.entry("torque_sensor_mode").values["frequency"] for m in models}
+    assert len(frequencies) == 1
+    assert frequencies.pop() == pytest.approx(28.0, rel=0.02)
+    for model, k in zip(models, (20.0, 45.0, 70.0), strict=True):
+        assert model.entry("maxwell_relaxation").values["k"] == pytest.approx(k, rel=0.15)
+    content = json.loads((tmp_path / "verdict.json").read_text())
+    assert content["verdict"] == "explained"
+    assert "of the rig: torque sensor mode" in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_a_rig_that_was_changed_between_the_recordings_is_not_shared():
+    found = diagnose_together(
+        [recording(1, 60.0, 0.0, mode=22.0), recording(2, 90.0, 0.0, mode=34.0)], LIBRARY
+    )
+    (effect,) = found.effects
+    assert effect.name == "torque_sensor_mode"
+    assert not effect.shared
+    assert "the rig was changed" in effect.sentence
+
+
+def test_one_recording_or_a_name_twice_or_a_dead_channel_is_refused():
+    first = recording(1, 60.0, 0.0)
+    with pytest.raises(DiagnosisError, match="two at least"):
+        diagnose_together([first])
+    with pytest.raises(DiagnosisError, match="two recordings have one name"):
+        diagnose_together([first, first])
+    dead = Recording(RATE, first.position, np.zeros(len(first.torque)), name="dead")
+    with pytest.raises(DiagnosisError, match="dead cannot be used: torque is dead"):
+        diagnose_together([first, dead])
