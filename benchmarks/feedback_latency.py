@@ -150,7 +150,7 @@ def run(graph: Graph, folder: Path, settings: list[str], seconds: float) -> tupl
         f"biofeedback.port={port}",
         f"biofeedback.state_file={folder / 'progress.json'}",
     ]
-    common += [f"biofeedback.session.protocol={protocol}"]
+    common += [f"biofeedback.protocol={protocol}"]
     with Processes(graph.with_settings([*common, *settings]), folder / "logs") as processes:
         wait_until_served(port, processes)
         shown = asyncio.run(watch(port, seconds))

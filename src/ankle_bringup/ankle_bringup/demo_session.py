@@ -58,7 +58,7 @@ def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str
             f"record.out={out / 'bag'}",
             f"biofeedback.port={port}",
             f"biofeedback.state_file={out / 'progress.json'}",
-            "biofeedback.session.protocol=demonstration",
+            "biofeedback.protocol=demonstration",
         ]
     )
     url = f"http://127.0.0.1:{port}"

@@ -12,6 +12,7 @@ from ankle_bringup.errors import GraphError
 from ankle_bringup.graph import Graph, NodeDescription
 
 RECORDER = ("session_recorder", "record")
+SCREENS = ("biofeedback", "biofeedback")
 
 
 def _recorders(graph: Graph) -> list[NodeDescription]:
@@ -65,7 +66,18 @@ def in_study(
     opened = Study(study)
     entry = opened.next_entry(subject, visit)
     opened.add(entry, stated or {})
-    return _recording_to(graph, entry.source), entry.source
+    return _shown_to_operator(_recording_to(graph, entry.source), subject, visit), entry.source
+
+
+def _shown_to_operator(graph: Graph, subject: str, visit: int) -> Graph:
+    """The graph whose operator's page names subject and visit."""
+    nodes = tuple(
+        replace(node, parameters={**node.parameters, "subject": subject, "visit": visit})
+        if (node.package, node.executable) == SCREENS
+        else node
+        for node in graph.nodes
+    )
+    return replace(graph, nodes=nodes)
 
 
 def with_free_place(graph: Graph, settings: Iterable[str]) -> tuple[Graph, str]:

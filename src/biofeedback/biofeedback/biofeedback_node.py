@@ -55,6 +55,7 @@ from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
 from biofeedback.session import saved_session
+from biofeedback.session.calibration_files import file_checks
 from biofeedback.session.course import load_course
 from biofeedback.session.course_file import CourseFile
 from biofeedback.session.perturbation_request import PerturbationRequest
@@ -113,8 +114,19 @@ class BiofeedbackNode(AnkleNode):
             self.now,
             self._keep_progress,
             None if self._course is None else PerturbationRequest(self),
+            file_checks(
+                self.text("rig_file"),
+                self.number("rig_calibration_days"),
+                self.text("subject_file"),
+            ),
         )
-        presenter = Presenter(self._signals, self.number("cursor_frequency"), self.text("language"))
+        subject, visit = self.text("subject"), int(self.number("visit"))
+        presenter = Presenter(
+            self._signals,
+            self.number("cursor_frequency"),
+            self.text("language"),
+            ", visit ".join([subject, str(visit)]) if subject and visit else subject,
+        )
         self._server = Server(
             self._runner,
             presenter,

@@ -74,6 +74,29 @@ VISIT = Quantity(
     description="Number of the visit, shown on the operator's page; 0: not stated.",
     start_only=True,
 )
+RIG_FILE = Quantity(
+    "rig_file",
+    default="",
+    description="Calibration of the rig (rig.yaml) that the check list reads.",
+    start_only=True,
+)
+RIG_CALIBRATION_DAYS = Quantity(
+    "rig_calibration_days",
+    "d",
+    1.0,
+    3650.0,
+    90.0,
+    description=(
+        "For how long a rig's calibration holds; a quarter, as laboratories check force plates."
+    ),
+    start_only=True,
+)
+SUBJECT_FILE = Quantity(
+    "subject_file",
+    default="",
+    description="Model of the subject (subject.yaml) of this visit, that the check list reads.",
+    start_only=True,
+)
 COURSE_RECORD = Quantity(
     "course_record",
     default="",
@@ -151,6 +174,9 @@ PARAMETERS = (
     SUBJECT,
     VISIT,
     COURSE_RECORD,
+    RIG_FILE,
+    RIG_CALIBRATION_DAYS,
+    SUBJECT_FILE,
     STATE_FILE,
     RESUME_WITHIN,
     RATE,

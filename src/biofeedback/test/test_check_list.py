@@ -1,11 +1,18 @@
 """The visit's check list: what is measured, what is refused; nothing is armed before it."""
 
 import asyncio
+from datetime import datetime, timezone
 
 import numpy as np
 import pytest
 
+from ankle_physics.model import Model
 from biofeedback.errors import CommandError, ProtocolError
+from biofeedback.session.calibration_files import (
+    file_checks,
+    rig_calibration,
+    session_calibration,
+)
 from biofeedback.session.check_list import CHECKS, DONE, FAILED, BodyReading, CheckList
 from biofeedback.session.commands import Command
 from biofeedback.session.protocol import load_protocol
@@ -114,3 +121,55 @@ def test_nothing_is_armed_before_the_check_list_is_complete(tmp_path):
     assert virtual.rig.requests == ["arm"]
     written = [(e.event, e.details["check"]) for e in virtual.events if "check" in e.details]
     assert written == [("check done", "rig_calibration"), ("check skipped", "warm_up")]
+
+
+RIG = """
+rig: laboratory 2
+calibrated: 2026-11-01T08:00:00Z
+terms:
+  - term: footplate_inertia
+    Ip[kg.m^2]: 0.004
+"""
+
+
+def test_the_rigs_calibration_is_read_from_its_file(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text(RIG)
+    day = datetime(2026, 11, 20, 8, tzinfo=timezone.utc)
+    assert rig_calibration(str(path), 90.0, day) == {"calibrated": "2026-11-01", "age[d]": 19.0}
+    with pytest.raises(CommandError, match=r"19 days ago .*allowed: 0 to 14 days; calibrate again"):
+        rig_calibration(str(path), 14.0, day)
+    with pytest.raises(CommandError, match="set the parameter rig_file"):
+        rig_calibration("", 14.0, day)
+    path.write_text("rig: 3")
+    with pytest.raises(CommandError, match="ankle calibrate rig"):
+        rig_calibration(str(path), 90.0, day)
+
+
+def test_the_sessions_calibration_is_one_of_this_visit(tmp_path):
+    path = tmp_path / "subject.yaml"
+    Model.of().save(path)
+    written = path.stat().st_mtime
+    assert "stiffness" in session_calibration(str(path), written + 60.0)["terms"]
+    with pytest.raises(CommandError, match="is 24 h old; allowed: up to 12 h"):
+        session_calibration(str(path), written + 86400.0)
+    with pytest.raises(CommandError, match="ankle calibrate session"):
+        session_calibration(str(tmp_path / "none.yaml"))
+
+
+def test_what_files_answer_needs_no_hand(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text(RIG)
+    from_files = file_checks(str(path), 36500.0, str(tmp_path / "subject.yaml"))
+    checks = CheckList(("rig_calibration", "session_calibration", "warm_up"), from_files)
+    assert checks.read_files() == ["rig_calibration"]
+    assert checks.states["session_calibration"] == FAILED
+    assert checks.missing == ["Session calibration", "Warm-up"]
+    Model.of().save(tmp_path / "subject.yaml")
+    checks.begin("session_calibration", 0.0)
+    assert checks.missing == ["Warm-up"]
+
+
+def test_the_shipped_visit_has_the_whole_check_list():
+    assert load_protocol("visit").check_list == tuple(CHECKS)
+    assert load_protocol("visit").holds == load_protocol("van_t_veld_2018").holds

@@ -294,3 +294,27 @@ def test_a_page_goes_on_after_the_node_was_started_anew(laboratory, open_page, t
         until(lambda: cursor(page)[0] == "valid", "valid again", 60.0)
     finally:
         again.close()
+
+
+def test_a_page_whose_browser_is_not_known_any_more_says_so(browser, tmp_path):
+    from laboratory import Laboratory, short_protocol
+
+    token = "0123456789abcdef0123"
+    laboratory = Laboratory(short_protocol(tmp_path), token=token)
+    page = browser.new_page()
+    page.set_default_timeout(PATIENCE)
+    page.goto(laboratory.url(f"/enter#{token}"))
+    page.locator("#link", has_text="● connected").wait_for()
+    assert page.locator("#entrance").is_hidden()
+    laboratory.close()
+    again = Laboratory(short_protocol(tmp_path), token=token, port=laboratory.port)
+    try:
+        page.locator("#entrance", has_text="Enter the code again").wait_for()
+        page.locator("#entrance a").click()
+        page.locator('input[name="token"]').fill(token)
+        page.locator("button").click()
+        page.locator("#link", has_text="● connected").wait_for()
+        assert page.locator("#entrance").is_hidden()
+    finally:
+        page.close()
+        again.close()

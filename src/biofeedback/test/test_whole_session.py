@@ -1,6 +1,12 @@
-"""A session in a real Chromium, every node of the laboratory a process: from arm to report."""
+"""A visit in a real Chromium, every node of the laboratory a process: from the check list to the
+report, with a recorder that is killed in the middle.
+"""
 
-import time
+import os
+import signal
+from dataclasses import replace
+from datetime import datetime, timezone
+from importlib import resources
 
 import pytest
 from test_pages import hold_keys
@@ -8,27 +14,74 @@ from test_pages import hold_keys
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
-from session_analysis.recorded_session import read_session
 from session_analysis.report import write_report
 from session_analysis.validation import validate
+from session_analysis.visit_measures import measured_in_visit
+from session_recorder.bag_reader import BagReader
+from session_recorder.loss import account_of_bag
 
 pytestmark = pytest.mark.live
 
 PATIENCE = 240_000  # ms
+CHECKS = "check_list: [rig_calibration, zero, mvc_plantarflexion, mvc_dorsiflexion, warm_up]\n"
+RIG = """
+rig: simulated
+calibrated: {today}T00:00:00Z
+terms:
+  - term: footplate_inertia
+    Ip[kg.m^2]: 0.004
+"""
+
+
+def visit_protocol(folder):
+    source = resources.files("biofeedback") / "config" / "demonstration.yaml"
+    path = folder / "visit.yaml"
+    path.write_text(source.read_text() + CHECKS)
+    return path
+
+
+def do_check_list(operator):
+    """As an operator does it: what a file answers is done; the subject pushes, lifts, relaxes."""
+    done = operator.locator("#checks li", has_text="Rig calibration").locator("b", has_text="✓")
+    done.wait_for()
+    push = operator.locator('input[name="push"]')
+    for title, value in (("Zero", "0"), ("Maximal push", "12"), ("Maximal lift", "-5")):
+        entry = operator.locator("#checks li", has_text=title)
+        push.fill(value)
+        operator.wait_for_timeout(4000)
+        entry.locator("button", has_text="Measure").click()
+        # The last check leaves the list; the log keeps what it gave.
+        entry.locator("b", has_text="✓").wait_for()
+    push.fill("0")
+    operator.locator("#checks li", has_text="Warm-up").locator("button", has_text="Confirm").click()
+    operator.locator("#check-list").wait_for(state="hidden")
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_from_arm_to_report(browser, tmp_path, monkeypatch):
+def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    port = free_port()
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(RIG.format(today=f"{datetime.now(timezone.utc):%Y-%m-%d}"))
+    port, first, second = free_port(), tmp_path / "first", tmp_path / "second"
     graph = load_graph("simulated_session").with_settings(
         [
-            f"record.out={tmp_path / 'bag'}",
+            f"record.out={first}",
             f"biofeedback.port={port}",
             f"biofeedback.state_file={tmp_path / 'progress.json'}",
-            "biofeedback.session.protocol=demonstration",
+            f"biofeedback.protocol={visit_protocol(tmp_path)}",
+            f"biofeedback.rig_file={rig}",
+            "biofeedback.subject=S07",
+            "biofeedback.visit=3",
         ]
+    )
+    again = replace(
+        graph,
+        nodes=tuple(
+            replace(node, parameters={"out": str(second)})
+            for node in graph.nodes
+            if node.executable == "record"
+        ),
     )
     with Processes(graph, tmp_path / "logs") as processes:
         wait_until_served(port, processes)
@@ -37,35 +90,39 @@ def test_from_arm_to_report(browser, tmp_path, monkeypatch):
         operator.set_default_timeout(PATIENCE)
         subject.goto(f"http://127.0.0.1:{port}/")
         operator.goto(f"http://127.0.0.1:{port}/operator")
+        operator.locator("#title", has_text="S07, visit 3").wait_for()
         operator.locator("#recording", has_text="● recording").wait_for()
         operator.locator("#simulated-subject").wait_for(state="visible")
         operator.locator("#claim").click()
-        operator.locator('button[data-command="arm"]:enabled').wait_for()
+        do_check_list(operator)
         hold_keys(operator, "Enter", "a")
         operator.locator("#state", has_text="armed").wait_for()
         hold_keys(operator, "Enter", "s")
-        operator.locator("#step", has_text="hold 1").wait_for()
-        # The subject goes where the screen asks: more reflex, then a push of 5 N.m.
         operator.locator('input[name="excitability"]').fill("0.8")
         operator.locator("#step", has_text="Hold 1").wait_for()
-        quality = []
-        deadline = time.monotonic() + 40.0
-        while time.monotonic() < deadline:
-            quality.append(subject.evaluate("document.getElementById('screen').dataset.quality"))
-            time.sleep(0.5)
-        operator.locator("#step", has_text="hold 2").wait_for()
-        operator.locator('input[name="push"]').fill("5")
-        operator.locator("#state", has_text="finished").wait_for()
-        subject.close()
-        operator.close()
-        assert set(processes.stop().values()) == {0}
-    assert quality.count("valid") > 0.8 * len(quality)
-    session = read_session(tmp_path / "bag")
-    assert [(hold.number, hold.target) for hold in session.holds] == [(1, 0.0), (2, -5.0)]
-    found = validate([tmp_path / "bag"], ["simulated subject"])
-    assert len(found.measures) == 2, found.excluded
-    low, high = found.measures[0], found.measures[1]
-    assert high.background[0] > 2.0 * low.background[0]  # the soleus pushes
+        os.kill(processes.pids["record"], signal.SIGKILL)
+        operator.locator("#recording", has_text="NOT RECORDING").wait_for()
+        with Processes(again, tmp_path / "logs again") as recorder:
+            operator.locator("#recording", has_text="● recording").wait_for()
+            operator.locator("#step", has_text="hold 2").wait_for()
+            operator.locator('input[name="push"]').fill("5")
+            operator.locator("#state", has_text="finished").wait_for()
+            subject.close()
+            operator.close()
+            codes = processes.stop()
+            assert {name: code for name, code in codes.items() if code} == {
+                "record": -signal.SIGKILL
+            }
+            assert set(recorder.stop().values()) == {0}
+    # What was measured before the first block is in the recording that was cut off.
+    largest = measured_in_visit(first)
+    assert largest["mvc_plantarflexion[N.m]"] == pytest.approx(12.0, rel=0.2)
+    assert largest["mvc_dorsiflexion[N.m]"] == pytest.approx(5.0, rel=0.3)
+    assert "killed recorder" in " ".join(account_of_bag(BagReader(first)).sentences())
+    # The hold in which it was killed is lost and reported; the other one is whole.
+    found = validate([first, second], ["S07", "S07"])
+    assert [(measure.hold.number, measure.hold.target) for measure in found.measures] == [(2, -5.0)]
+    assert any("hold 1" in sentence for sentence in map(str, found.excluded)), found.excluded
     (tmp_path / "report").mkdir()
-    report = write_report(found, tmp_path / "report", "a session")
-    assert "hold" in report.read_text()
+    text = write_report(found, tmp_path / "report", "a visit").read_text()
+    assert "killed recorder" in text

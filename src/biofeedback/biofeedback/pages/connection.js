@@ -24,6 +24,7 @@ export class Connection {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     this.socket = new WebSocket(`${scheme}://${location.host}/ws?role=${this.role}`);
     this.socket.onopen = () => {
+      document.getElementById("entrance").hidden = true;
       if (this.stopping !== null) this.sendStop();
       this.on.opened?.();
     };
@@ -31,8 +32,20 @@ export class Connection {
     this.socket.onclose = (event) => {
       this.version = -1; // a node that was started anew counts from the beginning
       this.on.lost?.(event.reason);
+      this.askForEntrance();
       setTimeout(() => this.open(), RETRY);
     };
+  }
+
+  // A node that was started anew does not know this browser any more: it is there, and refuses the page. The page then
+  // says so, with the link to enter again, and stays, because a stop may still have to be shown.
+  async askForEntrance() {
+    try {
+      const answer = await fetch(`/entrance?role=${this.role}`, { signal: AbortSignal.timeout(2000) });
+      document.getElementById("entrance").hidden = answer.status !== 401;
+    } catch {
+      // The node is away.
+    }
   }
 
   take(message) {

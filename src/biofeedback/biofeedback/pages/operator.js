@@ -120,7 +120,7 @@ function showState(state) {
   last = traces.state = state;
   view.state(state);
   const { session, target, recording } = state;
-  put(by("title"), session.title);
+  put(by("title"), state.visit ? `${state.visit}: ${session.title}` : session.title);
   const kinds = { running: "good", armed: "warn", paused: "warn", idle: "", finished: "" };
   pill(by("state"), session.state, kinds[session.state]);
   const { trials } = state;
@@ -184,9 +184,17 @@ function showForms(state, target) {
   document.querySelectorAll(".unit").forEach((element) => put(element, unit));
   const region = target.lower === null ? "no region" : `${fine(target.lower)}–${fine(target.upper)} ${unit}`;
   put(by("target-now"), `${fine(target.torque)} ± ${fine(target.torque_half_width)} N·m; ${target.feedback}: ${region}`);
-  put(by("axis-now"), state.baseline ? `baseline K ${fine(state.baseline.K)}, G ${fine(state.baseline.G)}` : "no baseline yet");
+  put(by("axis-now"), state.baseline ? `baseline K ${fine(state.baseline.K)}, G ${fine(state.baseline.G)}${ofMvc(state)}` : "no baseline yet");
   fill(by("target"), { "torque[N.m]": target.torque, "torque_half_width[N.m]": target.torque_half_width, feedback: target.feedback, lower: target.lower, upper: target.upper });
   fill(by("axis"), { x_upper: state.axes.x[1], "y_lower[N.m]": state.axes.y[0], "y_upper[N.m]": state.axes.y[1] });
+}
+
+// K and G of the baseline against the largest plantarflexion torque of the check list.
+function ofMvc({ baseline, checks }) {
+  const largest = Math.abs(checks.find(({ name }) => name === "mvc_plantarflexion")?.result["torque[N.m]"] ?? NaN);
+  if (!(largest > 0)) return "";
+  const part = (value) => Number(((100 * value) / largest).toPrecision(3));
+  return ` = ${part(baseline.K)} %MVC/rad, ${part(baseline.G)} %MVC·s/rad`;
 }
 
 function showSubject(subject) {
@@ -219,7 +227,7 @@ function showChecks(checks) {
   const shown = JSON.stringify([checks, inCommand]);
   if (by("checks").dataset.shown === shown) return;
   by("checks").dataset.shown = shown;
-  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, state, result }) => {
+  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, from_file: fromFile, state, result }) => {
     const item = document.createElement("li"), text = document.createElement("p");
     item.className = { done: "ok", skipped: "ok", failed: "error", running: "warning" }[state] ?? "";
     const head = document.createElement("b");
@@ -228,7 +236,8 @@ function showChecks(checks) {
     text.append(head, ` ${figures || (state === "open" || state === "running" ? instruction : state)}`);
     item.append(text);
     if (state !== "done" && state !== "skipped") {
-      for (const [act, word] of [["begin", measured ? (state === "failed" ? "Again" : "Measure") : "Confirm"], ["skip", "Skip"]]) {
+      const begin = fromFile ? "Read again" : !measured ? "Confirm" : state === "failed" ? "Again" : "Measure";
+      for (const [act, word] of [["begin", begin], ["skip", "Skip"]]) {
         const button = document.createElement("button");
         button.className = "slim";
         button.textContent = word;

@@ -22,7 +22,12 @@ const connection = new Connection("subject", {
     hits = state.session.hits;
     view.state(state);
   },
-  lost: () => view.show(),
+  lost() {
+    view.show();
+    const [text, link] = document.getElementById("entrance").children;
+    text.textContent = `⚠ ${view.texts?.enter_again ?? "Enter again."}`;
+    link.textContent = view.texts?.enter ?? "/enter";
+  },
   stop(what) {
     alarm.hidden = what === "confirmed";
     alarm.textContent = alarm.hidden ? "" : `⚠ ${view.texts?.undelivered ?? "STOP"}`;

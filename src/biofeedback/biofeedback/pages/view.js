@@ -83,7 +83,7 @@ export class View {
     const counts = frame && (session.state === "running" || session.kind === "break");
     put(parts.time, counts && session.duration > 0 ? clock(frame.remaining) : "");
     parts.time.classList.toggle("holding", session.kind === "hold" && session.state === "running");
-    const part = state.trials && session.kind === "trials" ? state.trials.done / state.trials.planned : session.duration > 0 ? frame.elapsed / session.duration : 0;
+    const part = state.trials && session.kind === "trials" ? state.trials.done / state.trials.planned : frame && session.duration > 0 ? frame.elapsed / session.duration : 0;
     const done = counts ? Math.min(part, 1) : 0;
     parts.bar.firstChild.style.width = `${100 * done}%`;
   }

@@ -8,7 +8,7 @@ written into the recording: they are what K and G are referred to later.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,7 +43,7 @@ class Check:
     instruction
         What operator and subject do.
     duration
-        [s] for which signals are gathered; 0: the operator confirms.
+        [s] for which signals are gathered; 0: the operator confirms, or a file answers.
     """
 
     title: str
@@ -52,9 +52,7 @@ class Check:
 
 
 CHECKS = {
-    "rig_calibration": Check(
-        "Rig calibration in date", "Confirm that the rig's calibration file is in date."
-    ),
+    "rig_calibration": Check("Rig calibration in date", "Read from the rig's calibration file."),
     "zero": Check("Zero", "Foot on the plate, relaxed; nobody touches the rig.", 5.0),
     "range_of_motion": Check(
         "Range of motion",
@@ -69,7 +67,7 @@ CHECKS = {
     ),
     "warm_up": Check("Warm-up", "Push and lift gently, five times each; then confirm."),
     "session_calibration": Check(
-        "Session calibration", "Run 'ankle calibrate session' on a first recording; then confirm."
+        "Session calibration", "Run 'ankle calibrate session'; its file is then read here."
     ),
 }
 
@@ -125,6 +123,8 @@ class CheckList:
     ----------
     names
         Keys of `CHECKS`, in order.
+    from_files
+        What answers an entry from a file, by its name: gives the result, or raises `CommandError`.
 
     Attributes
     ----------
@@ -134,8 +134,13 @@ class CheckList:
         Figures with their units, or what is wrong, by name.
     """
 
-    def __init__(self, names: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        from_files: Mapping[str, Callable[[], Mapping[str, Any]]] | None = None,
+    ) -> None:
         self.names = names
+        self._from_files = dict(from_files or {})
         self.states = dict.fromkeys(names, OPEN)
         self.results: dict[str, dict[str, Any]] = {name: {} for name in names}
         self._running: str | None = None
@@ -162,11 +167,33 @@ class CheckList:
         self._require(name)
         if self._running is not None:
             raise CommandError(f"'{CHECKS[self._running].title}' is being measured")
+        if name in self._from_files:
+            self._read(name)
+            return
         if CHECKS[name].duration == 0.0:
             self.states[name] = DONE
             return
         self.states[name], self._running = RUNNING, name
         self._began, self._readings = now, []
+
+    def read_files(self) -> list[str]:
+        """Answer every open entry that a file answers; return the names of those that are done."""
+        names = [n for n in self.names if n in self._from_files and self.states[n] == OPEN]
+        for name in names:
+            self._read(name)
+        return [name for name in names if self.states[name] == DONE]
+
+    def from_file(self, name: str) -> bool:
+        """Return whether a file answers an entry."""
+        return name in self._from_files
+
+    def _read(self, name: str) -> None:
+        try:
+            self.results[name] = dict(self._from_files[name]())
+            self.states[name] = DONE
+        except CommandError as error:
+            self.results[name] = {"problem": str(error)}
+            self.states[name] = FAILED
 
     def skip(self, name: str) -> None:
         """Leave a check out.

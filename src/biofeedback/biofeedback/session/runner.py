@@ -25,6 +25,7 @@ from typing import Any
 from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals, Snapshot
+from biofeedback.session.calibration_files import FileCheck
 from biofeedback.session.check_list import CHECKS, FAILED, BodyReading, CheckList
 from biofeedback.session.commands import Command
 from biofeedback.session.conditioning import largest_activity
@@ -101,6 +102,8 @@ class SessionRunner:
         Gives ROS time [s].
     perturbation
         Gives the stretches of a conditioning course.
+    file_checks
+        What answers entries of the check list from files, by their names.
     """
 
     def __init__(
@@ -113,10 +116,12 @@ class SessionRunner:
         clock: Callable[[], float],
         on_progress: Callable[[dict[str, Any]], None] = lambda progress: None,
         perturbation: Perturbation | None = None,
+        file_checks: Mapping[str, FileCheck] | None = None,
     ) -> None:
         self.session = session
         self.axes = ScreenAxes(session)
-        self.checks = CheckList(session.protocol.check_list)
+        self._file_checks = file_checks
+        self.checks = CheckList(session.protocol.check_list, file_checks)
         self._signals = signals
         self._rig = rig
         self._subject = subject
@@ -157,6 +162,7 @@ class SessionRunner:
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
+        self._read_file_checks(self._clock())
         self._loop.run_until_complete(self._tick_until_closed())
         self._loop.run_until_complete(self._loop.shutdown_asyncgens())
 
@@ -252,9 +258,7 @@ class SessionRunner:
     def _follow_checks(self, now: float, found: Snapshot) -> None:
         name = self.checks.tick(now, BodyReading(found.torque, found.angle, found.emg))
         if name is not None:
-            word = "failed" if self.checks.states[name] == FAILED else "done"
-            details = {"check": name, **self.checks.results[name]}
-            self.record([SessionEvent(f"check {word}", now, details)])
+            self._record_check(name, now)
 
     def _check(self, name: str, act: str, now: float) -> None:
         """Begin, confirm or skip an entry of the check list."""
@@ -264,7 +268,17 @@ class SessionRunner:
             return
         self.checks.begin(name, now)
         if CHECKS[name].duration == 0.0:
-            self.record([SessionEvent("check done", now, {"check": name})])
+            self._record_check(name, now)
+
+    def _read_file_checks(self, now: float) -> None:
+        """Answer at once what files answer; what they do not is shown with its reason."""
+        for name in self.checks.read_files():
+            self._record_check(name, now)
+
+    def _record_check(self, name: str, now: float) -> None:
+        word = "failed" if self.checks.states[name] == FAILED else "done"
+        details = {"check": name, **self.checks.results[name]}
+        self.record([SessionEvent(f"check {word}", now, details)])
 
     def _announce_operator(self) -> None:
         alive = self._monotonic - self._operator_heard <= OPERATOR_HEARTBEAT_AGE
@@ -366,7 +380,8 @@ class SessionRunner:
             }
             self.record(steps[name](now))
             if name == "restart":
-                self.checks = CheckList(session.protocol.check_list)
+                self.checks = CheckList(session.protocol.check_list, self._file_checks)
+                self._read_file_checks(now)
             if session.state in (PAUSED, FINISHED):
                 self._rig.stop()
         self._publish_view()

@@ -138,6 +138,7 @@ def _checks(checks: CheckList) -> list[dict[str, Any]]:
             "title": CHECKS[name].title,
             "instruction": CHECKS[name].instruction,
             "measured": CHECKS[name].duration > 0.0,
+            "from_file": checks.from_file(name),
             "state": state,
             "result": checks.results[name],
         }

@@ -204,12 +204,15 @@ class LogEntry:
 
 @dataclasses.dataclass(frozen=True)
 class CheckState:
-    """An entry of the check list: its words, whether it is measured, and what came of it."""
+    """An entry of the check list: its words, whether it is measured or a file answers it, and what
+    came of it.
+    """
 
     name: str
     title: str
     instruction: str
     measured: bool
+    from_file: bool
     state: str
     result: dict[str, Any]
 
@@ -242,6 +245,7 @@ class State:
     language: str
     checks: list[CheckState]
     trials: TrialsState | None
+    visit: str
     type: str = "state"
 
 

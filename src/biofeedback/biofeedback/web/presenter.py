@@ -29,6 +29,8 @@ class Presenter:
         See `Cursor` [Hz].
     language
         Of the subject's screen: name of a message file.
+    visit
+        Subject and visit, as the operator reads them; empty where they are not stated.
     """
 
     def __init__(
@@ -36,10 +38,12 @@ class Presenter:
         signals: LiveSignals,
         cursor_frequency: float = NATURAL_FREQUENCY,
         language: str = "en",
+        visit: str = "",
     ) -> None:
         self._signals = signals
         self._cursor_frequency = cursor_frequency
         self._language = language
+        self._visit = visit
         self._cursor = Cursor(cursor_frequency)
         self._shown = ""
         self._monotonic = math.nan
@@ -134,6 +138,7 @@ class Presenter:
             pages=pages,
             language=self._language,
             checks=[messages.CheckState(**check) for check in view.checks],
+            visit=self._visit,
             trials=None if view.trials is None else messages.TrialsState(**view.trials),
         )
 

@@ -5,6 +5,7 @@
 | `/` | the subject's screen |
 | `/operator` | the operator's page |
 | `/enter` | where a token is entered, if one is needed |
+| `/entrance?role=operator` | whether this browser has entered: status 204, else 401 |
 | `/stop` | a POST stops: the other way where the WebSocket hangs |
 | `/ws?role=subject`, `/ws?role=operator` | JSON text messages |
 | `/pages/...` | style, modules and texts; `/pages/schemas.json` describes the messages |
@@ -80,7 +81,8 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
+    # Without any referrer a browser sends "Origin: null" with the form of /enter.
+    "Referrer-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
 _KINDS = {
@@ -189,6 +191,7 @@ class Server:
         for path in (*_PATHS, "/pages/{name}"):
             application.router.add_get(path, self._serve)
         application.router.add_post("/enter", self._enter)
+        application.router.add_get("/entrance", self._entrance)
         application.router.add_post("/stop", self._stop_by_request)
         application.router.add_get("/ws", self._talk)
         runner = web.AppRunner(application, access_log=None)
@@ -282,6 +285,13 @@ class Server:
             COOKIE, key, httponly=True, samesite="Strict", secure=self._tls is not None
         )
         return answer
+
+    async def _entrance(self, request: web.Request) -> web.Response:
+        """Say whether this browser may open a page: a page then knows why it is not connected."""
+        if self._refusal(request) is not None:
+            return web.Response(status=403, headers=HEADERS)
+        known = request.query.get("role", "") in self._roles(request)
+        return web.Response(status=204 if known else 401, headers=HEADERS)
 
     async def _stop_by_request(self, request: web.Request) -> web.Response:
         """Stop by an HTTP request, for a page whose WebSocket hangs."""

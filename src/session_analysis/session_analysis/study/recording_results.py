@@ -22,6 +22,7 @@ from session_analysis.estimate_answer import (
 )
 from session_analysis.estimate_report import write_estimates
 from session_analysis.study.layout import Entry, Study, software_version
+from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_reader import BagReader
 from session_recorder.importing import import_recording, propose, read_table
 
@@ -119,7 +120,8 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
     found = answer(bag, result, DEFAULT, settings)
     write_estimates(found, derived)
     require_valid(found)
-    rows = _estimate_rows(entry, found) + _relative_rows(entry, found, stated, bag)
+    rows = _estimate_rows(entry, found)
+    rows += _relative_rows(entry, found, {**measured_in_visit(bag), **stated}, bag)
     if diagnosed:
         rows += _diagnosis_rows(entry, bag, derived / "diagnosis")
     return rows
