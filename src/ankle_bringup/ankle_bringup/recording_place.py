@@ -70,7 +70,7 @@ def in_study(
 
 
 def _shown_to_operator(graph: Graph, subject: str, visit: int) -> Graph:
-    """The graph whose operator's page names subject and visit."""
+    """Return the graph whose operator's page names subject and visit."""
     nodes = tuple(
         replace(node, parameters={**node.parameters, "subject": subject, "visit": visit})
         if (node.package, node.executable) == SCREENS

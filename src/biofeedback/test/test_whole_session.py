@@ -41,7 +41,12 @@ def visit_protocol(folder):
 
 
 def do_check_list(operator):
-    """As an operator does it: what a file answers is done; the subject pushes, lifts, relaxes."""
+    """As an operator does it: what a file answers is done; the subject pushes, lifts, relaxes.
+
+    The simulated plate follows the perturbation from the start; a subject is at rest only once it
+    is stopped.
+    """
+    operator.locator('button[data-command="stop"]').click()
     done = operator.locator("#checks li", has_text="Rig calibration").locator("b", has_text="✓")
     done.wait_for()
     push = operator.locator('input[name="push"]')
