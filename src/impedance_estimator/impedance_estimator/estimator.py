@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -31,6 +32,23 @@ LEAST_RATE, LARGEST_RATE = 500.0, 10_000.0
 """[Hz] Below, the 4th-order differences no longer follow a 100 Hz signal; above, nothing was
 tested.
 """
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Describes what is known of a joint before its first sample.
+
+    Attributes
+    ----------
+    mean
+        K [N.m/rad], B [N.m.s/rad], I [kg.m^2], G [N.m.s/rad], ln of the reflex' natural frequency
+        [ln rad/s], ln of its damping [1], its delay [s]; shape (7,).
+    deviation
+        Standard deviation of each about its mean, shape (7,); infinite where nothing is known.
+    """
+
+    mean: np.ndarray
+    deviation: np.ndarray
 
 
 class Estimator(ABC):
@@ -109,6 +127,15 @@ class Estimator(ABC):
     @abstractmethod
     def reset(self) -> None:
         """Forget everything."""
+
+    def expect(self, expectation: Expectation) -> None:
+        """Begin anew with what is known beforehand; estimators without prior knowledge ignore it.
+
+        Parameters
+        ----------
+        expectation
+            From a calibrated session.
+        """
 
     @property
     @abstractmethod

@@ -6,9 +6,9 @@ simulates and diagnoses:
 
 1. zeros are subtracted and the delays of torque and velocity are evened out;
 2. the lag or mode of the torque sensor is applied to the motion, so that both have it;
-3. friction and weight of the plate are subtracted, its inertia from the estimated I;
-4. straps: the foot's motion follows from the plate's and the torque that the straps transmit; a
-   gap between both: from the plate's alone;
+3. friction and weight of the plate are subtracted, its inertia from the estimated I, behind straps
+   from the torque;
+4. straps: the foot's motion follows from the plate's (`straps`), and so behind a gap between both;
 5. the torque of every other term along this motion is subtracted.
 
 What is left is the torque of a joint with K, B, I and a reflex, which the estimator follows. The
@@ -19,13 +19,14 @@ added to the estimate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from scipy import signal
 
+from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, reflex_gain, tangent
 from ankle_physics.linear_dynamics import Delay, FirstOrder
@@ -33,13 +34,13 @@ from ankle_physics.model import PAPER_TERMS, Entry, Model, ModelRun
 from ankle_physics.rig_file import LONGEST_DELAY, RigFile
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place
-from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, Expectation
+from impedance_estimator.straps import Straps, coupling
 
 SUPPORTED_TERMS = (
     *PAPER_TERMS,
     "backlash",
     "channel_skew",
-    "fixation_compliance",
     "footplate_inertia",
     "servo_compliance",
     "voluntary_torque",
@@ -53,12 +54,20 @@ and sensor's lag.
 """
 LONGEST_STEP = 1.5
 """A step longer than so many sample intervals starts a new stretch."""
-SMOOTHING_HZ = 150.0
-"""The torque from which the foot's velocity in its straps follows is smoothed up to here [Hz].
-Above the perturbation's band; torque, motion and reference are delayed alike.
-"""
 OPERATING_POINT_TIME = 10.0
 """Position and torque are averaged over so long [s]: half the estimator's memory."""
+RELATIVE_INERTIA_CHANGE = 0.05
+"""The foot may lie otherwise in its straps than during the calibration: 5 % is a centimetre at the
+heel."""
+SHAPE_CHANGE = np.array([0.05, 0.05, 0.001])
+"""ln ω, ln z and the delay [s] of the reflex change by this standard deviation within a session:
+muscles slow down with fatigue by a few per cent."""
+REFLEX_WITH_GAIN = frozenset(
+    {"reflex", "activation_reflex_gain", "position_reflex_gain", "reflex_drift"}
+)
+"""The reflex and what changes its gain: they grow and shrink together as the subject changes it."""
+LARGEST_REFLEX_FACTOR = 5.0
+"""The reflex is followed up to so many times the calibrated gain: from relaxed to facilitated."""
 ACTIVATION_TIME = 1.0
 """Torque is averaged over so long [s] for terms that follow the muscles' activation."""
 
@@ -100,6 +109,16 @@ class KnownPhysics:
         """Inertia of the plate, which is in the measured torque and not in the joint [kg.m²]."""
         return self._value("footplate_inertia", "Ip")
 
+    @property
+    def has_straps(self) -> bool:
+        """Whether the foot moves otherwise than the plate."""
+        return coupling(self.model) is not None
+
+    @property
+    def calibrated_gain(self) -> float:
+        """G of the reflex' core in the calibrated session [N.m.s/rad]; 0 where none is known."""
+        return self._value("reflex", "G")
+
     def added_stiffness(self, position: float, torque: float, time: float) -> float:
         """Return the stiffness that the held terms add to the estimate [N.m/rad].
 
@@ -121,6 +140,40 @@ class KnownPhysics:
             return 0.0
         at = OperatingPoint(position=position, torque=torque, time=time)
         return reflex_gain(self.model, at) - self._value("reflex", "G")
+
+    def expectation(self) -> Expectation:
+        """Return what the calibrated session says about the joint's core before the first sample.
+
+        Inertia is that of rigid bodies and the shape of the reflex that of a muscle: both change
+        little within a session. K, B and G are what the subject changes.
+        """
+        mean, deviation = np.zeros(7), np.full(7, np.inf)
+        if self.subject is None:
+            return Expectation(mean, deviation)
+        if self.model.has("inertia"):
+            # Without straps the plate moves with the foot, and its inertia is estimated with it.
+            plate = 0.0 if self.has_straps else self.plate_inertia
+            mean[2] = self._value("inertia", "I") + plate
+            deviation[2] = RELATIVE_INERTIA_CHANGE * mean[2]
+        if self.model.has("reflex"):
+            mean[4] = np.log(self._value("reflex", "omega"))
+            mean[5] = np.log(self._value("reflex", "z"))
+            mean[6] = self._value("reflex", "delay")
+            deviation[4:] = SHAPE_CHANGE
+        return Expectation(mean, deviation)
+
+    def calibration_errors(self) -> tuple[float, float]:
+        """Return the standard error of K [N.m/rad] and the relative one of G [1] in the calibrated
+        session, which no later data take away: the held terms are as uncertain.
+        """
+        stiffness = self._error("stiffness", "K")
+        gain = self._value("reflex", "G")
+        return stiffness, self._error("reflex", "G") / gain if gain > 0.0 else 0.0
+
+    def _error(self, term: str, symbol: str) -> float:
+        if not self.model.has(term):
+            return 0.0
+        return float(self.model.entry(term).standard_errors.get(symbol, 0.0))
 
     def _value(self, term: str, symbol: str) -> float:
         return float(self.model.entry(term).values[symbol]) if self.model.has(term) else 0.0
@@ -167,7 +220,7 @@ class KnownPhysicsRun:
         self._path: _Path | None = None
         self._newest = np.nan
 
-    def correct(self, samples: np.ndarray) -> np.ndarray:
+    def correct(self, samples: np.ndarray, reflex_factor: float = 1.0) -> np.ndarray:
         """Return samples as a joint alone would give them.
 
         Parameters
@@ -175,6 +228,8 @@ class KnownPhysicsRun:
         samples
             Shape (n, k): time [s], position [rad], velocity [rad/s] where measured, torque [N.m],
             and where there is one the reference [rad].
+        reflex_factor
+            What the reflex is now relative to the calibrated one [1]; what shapes it grows with it.
 
         Returns
         -------
@@ -197,10 +252,23 @@ class KnownPhysicsRun:
             if begins[first] or self._path is None:
                 self._path = _Path(self._known, self._rate, self._measured_velocity)
                 self._path.settle(samples[first])
-            samples[first:last] = self._path.run(samples[first:last])
+            samples[first:last] = self._path.run(samples[first:last], reflex_factor)
         if len(samples):
             self._newest = samples[-1, 0] if good[-1] else np.nan
         return samples
+
+    def follow(self, stiffness: float) -> float:
+        """Take over the estimated stiffness of the joint's core [N.m/rad].
+
+        Returns
+        -------
+        float
+            Share of a slow torque on the foot that reaches the plate [1]; 1 without straps.
+        """
+        if self._path is None or self._path.straps is None:
+            return 1.0
+        self._path.straps.follow(stiffness)
+        return self._path.straps.share
 
 
 class _Path:
@@ -228,19 +296,14 @@ class _Path:
             ]
             for _ in range(3)
         ]
-        self._strap = (
-            model.entry("fixation_compliance") if model.has("fixation_compliance") else None
-        )
+        self.straps = Straps(model, rate, measured_velocity) if known.has_straps else None
         self._gap = model.entry("backlash") if model.has("backlash") else None
         self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
         self._plate_inertia = known.plate_inertia
-        self._slope = 0.0
-        self._last = np.nan
-        self._stretch = FirstOrder(rate)
-        self._smooth = signal.butter(2, min(SMOOTHING_HZ, 0.4 * rate), fs=rate, output="sos")
-        self._smooth_states = [np.zeros((len(self._smooth), 2)) for _ in range(4)]
+        self._before: np.ndarray | None = None
         self._activation = FirstOrder(rate)
-        self._extras = _extra_runs(model, rate)
+        self._extras = _Extras(model, rate)
+        self._centred = self.straps is not None or (self._extras.any and not measured_velocity)
 
     def settle(self, sample: np.ndarray) -> None:
         """Start at rest with the values of a sample."""
@@ -252,7 +315,7 @@ class _Path:
             still[:, -1] = 0.0
         self.run(still)
 
-    def run(self, samples: np.ndarray) -> np.ndarray:
+    def run(self, samples: np.ndarray, reflex_factor: float = 1.0) -> np.ndarray:
         """Return corrected samples of a stretch without gaps."""
         x = self._late("position", samples[:, 1] - self._zero[0])
         torque_column = 3 if self._measured else 2
@@ -261,17 +324,20 @@ class _Path:
         reference = samples[:, -1] if has_reference else np.full(len(samples), np.nan)
         known = np.isfinite(reference)
         delayed = self._late("reference", np.where(known, reference, 0.0))
-        v = self._late("velocity", samples[:, 2]) if self._measured else self._differentiate(x)
+        # Without a measured velocity it is differentiated once the channels are even.
+        v = self._late("velocity", samples[:, 2]) if self._measured else np.zeros(len(x))
         x, v, delayed = (self._sense(k, values) for k, values in enumerate((x, v, delayed)))
+        acceleration = np.zeros(len(x))
+        if self._centred:
+            x, v, torque, delayed, acceleration = self._centre(x, v, torque, delayed)
         foot, foot_velocity = x, v
-        if self._strap is not None:
-            x, v, torque, delayed = (
-                self._smoothed(k, values) for k, values in enumerate((x, v, torque, delayed))
-            )
-            foot, foot_velocity = self._foot(x, v, torque)
+        if self.straps is not None:
+            # The plate moves otherwise than the foot: its inertia cannot be taken from I.
+            torque = torque - self._plate_inertia * acceleration
+            foot, foot_velocity, delayed = self.straps.foot(x, v, delayed)
         if self._gap is not None:
             foot, foot_velocity = self._behind_gap(foot, foot_velocity)
-        torque = torque - self._extra_torque(x, v, foot, foot_velocity, torque)
+        torque = torque - self._extra_torque(x, v, foot, foot_velocity, torque, reflex_factor)
         out = samples.copy()
         out[:, 1], out[:, torque_column] = foot, torque
         if self._measured:
@@ -284,10 +350,25 @@ class _Path:
         delay, seconds = self._delays[name]
         return delay.run(values, seconds)
 
-    def _differentiate(self, x: np.ndarray) -> np.ndarray:
-        first = x[0] if not np.isfinite(self._last) else self._last
-        self._last = float(x[-1])
-        return np.diff(x, prepend=first) * self._rate
+    def _centre(
+        self, x: np.ndarray, v: np.ndarray, torque: np.ndarray, reference: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Return all signals a sample later, with derivatives about that sample.
+
+        A backward difference is half a sample late, which at 1 kHz is as much as a skew.
+        """
+        now = np.column_stack([x, v, torque, reference])
+        before = now[[0, 0]] if self._before is None else self._before
+        joined = np.concatenate([before, now])
+        self._before = joined[-2:]
+        middle = joined[1:-1]
+        if self._measured:
+            velocity = middle[:, 1]
+            acceleration = (joined[2:, 1] - joined[:-2, 1]) * self._rate / 2.0
+        else:
+            velocity = (joined[2:, 0] - joined[:-2, 0]) * self._rate / 2.0
+            acceleration = (joined[2:, 0] - 2.0 * middle[:, 0] + joined[:-2, 0]) * self._rate**2
+        return middle[:, 0], velocity, middle[:, 2], middle[:, 3], acceleration
 
     def _sense(self, channel: int, values: np.ndarray) -> np.ndarray:
         """Return a signal of the motion through the torque sensor's dynamics."""
@@ -297,24 +378,6 @@ class _Path:
             entry.term.transform(signals, entry.values, state)
             values = signals.torque
         return values
-
-    def _smoothed(self, channel: int, values: np.ndarray) -> np.ndarray:
-        out, self._smooth_states[channel] = signal.sosfilt(
-            self._smooth, values, zi=self._smooth_states[channel]
-        )
-        return out
-
-    def _foot(
-        self, x: np.ndarray, v: np.ndarray, torque: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the motion of the foot [rad], [rad/s] behind its straps."""
-        assert self._strap is not None
-        stiffness, damping = (float(self._strap.values[s]) for s in ("k_s", "b_s"))
-        acceleration = np.diff(v, prepend=self._slope) * self._rate
-        self._slope = float(v[-1])
-        transmitted = torque - self._plate_inertia * acceleration
-        stretch = self._stretch.run(transmitted / stiffness, damping / stiffness)
-        return x - stretch, v - (transmitted - stiffness * stretch) / damping
 
     def _behind_gap(
         self, position: np.ndarray, velocity: np.ndarray
@@ -332,37 +395,62 @@ class _Path:
         foot: np.ndarray,
         foot_velocity: np.ndarray,
         torque: np.ndarray,
+        reflex_factor: float,
     ) -> np.ndarray:
-        if not self._extras:
+        if not self._extras.any:
             return np.zeros(len(x))
         # Everything that is multiplied by an acceleration is estimated or in the plate's inertia.
         still = np.zeros(len(x))
         activation = self._activation.run(torque, ACTIVATION_TIME)
-        total = np.zeros(len(x))
-        for sign, run in self._extras:
-            signals = Signals(self._rate, x, v, still, activation)
-            signals.move_foot(foot, foot_velocity, still)
-            total += sign * run.torque(signals)
-        return total
+
+        def signals() -> Signals:
+            made = Signals(self._rate, x, v, still, activation)
+            made.move_foot(foot, foot_velocity, still)
+            return made
+
+        total = self._extras.torque(signals, reflex_factor)
+        return total if self.straps is None else self.straps.at_plate(total)
 
 
-def _extra_runs(model: Model, rate: float) -> list[tuple[float, ModelRun]]:
-    """Return runs whose torques, with their signs, add up to what the held terms add to the
-    joint's.
-    """
-    held = [
-        entry
-        for entry in model.entries
-        if entry.term.name not in SUPPORTED_TERMS and entry.term.place not in SENSORS
-    ]
-    if not held:
-        return []
-    shaped = _shaped(model)
-    reflex = [entry for entry in model.entries if entry.term.name == "reflex"]
-    runs = [(1.0, _run([*held, *(reflex if shaped else [])], rate))]
-    if shaped and reflex:
-        runs.append((-1.0, _run(reflex, rate)))
-    return runs
+class _Extras:
+    """The torque that the held terms add to the joint's core."""
+
+    def __init__(self, model: Model, rate: float) -> None:
+        held = [entry for entry in model.entries if _is_held(entry)]
+        reflex = [entry for entry in model.entries if entry.term.name == "reflex"]
+        self.any = bool(held)
+        self._shaped = bool(_shaped(model)) and bool(reflex)
+        self._all = _run([*held, *(reflex if self._shaped else [])], rate)
+        self._plain = _run(reflex, rate)
+
+    def torque(self, signals: Callable[[], Signals], reflex_factor: float) -> np.ndarray:
+        """Return their torque [N.m], shape (n,).
+
+        Parameters
+        ----------
+        signals
+            Makes the motion of plate and foot; terms change it.
+        reflex_factor
+            What the reflex is now relative to the calibrated one: what shapes it grows with it.
+        """
+        whole = self._all.torque(signals())
+        if not self._shaped:
+            return whole
+        following = sum(
+            (part for name, part in self._all.parts.items() if name in REFLEX_WITH_GAIN),
+            np.zeros(len(whole)),
+        )
+        plain = self._plain.torque(signals())
+        return whole - following + reflex_factor * (following - plain)
+
+
+def _is_held(entry: Entry) -> bool:
+    """Whether a term runs beside the regression and its torque is subtracted."""
+    return not (
+        entry.term.name in SUPPORTED_TERMS
+        or entry.term.place in SENSORS
+        or isinstance(entry.term, CompliantCoupling)
+    )
 
 
 def _shaped(model: Model) -> list[Entry]:
@@ -375,6 +463,9 @@ def _shaped(model: Model) -> list[Entry]:
 
 def _run(entries: Sequence[Entry], rate: float) -> ModelRun:
     return Model([Entry(e.term, e.values) for e in entries]).start(rate)
+
+
+_STATED = ("K[N.m/rad]", "G[N.m.s/rad]", "I[kg.m^2]")
 
 
 class KnownPhysicsStream:
@@ -397,6 +488,9 @@ class KnownPhysicsStream:
         self._samples = 0
         self._stiffness, self._gain = 0.0, 0.0
         self._stated = False
+        self._factor = 1.0
+        self._core_gain = self._core_stiffness = np.nan
+        self._share = 1.0
 
     def correct(self, samples: np.ndarray) -> np.ndarray:
         """Correct samples as `KnownPhysicsRun.correct` does; position and torque are averaged on
@@ -413,10 +507,12 @@ class KnownPhysicsStream:
                 )
                 self._means[k] = float(out[-1])
         self._samples += len(samples)
-        return self._run.correct(samples)
+        return self._run.correct(samples, self._factor)
 
     def restate(self) -> None:
-        """State the contribution of the held terms at the present operating point."""
+        """State the contribution of the held terms at the present operating point, and let what
+        shapes the reflex follow its gain.
+        """
         position, torque = (
             mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
         )
@@ -428,11 +524,32 @@ class KnownPhysicsStream:
                 # The reflex' area is simulated, which takes a few milliseconds: once.
                 self._gain = self._known.added_gain(position, torque, time)
                 self._stated = True
+        calibrated = self._known.calibrated_gain
+        if np.isfinite(self._core_gain) and calibrated > 0.0:
+            self._factor = float(np.clip(self._core_gain / calibrated, 0.0, LARGEST_REFLEX_FACTOR))
+        self._share = self._run.follow(self._core_stiffness)
 
     def complete(self, rows: np.ndarray) -> np.ndarray:
-        """Return estimates of the whole joint: with the held terms, without the plate."""
+        """Return estimates of the whole joint: with the held terms, without the plate.
+
+        The standard errors hold those of the calibrated session, too.
+        """
         rows = rows.copy()
-        rows[:, ESTIMATE_COLUMNS.index("K[N.m/rad]")] += self._stiffness
-        rows[:, ESTIMATE_COLUMNS.index("G[N.m.s/rad]")] += self._gain
-        rows[:, ESTIMATE_COLUMNS.index("I[kg.m^2]")] -= self._known.plate_inertia
+        K, G, I = (ESTIMATE_COLUMNS.index(name) for name in _STATED)
+        error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{name}") for name in _STATED[:2])
+        if len(rows) and rows[-1, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0:
+            self._core_stiffness = float(rows[-1, K])
+            self._core_gain = float(rows[-1, G]) / self._share
+        rows[:, [G, error_G]] /= self._share
+        rows[:, K] += self._stiffness
+        rows[:, G] += self._factor * self._gain
+        if not self._known.has_straps:
+            rows[:, I] -= self._known.plate_inertia
+        stiffness_error, gain_error = self._known.calibration_errors()
+        calibrated = self._known.calibrated_gain
+        if calibrated > 0.0:
+            # The gain that is estimated is that of the core, in whose proportion the rest goes.
+            rows[:, error_G] *= max(1.0 + self._gain / calibrated, 0.0)
+        rows[:, error_K] = np.hypot(rows[:, error_K], stiffness_error)
+        rows[:, error_G] = np.hypot(rows[:, error_G], gain_error * rows[:, G])
         return rows

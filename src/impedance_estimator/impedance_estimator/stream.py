@@ -208,6 +208,7 @@ class EstimateStream:
         )
         if self.known is not None:
             self._physics = KnownPhysicsStream(self.known, rate, bool(self._measured_velocity))
+            self.estimator.expect(self.known.expectation())
             parts.notes.append(f"known physics: {self.known.describe()}")
         return samples
 

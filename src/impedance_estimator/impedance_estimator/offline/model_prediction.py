@@ -19,7 +19,7 @@ from scipy import signal
 from ankle_physics.model import Entry, Model
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
-from impedance_estimator.known_physics import ACTIVATION_TIME, KnownPhysics
+from impedance_estimator.known_physics import ACTIVATION_TIME, REFLEX_WITH_GAIN, KnownPhysics
 from impedance_estimator.offline.torque_prediction import (
     FILTER_ORDER,
     HIGHPASS,
@@ -35,13 +35,14 @@ IGNORED = 1.0
 """[s] Left out at both ends, where filters and delays still settle."""
 SKEW, SPONTANEOUS = "channel_skew", "voluntary_torque"
 """Undone in the frequency domain, for either sign; and left out, as no movement causes it."""
-CORE = {
+INTRINSIC = {
     "stiffness": ("K", "K[N.m/rad]"),
     "viscosity": ("B", "B[N.m.s/rad]"),
     "inertia": ("I", "I[kg.m^2]"),
-    "reflex": ("G", "G[N.m.s/rad]"),
 }
-"""Terms that the estimator follows: their parameter, and its column."""
+"""Intrinsic terms that the estimator follows: their parameter, and its column. The reflex and what
+shapes it follow the estimated G in proportion."""
+GAIN = "G[N.m.s/rad]"
 
 
 class ModelPrediction(NamedTuple):
@@ -96,15 +97,15 @@ def predict_with_model(
     ValueError
         As `torque_prediction.checked_signals`.
     ankle_physics.errors.ModelError
-        The model lacks one of `CORE`.
+        The model lacks one of `INTRINSIC`.
     """
     position, checked, velocity = checked_signals(rate, position, torque, velocity)
     assert checked is not None
     zero = known.rig.zero_position if known.rig is not None else 0.0
     motion = _motion(rate, position - zero, velocity)
-    gains = _core_values(known, motion[0], checked, rows, rate)
+    followed = _followed(known, motion[0], checked, rows, rate)
     activation = _slow(checked, rate)
-    model = _with_gains(known.model, gains, float(motion[0].mean()))
+    model = _with_gains(known.model, followed, float(motion[0].mean()))
     predicted = model.start(rate).torque(Signals(rate, *motion, activation))
     if known.model.has(SKEW):
         skew = float(known.model.entry(SKEW).values["skew"])
@@ -145,40 +146,38 @@ def _slow(torque: np.ndarray, rate: float) -> np.ndarray:
     return np.asarray(out)
 
 
-def _core_values(
+def _followed(
     known: KnownPhysics,
     position: np.ndarray,
     torque: np.ndarray,
     rows: np.ndarray | None,
     rate: float,
 ) -> dict[str, np.ndarray]:
-    """Return K, B, I and G at every sample, by term, each of shape (n,)."""
+    """Return K, B and I by term and the reflex' factor at every sample, each of shape (n,)."""
     count = len(position)
     own = {
         term: np.full(count, float(known.model.entry(term).values[symbol]))
-        for term, (symbol, _) in CORE.items()
+        for term, (symbol, _) in INTRINSIC.items()
     }
+    own["reflex"] = np.ones(count)
     if rows is None:
         return own
     valid = rows[rows[:, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0]
     newest = np.searchsorted(valid[:, 0], np.arange(count) / rate - LEAD, side="right") - 1
     there = newest >= 0
     at = float(position.mean()), float(torque.mean()), 0.5 * count / rate
-    held = {
-        "stiffness": known.added_stiffness(*at),
-        "reflex": known.added_gain(*at),
-        "inertia": 0.0,
-        "viscosity": 0.0,
-    }
-    for term, (_, column) in CORE.items():
-        estimated = valid[newest[there], ESTIMATE_COLUMNS.index(column)] - held[term]
-        own[term][there] = estimated
+    for term, (_, column) in INTRINSIC.items():
+        held = known.added_stiffness(*at) if term == "stiffness" else 0.0
+        own[term][there] = valid[newest[there], ESTIMATE_COLUMNS.index(column)] - held
+    gain = known.calibrated_gain + known.added_gain(*at)
+    if gain > 0.0:
+        own["reflex"][there] = valid[newest[there], ESTIMATE_COLUMNS.index(GAIN)] / gain
     return own
 
 
-def _with_gains(model: Model, gains: dict[str, np.ndarray], middle: float) -> Model:
-    """Return the model with changing K, B, I, G and its spring about the mean angle: a change of K
-    then adds no offset.
+def _with_gains(model: Model, followed: dict[str, np.ndarray], middle: float) -> Model:
+    """Return the model with changing K, B, I and reflex, and its spring about the mean angle: a
+    change of K then adds no offset.
     """
     entries = []
     for entry in model.entries:
@@ -186,8 +185,14 @@ def _with_gains(model: Model, gains: dict[str, np.ndarray], middle: float) -> Mo
         if name in (SKEW, SPONTANEOUS):
             continue
         values = dict(entry.values)
-        if name in CORE:
-            values[CORE[name][0]] = gains[name]
+        if name in INTRINSIC:
+            values[INTRINSIC[name][0]] = followed[name]
+        if name in REFLEX_WITH_GAIN:
+            values |= {
+                p.symbol: values[p.symbol] * followed["reflex"]
+                for p in entry.term.parameters
+                if p.linear
+            }
         if name == "stiffness":
             values["x0"] = middle
         entries.append(Entry(entry.term, values))

@@ -129,11 +129,9 @@ def forget(s: State) -> None:
     s.likelihood[:] = 0.0
     s.predictors[:] = 0.0
     s.predicted[:] = 0.0
-    s.prior[0] = 0.0
-    s.prior[1] = INITIAL_DEVIATIONS
-    s.eta[0] = reflex_shapes.PRIOR_MEAN
-    s.eta[1] = reflex_shapes.PRIOR_MEAN
-    s.eta[2] = reflex_shapes.PRIOR_DEVIATION
+    s.prior[:] = s.initial[:, :GAINS]
+    s.eta[0] = s.initial[0, GAINS:]
+    s.eta[1:] = s.initial[:, GAINS:]
     s.deviation[:] = 0.0
     s.deviation[2] = 1.0
     c.deviation = 0
@@ -175,7 +173,7 @@ def linearise(p: Plan, s: State) -> None:
 def forget_shape(s: State) -> None:
     """Widen the prior of the shape by one second."""
     for k in range(SHAPES):
-        default = reflex_shapes.PRIOR_DEVIATION[k]
+        default = s.initial[1, GAINS + k]
         s.eta[2, k] = min(np.sqrt(s.eta[2, k] ** 2 + SHAPE_FORGETTING * default**2), default)
     for j in range(s.deviation.shape[1]):
         s.deviation[2, j] = min(np.sqrt(s.deviation[2, j] ** 2 + SHAPE_FORGETTING), 1.0)
@@ -290,7 +288,7 @@ def detect_change(p: Plan, s: State) -> None:
     for k in range(SHAPES):
         s.eta[1, k] = s.eta[0, k] + s.solution[GAINS + k]
         known = 2.0 * c.variance * s.covariance[GAINS + k, GAINS + k] + SHAPE_DRIFT[k] ** 2
-        s.eta[2, k] = min(np.sqrt(known), reflex_shapes.PRIOR_DEVIATION[k])
+        s.eta[2, k] = min(np.sqrt(known), s.initial[1, GAINS + k])
     for j in range(p.typical.shape[0]):
         s.deviation[1, j] = s.deviation[0, j] + s.solution[PARAMETERS + j] / c.gain
         width = DEVIATIONS[c.deviation] * c.gain * p.typical[j]

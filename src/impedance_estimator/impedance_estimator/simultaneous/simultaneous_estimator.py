@@ -9,10 +9,14 @@ import math
 import numpy as np
 
 from impedance_estimator import validity
-from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator, Expectation
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
-from impedance_estimator.simultaneous.block_update import BATCH_DURATION, RESIDUAL_LAGS
+from impedance_estimator.simultaneous.block_update import (
+    BATCH_DURATION,
+    INITIAL_DEVIATIONS,
+    RESIDUAL_LAGS,
+)
 from impedance_estimator.simultaneous.change_detection import candidate_windows
 from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
@@ -66,6 +70,21 @@ class Simultaneous(Estimator):
         self._torques = np.empty((CHUNK // self._plan.decimation + 1, 4))
         self._torque_parts: list[np.ndarray] = []
         self._consumed = 0
+        self._initial = np.array(
+            [
+                [*np.zeros(GAINS), *reflex_shapes.PRIOR_MEAN],
+                [*INITIAL_DEVIATIONS, *reflex_shapes.PRIOR_DEVIATION],
+            ]
+        )
+        self.reset()
+
+    def expect(self, expectation: Expectation) -> None:
+        known = np.isfinite(expectation.deviation)
+        self._initial[0, known] = expectation.mean[known]
+        self._initial[1] = np.minimum(self._initial[1], expectation.deviation)
+        self._initial[0, GAINS:] = np.clip(
+            self._initial[0, GAINS:], reflex_shapes.LOWEST_SHAPE, reflex_shapes.HIGHEST_SHAPE
+        )
         self.reset()
 
     def _make_plan(self, s: SimultaneousSettings) -> Plan:
@@ -152,6 +171,7 @@ class Simultaneous(Estimator):
             eta=np.zeros((3, reflex_shapes.SHAPES)),
             deviation=np.zeros((3, count)),
             tangent=np.zeros((count, 1 + reflex_shapes.SHAPES)),
+            initial=self._initial,
             prior=np.zeros((2, 4)),
             solution=np.zeros(unknowns),
             covariance=np.zeros((unknowns, unknowns)),

@@ -147,6 +147,8 @@ class State(NamedTuple):
     """d₀; its prior's mean, and its standard deviation relative to the chosen one; shape (3, m)."""
     tangent: np.ndarray
     """c(η₀) + d₀ and G₀ times its derivatives, shape (m, 4)."""
+    initial: np.ndarray
+    """Mean and standard deviation of K, B, I, G and η before any data, shape (2, 7)."""
     prior: np.ndarray
     """Mean and standard deviation of K, B, I, G before the memory, shape (2, 4)."""
     solution: np.ndarray

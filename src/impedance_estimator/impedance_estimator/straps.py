@@ -1,0 +1,96 @@
+"""Motion of the foot behind its straps, and what they let through of the torque on the foot.
+
+With a foot of I, B, K behind straps of stiffness k and damping b, the plate's motion x and a torque
+T on the foot (a reflex, a further term) reach foot and plate through the same transfer:
+
+    H(s) = (k + b s) / (I s² + (B + b) s + K + k),   foot = H x,   torque at the plate = Z H x + H T
+
+The measured torque takes no part in it, so that torque which no movement causes does not get into
+the regressors. At rest H is k / (k + K): the reflex is seen that much smaller.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.linear_dynamics import SecondOrder
+from ankle_physics.model import Entry, Model
+
+LARGEST_CORE_STIFFNESS = 1000.0
+"""[N.m/rad] No ankle is stiffer, whatever an estimate says."""
+
+
+class Straps:
+    """The transfer from the plate to the foot, kept between blocks.
+
+    Parameters
+    ----------
+    model
+        With one `CompliantCoupling`, and I, B and K of the foot.
+    rate
+        Sampling rate [Hz].
+    measured_velocity
+        Whether velocity is a channel of its own.
+    """
+
+    def __init__(self, model: Model, rate: float, measured_velocity: bool) -> None:
+        entry = coupling(model)
+        assert entry is not None
+        assert isinstance(entry.term, CompliantCoupling)
+        self._k, self._b = entry.term.linearised(entry.values)
+        self._inertia = float(model.entry("inertia").values["I"])
+        self._viscosity = float(model.entry("viscosity").values["B"])
+        self._stiffness = float(model.entry("stiffness").values["K"])
+        self._measured = measured_velocity
+        self._position, self._velocity = SecondOrder(rate), SecondOrder(rate)
+        self._reference, self._torque = SecondOrder(rate), SecondOrder(rate)
+        self._middle = np.nan
+
+    @property
+    def share(self) -> float:
+        """H at rest, the share of a slow movement that reaches the foot [1]."""
+        return self._k / (self._k + self._stiffness)
+
+    def follow(self, stiffness: float) -> None:
+        """Take over the stiffness of the foot [N.m/rad] that is estimated."""
+        if math.isfinite(stiffness):
+            self._stiffness = min(max(stiffness, 0.0), LARGEST_CORE_STIFFNESS)
+
+    def foot(
+        self, x: np.ndarray, v: np.ndarray, reference: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return position [rad] and velocity [rad/s] of the foot, and the reference [rad] through
+        the same transfer.
+
+        Parameters
+        ----------
+        x, v, reference
+            Position, velocity and commanded position of the plate, shape (n,).
+        """
+        if not np.isfinite(self._middle):
+            self._middle = float(x[0])
+        position, rate = self._through(self._position, x - self._middle)
+        if self._measured:
+            rate = self._through(self._velocity, v)[0]
+        commanded = self._through(self._reference, reference - self._middle)[0]
+        return position + self._middle, rate, commanded + self._middle
+
+    def at_plate(self, torque: np.ndarray) -> np.ndarray:
+        """Return what reaches the plate of a torque on the foot [N.m], shape (n,)."""
+        return self._through(self._torque, torque)[0]
+
+    def _through(self, state: SecondOrder, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        total = self._stiffness + self._k
+        omega = math.sqrt(total / self._inertia)
+        damping = (self._viscosity + self._b) / (2.0 * math.sqrt(total * self._inertia))
+        y, slope, bend = state.run_with_rates(values, omega, damping)
+        lead = self._b / self._k
+        return self.share * (y + lead * slope), self.share * (slope + lead * bend)
+
+
+def coupling(model: Model) -> Entry | None:
+    """Return the entry of the compliant coupling of a model; None where there is none."""
+    return next((e for e in model.entries if isinstance(e.term, CompliantCoupling)), None)
