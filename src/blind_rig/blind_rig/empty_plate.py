@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from blind_rig.anatomy import Courses, Interface, Muscle, Reflex, Setup
-from blind_rig.courses import course
+from blind_rig.courses import Course
 from blind_rig.mechanics import cell_stiffness, simulate
 from blind_rig.sensors import read
 from blind_rig.trial import STEPS_PER_SAMPLE, Recording, Run, Trial, record
@@ -53,7 +53,8 @@ def record_empty_plate(trial: Trial, command: np.ndarray) -> Recording:
     """
     setup = empty_plate(trial.setup)
     rate = trial.rate * STEPS_PER_SAMPLE[trial.rate]
-    momentary = course(setup, np.zeros(0), len(command), rate, trial.seed)
+    nothing, whole = np.zeros(len(command)), np.ones(len(command))
+    momentary = Course(nothing, nothing, whole, whole, setup.reflex.delay * whole)
     motion = simulate(
         setup,
         command,

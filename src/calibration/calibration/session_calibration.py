@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
 from calibration.errors import CalibrationError
-from impedance_estimator.known_physics import KnownPhysics, KnownPhysicsRun
 from model_discrepancy.diagnose import AUGMENTED_FILE, diagnose
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.recording.known_rig import SKEW
 from model_discrepancy.recording.recording import Recording
 
 
@@ -52,7 +50,7 @@ def calibrate_session(
     folder
         Receives the diagnosis with its report.
     rig
-        The calibrated rig, which is undone first, so that only what it does not explain is
+        The calibrated rig, which is taken as known, so that only what it does not explain is
         diagnosed; None: everything that is found of the rig goes into the subject's model.
     progress
         Called with the present step.
@@ -69,50 +67,13 @@ def calibrate_session(
         recording = source if isinstance(source, Recording) else Recording.from_bag(source)
     except DiagnosisError as error:
         raise CalibrationError(f"{source} cannot calibrate a session: {error}") from None
-    found = diagnose(without_rig(recording, rig), out, progress=progress)
+    found = diagnose(recording, out, progress=progress, rig=rig)
     verdict = found.verdict
     if verdict.verdict == "bad_recording" or found.found is None:
         reasons = "; ".join(verdict.reasons) or "bad recording"
         raise CalibrationError(f"{recording.name} cannot calibrate a session: {reasons}")
     model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
-
-
-def without_rig(recording: Recording, rig: RigFile | None) -> Recording:
-    """Undo a calibrated rig as the online estimator does: zeros, delays and the torque sensor.
-
-    Parameters
-    ----------
-    recording
-        As it was measured.
-    rig
-        None: the recording is returned as it is.
-
-    Returns
-    -------
-    Recording
-        Position and torque from their zeros and at the same time; the motion has passed the
-        dynamics of the torque sensor. The plate's inertia stays in the torque.
-    """
-    if rig is None:
-        return recording
-    channels = [recording.time, recording.position]
-    if recording.velocity is not None:
-        channels.append(recording.velocity)
-    channels.append(recording.torque)
-    if recording.reference is not None:
-        channels.append(recording.reference)
-    run = KnownPhysicsRun(KnownPhysics(rig), recording.rate, recording.velocity is not None)
-    undone = run.correct(np.column_stack(channels))
-    torque = 3 if recording.velocity is not None else 2
-    return replace(
-        recording,
-        position=undone[:, 1],
-        velocity=None if recording.velocity is None else undone[:, 2],
-        torque=undone[:, torque],
-        reference=None if recording.reference is None else undone[:, torque + 1],
-        notes=(*recording.notes, f"the rig '{rig.title}' was undone first"),
-    )
 
 
 def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> Model:
@@ -125,8 +86,8 @@ def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> M
     title
         Free text of the new model.
     rig
-        Its terms are left to it, and the inertia of its plate is not the subject's; None: what was
-        found of the rig stays in the model, as nothing else would undo it.
+        Its terms are left to it; None: what was found of the rig stays in the model, as nothing
+        else would undo it.
 
     Returns
     -------
@@ -134,15 +95,12 @@ def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> M
         Inertia, viscosity, stiffness and reflex follow the subject from moment to moment and are
         marked as tracked.
     """
-    known = set() if rig is None else {entry.term.name for entry in rig.model.entries}
+    known = set() if rig is None else {SKEW, *(entry.term.name for entry in rig.model.entries)}
     entries = [
         copy.deepcopy(entry)
         for entry in diagnosed.entries
         if entry.term.name not in known and entry.term.place is not Place.ACTIVATION
     ]
-    plate = KnownPhysics(rig).plate_inertia
     for entry in entries:
         entry.tracked = entry.term.name in PAPER_TERMS
-        if entry.term.name == "inertia":
-            entry.values["I"] = max(entry.values["I"] - plate, entry.term.parameter("I").lower)
     return Model(entries, title)

@@ -66,8 +66,10 @@ REFLEX_WITH_GAIN = frozenset(
     {"reflex", "activation_reflex_gain", "position_reflex_gain", "reflex_drift"}
 )
 """The reflex and what changes its gain: they grow and shrink together as the subject changes it."""
-LARGEST_REFLEX_FACTOR = 5.0
-"""The reflex is followed up to so many times the calibrated gain: from relaxed to facilitated."""
+LEAST_PROJECTION = 0.2
+"""A shape of which the plain reflex shows less cannot be followed; the standard error says so."""
+PROJECTION_TIME = 1.0
+"""[s] Slower than this the voluntary torque hides the reflex."""
 ACTIVATION_TIME = 1.0
 """Torque is averaged over so long [s] for terms that follow the muscles' activation."""
 
@@ -220,7 +222,7 @@ class KnownPhysicsRun:
         self._path: _Path | None = None
         self._newest = np.nan
 
-    def correct(self, samples: np.ndarray, reflex_factor: float = 1.0) -> np.ndarray:
+    def correct(self, samples: np.ndarray) -> np.ndarray:
         """Return samples as a joint alone would give them.
 
         Parameters
@@ -228,8 +230,6 @@ class KnownPhysicsRun:
         samples
             Shape (n, k): time [s], position [rad], velocity [rad/s] where measured, torque [N.m],
             and where there is one the reference [rad].
-        reflex_factor
-            What the reflex is now relative to the calibrated one [1]; what shapes it grows with it.
 
         Returns
         -------
@@ -252,10 +252,15 @@ class KnownPhysicsRun:
             if begins[first] or self._path is None:
                 self._path = _Path(self._known, self._rate, self._measured_velocity)
                 self._path.settle(samples[first])
-            samples[first:last] = self._path.run(samples[first:last], reflex_factor)
+            samples[first:last] = self._path.run(samples[first:last])
         if len(samples):
             self._newest = samples[-1, 0] if good[-1] else np.nan
         return samples
+
+    @property
+    def projection(self) -> float:
+        """Share of a change of the reflex that the regression sees [1]; see `_Extras`."""
+        return 1.0 if self._path is None else self._path.projection
 
     def follow(self, stiffness: float) -> float:
         """Take over the estimated stiffness of the joint's core [N.m/rad].
@@ -305,6 +310,11 @@ class _Path:
         self._extras = _Extras(model, rate)
         self._centred = self.straps is not None or (self._extras.any and not measured_velocity)
 
+    @property
+    def projection(self) -> float:
+        """Share of a change of the reflex that the regression sees [1]."""
+        return self._extras.projection
+
     def settle(self, sample: np.ndarray) -> None:
         """Start at rest with the values of a sample."""
         still = np.tile(sample, (round(WARM_UP * self._rate), 1))
@@ -315,7 +325,7 @@ class _Path:
             still[:, -1] = 0.0
         self.run(still)
 
-    def run(self, samples: np.ndarray, reflex_factor: float = 1.0) -> np.ndarray:
+    def run(self, samples: np.ndarray) -> np.ndarray:
         """Return corrected samples of a stretch without gaps."""
         x = self._late("position", samples[:, 1] - self._zero[0])
         torque_column = 3 if self._measured else 2
@@ -337,7 +347,7 @@ class _Path:
             foot, foot_velocity, delayed = self.straps.foot(x, v, delayed)
         if self._gap is not None:
             foot, foot_velocity = self._behind_gap(foot, foot_velocity)
-        torque = torque - self._extra_torque(x, v, foot, foot_velocity, torque, reflex_factor)
+        torque = torque - self._extra_torque(x, v, foot, foot_velocity, torque)
         out = samples.copy()
         out[:, 1], out[:, torque_column] = foot, torque
         if self._measured:
@@ -395,7 +405,6 @@ class _Path:
         foot: np.ndarray,
         foot_velocity: np.ndarray,
         torque: np.ndarray,
-        reflex_factor: float,
     ) -> np.ndarray:
         if not self._extras.any:
             return np.zeros(len(x))
@@ -408,7 +417,7 @@ class _Path:
             made.move_foot(foot, foot_velocity, still)
             return made
 
-        total = self._extras.torque(signals, reflex_factor)
+        total = self._extras.torque(signals)
         return total if self.straps is None else self.straps.at_plate(total)
 
 
@@ -422,26 +431,41 @@ class _Extras:
         self._shaped = bool(_shaped(model)) and bool(reflex)
         self._all = _run([*held, *(reflex if self._shaped else [])], rate)
         self._plain = _run(reflex, rate)
+        self._slow = FirstOrder(rate), FirstOrder(rate)
+        self._square = self._cross = 0.0
 
-    def torque(self, signals: Callable[[], Signals], reflex_factor: float) -> np.ndarray:
+    @property
+    def projection(self) -> float:
+        """How much of the plain reflex a regression finds in the shaped one [1]; 1 without a shape.
+
+        A reflex that is g times the calibrated one leaves (g - 1) times the shaped reflex beside
+        the plain one, and only this share of it shows in the regression.
+        """
+        if not self._square > 0.0:
+            return 1.0
+        return max(self._cross / self._square, LEAST_PROJECTION)
+
+    def torque(self, signals: Callable[[], Signals]) -> np.ndarray:
         """Return their torque [N.m], shape (n,).
 
         Parameters
         ----------
         signals
             Makes the motion of plate and foot; terms change it.
-        reflex_factor
-            What the reflex is now relative to the calibrated one: what shapes it grows with it.
         """
         whole = self._all.torque(signals())
         if not self._shaped:
             return whole
-        following = sum(
+        plain = self._plain.torque(signals())
+        shaped = sum(
             (part for name, part in self._all.parts.items() if name in REFLEX_WITH_GAIN),
             np.zeros(len(whole)),
         )
-        plain = self._plain.torque(signals())
-        return whole - following + reflex_factor * (following - plain)
+        a = plain - self._slow[0].run(plain, PROJECTION_TIME)
+        b = shaped - self._slow[1].run(shaped, PROJECTION_TIME)
+        self._square += float(a @ a)
+        self._cross += float(a @ b)
+        return whole - plain
 
 
 def _is_held(entry: Entry) -> bool:
@@ -488,8 +512,7 @@ class KnownPhysicsStream:
         self._samples = 0
         self._stiffness, self._gain = 0.0, 0.0
         self._stated = False
-        self._factor = 1.0
-        self._core_gain = self._core_stiffness = np.nan
+        self._core_stiffness = np.nan
         self._share = 1.0
 
     def correct(self, samples: np.ndarray) -> np.ndarray:
@@ -507,11 +530,11 @@ class KnownPhysicsStream:
                 )
                 self._means[k] = float(out[-1])
         self._samples += len(samples)
-        return self._run.correct(samples, self._factor)
+        return self._run.correct(samples)
 
     def restate(self) -> None:
-        """State the contribution of the held terms at the present operating point, and let what
-        shapes the reflex follow its gain.
+        """State the contribution of the held terms at the present operating point, and let the foot
+        in its straps follow the stiffness.
         """
         position, torque = (
             mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
@@ -524,9 +547,6 @@ class KnownPhysicsStream:
                 # The reflex' area is simulated, which takes a few milliseconds: once.
                 self._gain = self._known.added_gain(position, torque, time)
                 self._stated = True
-        calibrated = self._known.calibrated_gain
-        if np.isfinite(self._core_gain) and calibrated > 0.0:
-            self._factor = float(np.clip(self._core_gain / calibrated, 0.0, LARGEST_REFLEX_FACTOR))
         self._share = self._run.follow(self._core_stiffness)
 
     def complete(self, rows: np.ndarray) -> np.ndarray:
@@ -539,17 +559,17 @@ class KnownPhysicsStream:
         error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{name}") for name in _STATED[:2])
         if len(rows) and rows[-1, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0:
             self._core_stiffness = float(rows[-1, K])
-            self._core_gain = float(rows[-1, G]) / self._share
-        rows[:, [G, error_G]] /= self._share
         rows[:, K] += self._stiffness
-        rows[:, G] += self._factor * self._gain
         if not self._known.has_straps:
             rows[:, I] -= self._known.plate_inertia
-        stiffness_error, gain_error = self._known.calibration_errors()
+        rows[:, [G, error_G]] /= self._share
         calibrated = self._known.calibrated_gain
         if calibrated > 0.0:
-            # The gain that is estimated is that of the core, in whose proportion the rest goes.
-            rows[:, error_G] *= max(1.0 + self._gain / calibrated, 0.0)
+            # The whole reflex changes in proportion, and its core shows a share of the change.
+            slope = (calibrated + self._gain) / (calibrated * self._run.projection)
+            rows[:, G] = calibrated + self._gain + slope * (rows[:, G] - calibrated)
+            rows[:, error_G] *= abs(slope)
+        stiffness_error, gain_error = self._known.calibration_errors()
         rows[:, error_K] = np.hypot(rows[:, error_K], stiffness_error)
         rows[:, error_G] = np.hypot(rows[:, error_G], gain_error * rows[:, G])
         return rows

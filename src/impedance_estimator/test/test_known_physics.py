@@ -205,3 +205,52 @@ def test_the_operating_point_is_that_of_the_corrected_channels():
     added = stream.complete(np.zeros((1, len(ESTIMATE_COLUMNS))))[0, 1]
     assert added == pytest.approx(0.0, abs=0.1)
     assert known.added_stiffness(0.1, 0.0, 2.0) > 50.0
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+def test_a_shaped_reflex_that_changes_is_followed_in_proportion(factor):
+    """The regression sees the core alone; what is stated is the change of the whole reflex."""
+    x, v, a = motion(12.0)
+    shape = {"reflex_exponent": {"p": 1.6}}
+    calibrated = Model.of({**CORE, **shape})
+    now = Model.of({**CORE, "reflex": {"G": 10.0 * factor}, **shape})
+    known = KnownPhysics(subject=calibrated)
+    stream = KnownPhysicsStream(known, RATE, True)
+    out = stream.correct(samples_of(now, x, v, a))
+    stream.restate()
+    plain = samples_of(Model.of({"reflex": {"G": 10.0}}), x, v, a)[:, 3]
+    rest = {name: CORE[name] for name in ("inertia", "viscosity", "stiffness")}
+    left = out[:, 3] - samples_of(Model.of(rest), x, v, a)[:, 3]
+    later = slice(round(2.0 * RATE), None)
+    seen = np.polyfit(plain[later], left[later], 1)[0]
+    rows = np.zeros((1, len(ESTIMATE_COLUMNS)))
+    rows[0, 4], rows[0, ESTIMATE_COLUMNS.index("valid[1]")] = 10.0 * seen, 1.0
+    stated = stream.complete(rows)[0, 4]
+    total = 10.0 + known.added_gain(x.mean(), 0.0, 12.0)
+    assert stated == pytest.approx(factor * total, rel=0.1)
+
+
+def test_standard_errors_hold_those_of_the_calibration():
+    model = Model.of(CORE)
+    model.entry("stiffness").standard_errors = {"K": 3.0}
+    model.entry("reflex").standard_errors = {"G": 1.0}
+    stream = KnownPhysicsStream(KnownPhysics(subject=model), RATE, True)
+    rows = np.zeros((1, len(ESTIMATE_COLUMNS)))
+    rows[0, 4] = 20.0
+    error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{n}") for n in ("K[N.m/rad]", "G[N.m.s/rad]"))
+    rows[0, error_K], rows[0, error_G] = 4.0, 0.0
+    stated = stream.complete(rows)[0]
+    assert stated[error_K] == pytest.approx(5.0)
+    # A tenth of the gain, whatever the gain is now.
+    assert stated[error_G] == pytest.approx(2.0)
+
+
+def test_what_the_calibration_says_is_expected():
+    core = {**CORE, "reflex": {"G": 10.0, "omega": 12.0, "z": 1.1, "delay": 0.052}}
+    known = KnownPhysics(rig({"footplate_inertia": {"Ip": 0.004}}), Model.of(core))
+    expected = known.expectation()
+    assert expected.mean[2] == pytest.approx(0.0137 + 0.004)
+    np.testing.assert_allclose(expected.mean[4:], [np.log(12.0), np.log(1.1), 0.052])
+    # K, B and G are the subject's to change.
+    assert np.isinf(expected.deviation[[0, 1, 3]]).all()
+    assert np.isinf(KnownPhysics().expectation().deviation).all()

@@ -26,6 +26,13 @@ FREE_DISK = Quantity(
     ),
 )
 
+RIG = Quantity(
+    "rig",
+    default="",
+    description="The calibrated rig in force (rig.yaml), which the bag carries. Empty: none.",
+    start_only=True,
+)
+
 BAG = Quantity(
     "bag",
     default="",
@@ -75,5 +82,5 @@ PATIENCE = Quantity(
     start_only=True,
 )
 
-RECORDER = (OUT, RECORDED, FREE_DISK)
+RECORDER = (OUT, RECORDED, FREE_DISK, RIG)
 REPLAYER = (BAG, REPLAYED, RATE, READERS, TIMEOUT, PATIENCE)

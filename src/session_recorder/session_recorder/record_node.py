@@ -27,9 +27,12 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ankle_interfaces.block import MESSAGE_TYPE
+from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.topics import JOINT_STATES, TOPICS
 from ankle_node.node import ACKNOWLEDGED, BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
 from ankle_node.real_time import RECORDER_PRIORITY, take_priority
+from ankle_physics.errors import ModelError
+from ankle_physics.rig_file import RigFile
 from session_recorder import bag_metadata
 from session_recorder.bag_writer import CHUNK_SECONDS
 from session_recorder.errors import BagError
@@ -37,6 +40,7 @@ from session_recorder.message_definitions import definition
 from session_recorder.parameters import RECORDER
 from session_recorder.recording import Recording
 from session_recorder.replaying import OWN_OF_ROS
+from session_recorder.rig_of_bag import RIG_KEY
 from session_recorder.ros_qos import from_ros, to_record
 
 # Connected from the start, publisher or not.
@@ -78,6 +82,8 @@ class RecordNode(AnkleNode):
         self.recording: Recording | None = Recording(
             self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
         )
+        if self.text("rig"):
+            self.recording.bag.custom_data[RIG_KEY] = _rig_text(self.text("rig"))
         if self.get_namespace() != "/":
             self.recording.bag.custom_data["namespace"] = self.get_namespace()
         for topic in LABORATORY_TOPICS:
@@ -259,6 +265,20 @@ class RecordNode(AnkleNode):
             self.failed = True
             print(f"error: {error}", file=sys.stderr, flush=True)
         super().destroy_node()
+
+
+def _rig_text(path: str) -> str:
+    """Return the text of a rig file.
+
+    Raises
+    ------
+    QuantityError
+        It cannot be read, or is no rig file.
+    """
+    try:
+        return RigFile.load(path).text()
+    except (ModelError, OSError) as error:
+        raise QuantityError(f"parameter 'rig': {error}") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

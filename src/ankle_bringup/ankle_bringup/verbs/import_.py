@@ -62,6 +62,10 @@ def verb(
     force: Annotated[
         bool, typer.Option("--force", help="Import in spite of contradictions; the bag says so.")
     ] = False,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="The calibrated rig (rig.yaml) that was in force; the bag carries it."),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Import a recording into a bag; wrong units and signs are recognised from the data and
@@ -72,6 +76,7 @@ def verb(
     Example: ankle import trial.npz -o trial -c 't[s]=time' -c 'position[rad]=position' -c
     'torque[N.m]=torque' --torque-sign subject
     """
+    from ankle_physics.rig_file import RigFile
     from session_recorder.importing import import_recording, propose, read_table
 
     target = out or Path(source.stem)
@@ -99,6 +104,7 @@ def verb(
             resample=resample,
             missing=missing,
             force=force,
+            rig=RigFile.load(rig) if rig is not None else None,
             overwrite=overwrite,
             progress=share,
         )

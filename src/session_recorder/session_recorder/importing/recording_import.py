@@ -18,6 +18,8 @@ from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity
 from ankle_interfaces.errors import UnitError
 from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, PERTURBATION_REFERENCE
 from ankle_interfaces.units import split_column, to_si
+from ankle_physics.rig_agreement import rig_warnings
+from ankle_physics.rig_file import RigFile
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.laboratory_units import known_unit
@@ -31,6 +33,7 @@ from session_recorder.importing.plausibility import (
 from session_recorder.importing.sampling import judge_times, resample_columns
 from session_recorder.importing.tables import Table, read_table
 from session_recorder.mcap_file import Progress
+from session_recorder.rig_of_bag import RIG_KEY
 
 # Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the
 # subject exerts.
@@ -108,6 +111,7 @@ def import_recording(
     resample: float | None = None,
     missing: str = "nan",
     force: bool = False,
+    rig: RigFile | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> ImportReport:
@@ -135,6 +139,9 @@ def import_recording(
         What becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
     force
         Import in spite of contradictions; they are recorded in the bag.
+    rig
+        The calibrated rig that was in force; the bag carries it, and where the data contradict it
+        there is a warning.
     overwrite
         Replace a bag that is there.
     progress
@@ -165,6 +172,8 @@ def import_recording(
         raise ImportRefused(f"{source}: " + "; ".join(signals.contradictions))
     signals.warnings += [f"forced: {sentence}" for sentence in signals.contradictions]
     _report_missing(signals, missing)
+    if rig is not None:
+        signals.warnings += _rig_contradictions(signals, rig)
     if progress:
         progress(0.5)
     with BagWriter(bag, overwrite=overwrite) as writer:
@@ -180,6 +189,8 @@ def import_recording(
                 "warnings": "\n".join(signals.warnings),
             }
         )
+        if rig is not None:
+            writer.custom_data[RIG_KEY] = rig.text()
     names = {topic: tuple(held) for topic, held in signals.columns.items()}
     return ImportReport(
         writer.path,
@@ -190,6 +201,26 @@ def import_recording(
         tuple(signals.warnings),
         tuple(ignored),
         found,
+    )
+
+
+def _rig_contradictions(signals: _Signals, rig: RigFile) -> list[str]:
+    """Return in which ways the rig file contradicts the samples, one sentence each."""
+    held = signals.columns.get(ANKLE_SAMPLES.absolute, {})
+    named = {name.split("[")[0]: np.asarray(values) for name, values in held.items()}
+    if "position" not in named or "torque" not in named:
+        return []
+    good = np.isfinite(np.column_stack(list(named.values()))).all(axis=1)
+    if not good.all():
+        return []
+    # How old the calibration was is not known of a recording without a date.
+    return rig_warnings(
+        rig,
+        signals.rate,
+        named["position"],
+        named.get("velocity"),
+        named["torque"],
+        now=rig.calibrated,
     )
 
 

@@ -1,0 +1,21 @@
+"""A bag carries the rig file that was in force when it was recorded or imported."""
+
+from __future__ import annotations
+
+from ankle_physics.rig_file import RigFile
+from session_recorder.bag_reader import BagReader
+
+RIG_KEY = "rig"
+"""Key of the rig file's text among the bag's own pairs (``custom_data`` of ``metadata.yaml``)."""
+
+
+def rig_of_bag(bag: BagReader) -> RigFile | None:
+    """Return the rig file that a bag carries; None where it carries none.
+
+    Raises
+    ------
+    ankle_physics.errors.ModelError
+        What it carries is no rig file.
+    """
+    text = bag.custom_data.get(RIG_KEY)
+    return RigFile.from_text(text) if text else None
