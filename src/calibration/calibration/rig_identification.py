@@ -22,6 +22,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.optimize import least_squares
 
+from ankle_physics.terms.torque_sensor_mode import TorqueSensorMode
 from calibration.errors import CalibrationError
 
 # Width over which a transfer is taken as smooth: modes of rigs are wider (5 % of 60 Hz).
@@ -48,6 +49,8 @@ ROUNDS = 3
 LAG_STARTS = (0.0005, 0.003)  # s
 MODE_STARTS = (20.0, 45.0, 80.0)  # Hz
 MODE_DAMPING_START = 0.08
+# A search that ends this close to an end of its range was still on its way.
+RANGE_MARGIN = 0.01
 SERVO_STARTS = (15.0, 30.0, 60.0)  # Hz
 
 
@@ -272,6 +275,16 @@ class _Servo:
     motion: np.ndarray
 
 
+def _is_mode(frequency: float) -> bool:
+    """Whether a frequency [Hz] is that of a mode which the recording shows, not the end of a range.
+
+    A mode far above the recorded band looks like a part of the delay, and is one.
+    """
+    allowed = TorqueSensorMode.parameter("frequency")
+    margin = 1.0 + RANGE_MARGIN
+    return allowed.lower * margin < frequency < allowed.upper / margin
+
+
 Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -293,6 +306,8 @@ def _torque(spectra: _Spectra, motion: np.ndarray) -> _Fit:
     columns = _columns(spectra, motion)
     for names, response, starts in tried:
         bic, fit = _fitted(spectra, columns, names, response, starts)
+        if "mode" in names and not _is_mode(fit.shape["mode"].value):
+            continue
         if best is None or bic < best[0]:
             best = bic, fit
     assert best is not None
