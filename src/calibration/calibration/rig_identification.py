@@ -9,7 +9,7 @@ far better than the channel itself. That part is found as a smoothed transfer fr
     x(f)        = H(f) [r(f) - torque(f) / k_a]
 
 S is 1, a lag or a mode of the torque sensor, whichever predicts best (BIC); H the servo; r the
-reference. Standard errors are those of least squares with the scatter that is left.
+reference. Standard errors come from the scatter of what is left between bands of frequency.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ SERVO_MODEL_ERROR = 0.02
 HIGHEST_FREQUENCY = 120.0  # Hz
 # A plate holds still for at least this long at the start.
 MIN_REST_DURATION = 0.5  # s
+# Frequencies within such a band count as one observation for standard errors: a few times the
+# resolution of the smoothed transfers.
+ERROR_BAND = 4.0  # Hz
 # Left out behind the start of rest, while the plate settles.
 SETTLING_TIME = 0.5  # s
 # Below, a reference does not move; noise of a measured reference lies below it.
@@ -369,8 +372,7 @@ def _fitted(
     count = len(goal)
     # Of all parameters together, so that the errors know of each other.
     slopes = np.column_stack([found.jac, -regressors])
-    variance = float(residual @ residual) / (count - slopes.shape[1])
-    errors = np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes)) * variance)
+    errors = _standard_errors(slopes, residual, spectra.frequency)
     shape = {
         name: Found(float(value), float(error))
         for name, value, error in zip(names, found.x, errors, strict=False)
@@ -392,6 +394,32 @@ def _fitted(
     return bic, _Fit(shape, values, stacked @ (linear / scale), vaf)
 
 
+def _standard_errors(slopes: np.ndarray, residual: np.ndarray, frequency: np.ndarray) -> np.ndarray:
+    """Return standard errors of least squares whose residual is alike within `ERROR_BAND`.
+
+    Smoothing spreads noise over neighbouring frequencies, and what the description does not hold
+    lies in whole bands: lines of one band are no independent observations (Liang & Zeger,
+    Biometrika 73 (1986) 13-22). Never less than the errors of white residuals.
+
+    Parameters
+    ----------
+    slopes
+        Derivatives of the residual, shape (2 n, p): real parts, then imaginary ones.
+    residual
+        Shape (2 n,).
+    frequency
+        [Hz], shape (n,).
+    """
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    variance = float(residual @ residual) / (len(residual) - slopes.shape[1])
+    bands = np.floor(frequency / ERROR_BAND).astype(int)
+    scores = np.zeros((bands.max() + 1, slopes.shape[1]))
+    np.add.at(scores, np.concatenate([bands, bands]), slopes * residual[:, None])
+    count = len(np.unique(bands))
+    spread = inverse @ (scores.T @ scores) @ inverse * (count / max(count - 1, 1))
+    return np.asarray(np.sqrt(np.maximum(np.diag(spread), np.diag(inverse) * variance)))
+
+
 def _solved(regressors: np.ndarray, goal: np.ndarray) -> np.ndarray:
     return np.linalg.solve(regressors.T @ regressors, regressors.T @ goal)
 
@@ -406,9 +434,8 @@ def _velocity_delay(spectra: _Spectra, motion: np.ndarray) -> Found | None:
         return goal - shape[1] * _parts(expected * np.exp(-spectra.omega * shape[0]))
 
     found = least_squares(left, [0.0, 1.0], x_scale=[1e-4, 0.1])
-    variance = 2.0 * found.cost / (len(goal) - 2)
-    error = math.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0] * variance)
-    return Found(float(found.x[0]), error)
+    errors = _standard_errors(found.jac, found.fun, spectra.frequency)
+    return Found(float(found.x[0]), float(errors[0]))
 
 
 def _servo(spectra: _Spectra, load: np.ndarray) -> _Servo:
@@ -432,8 +459,7 @@ def _servo(spectra: _Spectra, load: np.ndarray) -> _Servo:
         ),
         key=lambda each: each.cost,
     )
-    variance = 2.0 * found.cost / (len(goal) - 4)
-    errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * variance)
+    errors = _standard_errors(found.jac, found.fun, spectra.frequency)
     sag = float(found.x[3])
     stiffness = None
     if sag > 0.0 and errors[3] <= SAG_ACCURACY * sag:

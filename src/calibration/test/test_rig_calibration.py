@@ -90,6 +90,9 @@ def test_a_rigs_hidden_imperfections_are_found(bag, tmp_path):
     found = calibrate_rig(bag, "laboratory 1", KnownLoad(spring=SPRING))
     rig = found.rig
     assert rig.torque_delay.value == pytest.approx(0.00073, abs=0.1e-3)
+    # The stated error holds where a spring loads the servo, too.
+    assert abs(rig.torque_delay.value - 0.00073) < 3.0 * rig.torque_delay.standard_error
+    assert rig.torque_delay.standard_error < 0.1e-3
     assert rig.velocity_delay.value == pytest.approx(0.0004, abs=0.05e-3)
     assert rig.model.entry("footplate_inertia").values["Ip"] == pytest.approx(0.0046, rel=0.02)
     mode = rig.model.entry("torque_sensor_mode").values

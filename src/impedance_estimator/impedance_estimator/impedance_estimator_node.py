@@ -151,6 +151,8 @@ class ImpedanceEstimator(AnkleNode):
         self.health("estimate", WARN if lost else OK, f"not valid: {reason}")
         doubts = "" if reason else stream.doubts
         self.health("model", WARN if doubts else OK, f"estimates are doubtful: {doubts}")
+        rig = "; ".join(stream.rig_warnings)
+        self.health("rig", WARN if rig else OK, rig)
         if reason != self._reason:
             self.get_logger().info(
                 f"estimates are not valid: {reason}" if reason else "estimates are valid"

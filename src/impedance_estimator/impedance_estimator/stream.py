@@ -18,6 +18,7 @@ from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
 from impedance_estimator.known_physics import KnownPhysics, KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
+from impedance_estimator.rig_watch import RigWatch
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.validity import RATE_WINDOW
 
@@ -97,6 +98,7 @@ class EstimateStream:
         self.algorithm = algorithm
         self.known = known
         self._physics: KnownPhysicsStream | None = None
+        self._rig_watch: RigWatch | None = None
         self.settings = make_estimator(algorithm, 1000.0, True, settings).settings
         self.estimator: Estimator | None = None
         self._waiting: list[np.ndarray] = []
@@ -113,6 +115,11 @@ class EstimateStream:
     def instrument(self) -> str:
         """Return how the estimator deals with torque that moves the plate, or an empty text."""
         return self.estimator.instrument if self.estimator else ""
+
+    @property
+    def rig_warnings(self) -> list[str]:
+        """Return how the rig file is old or contradicts the samples, one sentence each."""
+        return self._rig_watch.warnings if self._rig_watch is not None else []
 
     @property
     def reason(self) -> str:
@@ -209,6 +216,8 @@ class EstimateStream:
         if self.known is not None:
             self._physics = KnownPhysicsStream(self.known, rate, bool(self._measured_velocity))
             self.estimator.expect(self.known.expectation())
+            if self.known.rig is not None:
+                self._rig_watch = RigWatch(self.known.rig, rate, bool(self._measured_velocity))
             parts.notes.append(f"known physics: {self.known.describe()}")
         return samples
 
@@ -218,6 +227,8 @@ class EstimateStream:
             round(estimator.rate / self.settings.estimate_rate), 1
         )
         piece = samples[: every - self._samples % every]
+        if self._rig_watch is not None:
+            parts.notes += self._rig_watch.add(piece)
         physics = self._physics
         rows = estimator.process(piece if physics is None else physics.correct(piece))
         parts.rows.append(rows if physics is None else physics.complete(rows))
