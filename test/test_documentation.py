@@ -9,6 +9,17 @@ import sys
 import pytest
 from documented_commands import PAGES, ROOT, commands
 
+PARTLY = {
+    "quintic",
+    "quintic_upsample",
+    "quintic_positions",
+    "intrinsic_torque",
+    "reflex_torque",
+    "closed_loop",
+    "simulate",
+    "average_correlations",
+}
+"""Compiled functions whose sections leave out arguments that the sentence above them explains."""
 PUBLIC = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 
@@ -88,10 +99,10 @@ def arguments_of(signature):
 )
 def test_a_section_of_parameters_has_the_names_of_the_signature(package):
     wrong = [
-        f"{path.relative_to(ROOT)}: {name}: {sorted(stated - have)}"
+        f"{path.relative_to(ROOT)}: {name}: {sorted(stated ^ have)}"
         for path in sorted((ROOT / "src" / package / package).rglob("*.py"))
         for name, stated, have in documented(path)
-        if stated - have
+        if stated != have and not (stated < have and name in PARTLY)
     ]
     assert not wrong, "\n".join(wrong)
 
