@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,17 +16,22 @@ from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
-from model_discrepancy.criticism.variability import Variability, variability
+from model_discrepancy.criticism.variability import (
+    Variability,
+    variability,
+    varying_reflex_torque,
+)
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
 from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
-from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.motion import ACTIVATION_HZ, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.recording.spectrum import low_pass
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.report.html_report import write_report
 from model_discrepancy.report.operating_point import operating_point, stated_impedance
@@ -41,7 +46,7 @@ from model_discrepancy.report.verdict import (
     separating_measurements,
 )
 from model_discrepancy.search.effect_size import size_of
-from model_discrepancy.search.null import Null
+from model_discrepancy.search.null import STRETCH_S, Null
 from model_discrepancy.search.term_search import (
     ALIGNMENT,
     REFINEMENT,
@@ -199,7 +204,7 @@ def _diagnose(
     progress("asking what chance finds in this recording's noise")
     before = bank.remainder(fitter, base.residual, base.plain, parts, null.noise)
     base_map = residual_map(fitter.columns, base)
-    found = search(fitter, base, null, library, progress)
+    found = search(fitter, base, null, library, progress, surrogate_activation(problem, null))
     progress("scoring on unseen data")
     after = bank.remainder(fitter, found.final.residual, found.final.plain, parts, null.noise)
     if problem.in_a_loop:
@@ -247,6 +252,37 @@ def _diagnose(
         ceiling,
         block,
     )
+
+
+def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.ndarray]:
+    """Return the slow torque that belongs to each surrogate of a recording's noise.
+
+    A reflex that varies from stretch to stretch is a part of the slow torque, and changes sign with
+    the surrogate; the rest of it does not.
+
+    Parameters
+    ----------
+    problem
+        Of the recording.
+    null
+        With its surrogates.
+
+    Returns
+    -------
+    Callable[[int], np.ndarray]
+        From the number of a surrogate to slow torque [N.m], shape (samples,).
+    """
+    rows, motion = problem.fitter.rows, problem.fitter.motion
+    varying = varying_reflex_torque(problem.fitter, problem.base)
+    slow = low_pass(np.fft.rfftfreq(rows.count, 1.0 / rows.rate), ACTIVATION_HZ, 4)
+
+    def activation(draw: int) -> np.ndarray:
+        signs = null.signs[(rows.time / STRETCH_S).astype(int), draw]
+        changed = (signs - 1.0) * varying
+        leaked = np.fft.irfft(np.fft.rfft(changed) * slow, rows.count)
+        return np.asarray(motion.activation + np.interp(motion.time, rows.time, leaked))
+
+    return activation
 
 
 def _rig(problem: Problem) -> dict[str, Any]:
@@ -316,6 +352,7 @@ def _conclude(
             size_of(fitter, found.final, effect.trial.name, base_map.onsets),
             place == 0,
             word == "explained" and not after.significant,
+            bool(found.refinements),
         )
         for place, effect in enumerate(named)
     ]

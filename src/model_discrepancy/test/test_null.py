@@ -24,9 +24,62 @@ def test_surrogates_keep_size_and_place_and_lose_what_repeats():
     burst = np.where((time % 1.0) < 0.2, 1.0, 0.0)
     null = Null.of(burst, time, np.ones(len(time), bool))
     np.testing.assert_array_equal(np.abs(null.noise), np.abs(burst)[:, None] * np.ones(160))
-    null.observe(burst[:, None] / np.linalg.norm(burst))
-    assert null.largest.max() < 0.3
-    assert null.threshold > np.median(null.largest)
+    other = burst * np.random.default_rng(1).standard_normal(12_000)
+    null.observe("other", other[:, None] / np.linalg.norm(other))
+    assert null.gains["other"].max() < 0.3
+    assert null.threshold("other") > np.median(null.gains["other"])
+
+
+def test_an_effect_in_the_noise_does_not_raise_its_own_threshold():
+    generator = np.random.default_rng(2)
+    time = np.arange(12_000) / 200.0
+    # Large in a few stretches only, as torque that follows activation is.
+    column = generator.standard_normal(12_000) * (np.sin(0.3 * time) > 0.8)
+    span = column[:, None] / np.linalg.norm(column)
+    noise = generator.standard_normal(12_000)
+    effect = 60.0 * span[:, 0]
+
+    def threshold(rows):
+        null = Null.of(rows, time, np.ones(len(time), bool))
+        null.observe("column", span)
+        return null.threshold("column")
+
+    share = float(effect @ effect) / float((noise + effect) @ (noise + effect))
+    assert share > 0.2
+    assert threshold(noise + effect) < 1.5 * threshold(noise) < 0.1 * share
+
+
+def test_a_candidate_that_acts_in_few_stretches_must_gain_more():
+    generator = np.random.default_rng(2)
+    time = np.arange(12_000) / 200.0
+    noise = generator.standard_normal(12_000)
+
+    def threshold(active):
+        null = Null.of(noise, time, np.ones(len(time), bool))
+        column = generator.standard_normal(12_000) * active
+        null.observe("column", column[:, None] / np.linalg.norm(column))
+        return null.threshold("column")
+
+    assert threshold(time < 5.0) > 2.0 * threshold(time >= 0.0)
+
+
+def test_a_candidate_that_gains_much_by_chance_does_not_hide_one_that_does_not():
+    generator = np.random.default_rng(3)
+    time = np.arange(12_000) / 200.0
+    noise = generator.standard_normal(12_000)
+
+    def threshold_of_one(*rivals):
+        null = Null.of(noise, time, np.ones(len(time), bool))
+        null.observe("one", generator.standard_normal((12_000, 1)) / np.sqrt(12_000))
+        for size in rivals:
+            wide = np.linalg.qr(generator.standard_normal((12_000, size)))[0]
+            null.observe(f"of {size}", wide)
+        return null.threshold("one"), null.threshold("of 60")
+
+    alone = threshold_of_one()[0]
+    beside, wide = threshold_of_one(60)
+    assert 0.5 * alone < beside < 2.0 * alone
+    assert wide > 5.0 * beside
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +93,8 @@ def test_the_library_gains_less_on_a_clean_recording_than_by_chance(steady):
     null = Null.of(problem.noise, rows.time, rows.used)
     points = {name: grid(name, problem.recording.duration) for name in candidates(problem.base)}
     best = screen(problem.fitter, problem.base, points, null)[0]
-    assert 0.0 < null.threshold < 0.1
-    assert best.share < null.threshold
+    assert 0.0 < null.threshold(best.name) < 0.1
+    assert best.share < null.threshold(best.name)
 
 
 def test_a_reflex_that_varies_is_measured_and_is_usual(steady):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import welch
 
+from model_discrepancy.criticism.generic_bank import MATERIAL_SHARE
 from model_discrepancy.fit.fitter import Fit, Fitter
 
 # Physiological tremor of the ankle: 6 to 12 Hz (Lakie, Vernooij, Osborne & Reynolds 2012, J.
@@ -74,6 +75,9 @@ class Variability:
         taken out; NaN where the joint is never at rest.
     window
         In which window after the movement [s].
+    varying_share
+        Power of the torque that varies there beyond that at rest, as a share of the recorded
+        torque's.
     """
 
     tremor: tuple[tuple[float, float], tuple[float, float]] | None
@@ -82,6 +86,7 @@ class Variability:
     line_hz: float | None
     variation: float
     window: tuple[float, float]
+    varying_share: float = 0.0
 
     @property
     def unusual(self) -> list[str]:
@@ -99,7 +104,7 @@ class Variability:
                     f"the reflex varies by {100 * size:.0f} % from stretch to stretch, more than "
                     f"the {100 * USUAL_REFLEX_VARIATION:.0f} % of a subject at rest"
                 )
-        if self.variation > LEAST_VARIATION:
+        if self.variation > LEAST_VARIATION and self.varying_share > MATERIAL_SHARE:
             low, high = (1000 * side for side in self.window)
             found.append(
                 f"{low:.0f} to {high:.0f} ms after a movement the torque differs from one "
@@ -124,23 +129,43 @@ class Variability:
 def variability(fitter: Fitter, fit: Fit) -> Variability:
     """Look for it in the residual of this fit."""
     tremor, line = _peaks(fitter, fit)
-    reflex, left = _reflex_variation(fitter, fit)
-    variation, window = _variation(fitter, left)
+    reflex, left, _ = _reflex_variation(fitter, fit)
+    variation, window, share = _variation(fitter, fit, left)
     slow = fitter.rows.slow(fit.left, _SLOW_HZ)
-    return Variability(tremor, reflex, float(np.std(slow)), line, variation, window)
+    return Variability(tremor, reflex, float(np.std(slow)), line, variation, window, share)
 
 
-def _reflex_variation(fitter: Fitter, fit: Fit) -> tuple[tuple[float, float] | None, np.ndarray]:
-    """Relative spread of the reflex with its standard error, and the whitened residual without what
-    each stretch's own size makes of it.
+def varying_reflex_torque(fitter: Fitter, fit: Fit) -> np.ndarray:
+    """Return the torque by which each stretch's reflex differs from the mean one.
+
+    Parameters
+    ----------
+    fitter, fit
+        Of the base model.
+
+    Returns
+    -------
+    np.ndarray
+        Plain rows [N.m], shape (rows.count,); zero where the reflex is too small to tell.
+    """
+    return _reflex_variation(fitter, fit)[2]
+
+
+def _reflex_variation(
+    fitter: Fitter, fit: Fit
+) -> tuple[tuple[float, float] | None, np.ndarray, np.ndarray]:
+    """Relative spread of the reflex with its standard error, the whitened residual without what
+    each stretch's own size makes of it, and that part as plain torque.
     """
     residual = fit.residual.copy()
+    varying = np.zeros(fitter.rows.count)
     reflex = fit.values.get("reflex")
     if reflex is None or reflex["G"] <= 0.0:
-        return None, residual
+        return None, residual, varying
     rows = fitter.rows
     spectra = fitter.columns.spectra(fit.values)
-    response = rows.whitened(reflex["G"] * spectra["reflex", "G"])
+    torque = reflex["G"] * spectra["reflex", "G"]
+    response, plain = rows.whitened(torque), rows.plain(torque)
     starts = _stretch_times(fitter) + reflex["delay"]
     length = int(_RESPONSE_S * rows.rate)
     sizes, powers = [], []
@@ -155,8 +180,9 @@ def _reflex_variation(fitter: Fitter, fit: Fit) -> tuple[tuple[float, float] | N
             sizes.append(float(own @ left) / power)
             powers.append(power)
             residual[first:last] = left - sizes[-1] * own
+            varying[first:last] = sizes[-1] * plain[first:last]
     if len(sizes) < _FEWEST_STRETCHES:
-        return None, fit.residual
+        return None, fit.residual, varying
     noise = _level_at_rest(fitter, fit.residual)
     size, weight = np.array(sizes), np.array(powers)
     # A stretch with a small response says little about its size and much about the noise.
@@ -165,9 +191,9 @@ def _reflex_variation(fitter: Fitter, fit: Fit) -> tuple[tuple[float, float] | N
     variance = float(weight @ size**2) / total - chance
     error = np.sqrt(2.0 / len(size)) * (max(variance, 0.0) + chance)
     if np.sqrt(chance) > USUAL_REFLEX_VARIATION:
-        return None, fit.residual
+        return None, fit.residual, np.zeros(fitter.rows.count)
     spread = float(np.sqrt(max(variance, 0.0)))
-    return (spread, float(error / (2.0 * max(spread, np.sqrt(error))))), residual
+    return (spread, float(error / (2.0 * max(spread, np.sqrt(error))))), residual, varying
 
 
 def _stretch_times(fitter: Fitter) -> np.ndarray:
@@ -220,13 +246,15 @@ def _highest(ratio: np.ndarray, frequency: np.ndarray, band: tuple[float, float]
     return int(np.argmax(np.where((frequency >= band[0]) & (frequency <= band[1]), ratio, 0.0)))
 
 
-def _variation(fitter: Fitter, residual: np.ndarray) -> tuple[float, tuple[float, float]]:
+def _variation(
+    fitter: Fitter, fit: Fit, residual: np.ndarray
+) -> tuple[float, tuple[float, float], float]:
     rows = fitter.rows
     since = _since_movement(fitter)
     squared = residual**2
     rest = rows.used & (since > REST_S)
     if rest.sum() < max(_LEAST_ROWS, _LEAST_REST_SHARE * rows.used.sum()):
-        return float("nan"), WINDOWS_S[0]
+        return float("nan"), WINDOWS_S[0], 0.0
     level = float(np.mean(squared[rest]))
     ratios = [
         float(np.mean(squared[inside])) / level
@@ -234,4 +262,7 @@ def _variation(fitter: Fitter, residual: np.ndarray) -> tuple[float, tuple[float
         if (inside := rows.used & (since >= low) & (since < high)).any()
     ]
     k = int(np.argmax(ratios))
-    return ratios[k], WINDOWS_S[k]
+    inside = rows.used & (since >= WINDOWS_S[k][0]) & (since < WINDOWS_S[k][1])
+    power = fit.plain**2
+    excess = float(np.mean(power[inside]) - np.mean(power[rest])) * inside.sum() / rows.used.sum()
+    return ratios[k], WINDOWS_S[k], excess / float(np.var(fitter.plain_target[rows.used]))

@@ -28,9 +28,9 @@ from model_discrepancy.recording.spectrum import (
 
 # Terms are simulated at this rate or just above: six times the highest frequency that is fitted.
 MODEL_RATE_HZ = 500.0
-# Slow torque stands for muscle activation: a subject changes it over seconds, perturbations over
-# tenths of a second.
-ACTIVATION_HZ = 0.3
+# Slow torque stands for muscle activation: a subject changes it within a second or two,
+# perturbations within tenths of a second.
+ACTIVATION_HZ = 0.7
 
 
 @dataclass(frozen=True)

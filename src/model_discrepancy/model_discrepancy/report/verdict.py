@@ -30,6 +30,10 @@ LARGEST_SET = 3
 # relative of a term that the library lacks looks like the term, so that no single recording makes a
 # name certain.
 CERTAINTY = {(True, True): 0.9, (False, True): 0.75, (True, False): 0.5, (False, False): 0.3}
+# A parameter at the end of its range, or further terms that only correct the shape of the larger
+# ones, say that the equation is not quite the right one: the name by this ratio, its family by the
+# other.
+IMPERFECT_NAME, IMPERFECT_FAMILY = 0.7, 0.85
 # From here on a name is stated; below, its family is, if that is sure enough.
 MIN_STATED_PROBABILITY = 0.7
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
@@ -140,7 +144,7 @@ def kind(
 
 
 def effect_entry(
-    effect: Effect, final: Fit, size: Size, first: bool, complete: bool
+    effect: Effect, final: Fit, size: Size, first: bool, complete: bool, corrected: bool = False
 ) -> dict[str, Any]:
     """Return one effect of ``verdict.json``.
 
@@ -156,6 +160,8 @@ def effect_entry(
         Whether it is the largest.
     complete
         Whether the augmented model leaves nothing predictable.
+    corrected
+        Whether the augmented model holds further terms that only correct its shape.
     """
     name = effect.trial.name
     term = term_library()[name]
@@ -171,6 +177,8 @@ def effect_entry(
         if (term_library()[other].family or other) == family
     )
     probability, of_family = certainty / sum(odds), certainty * own / sum(odds)
+    if corrected or any(label.startswith(f"{name}.") for label in final.at_bounds):
+        probability, of_family = IMPERFECT_NAME * probability, IMPERFECT_FAMILY * of_family
     by_name = probability >= MIN_STATED_PROBABILITY or of_family < MIN_STATED_PROBABILITY
     errors = final.errors.get(name, {})
     return {

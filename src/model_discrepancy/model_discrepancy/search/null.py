@@ -5,7 +5,11 @@ predict) is cut into stretches, and each stretch is given a random sign (wild bo
 Ann. Statist. 14, 1261; by stretches, Shao 2010, J. Am. Stat. Assoc. 105, 218). Whatever follows the
 movement is destroyed by that; the noise of each channel, tremor, slow torque and a reflex that
 varies from stretch to stretch keep their size, their spectrum and their place after the movements.
-The same screening on such noise gives the largest gain that the whole library reaches by chance.
+The same screening on such noise gives the largest gain that each candidate reaches by chance. A
+candidate that follows slow torque, or tries hundreds of frequencies, reaches ten times as much by
+chance as a plain spring does; each is therefore measured in units of its own chance gain, and the
+largest of these ratios over the whole library makes the threshold (balanced maxima, Romano & Wolf
+2010, Ann. Statist. 38, 598).
 """
 
 from __future__ import annotations
@@ -13,33 +17,52 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 # Longer than a response of the reflex (0.5 s), so that each response keeps its shape.
 STRETCH_S = 1.0
 DRAWS = 160
 # False alarms that are allowed in one recording, for the library and for the generic regressors.
 FALSE_ALARM = 0.005
+# A candidate's own unit: the gain that it exceeds by chance in one of twenty such recordings.
+_UNIT_EXCEEDANCE = 0.05
+# Of the noise's power, that no candidate explains: its own rounding.
+_LEAST_NOISE_SHARE = 1e-3
+# Of one candidate among the fifty of the library.
+_CANDIDATE_EXCEEDANCE = FALSE_ALARM / 50.0
 # Mean of the standard Gumbel distribution.
 _EULER = 0.5772156649
 
 
 @dataclass
 class Null:
-    """Surrogates of a recording's noise, and the largest gain that was reached on each.
+    """Surrogates of a recording's noise, and the largest gain of each candidate on each.
 
     Attributes
     ----------
+    own
+        The whitened noise itself, shape (rows,).
+    stretch
+        Number of the stretch that each of these rows lies in, shape (rows,).
+    signs
+        Of each stretch in each draw, shape (stretches, DRAWS).
     noise
         Surrogates of the whitened rows, shape (rows, DRAWS).
-    largest
-        Share of each surrogate's power that the best candidate so far takes off, shape (DRAWS,).
+    gains
+        Share of each surrogate's power that a candidate takes off at most, by candidate, each of
+        shape (DRAWS,).
     """
 
-    noise: np.ndarray = field(repr=False)
-    largest: np.ndarray = field(init=False, repr=False)
+    own: np.ndarray = field(repr=False)
+    stretch: np.ndarray = field(repr=False)
+    signs: np.ndarray = field(repr=False)
+    noise: np.ndarray = field(init=False, repr=False)
+    gains: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        self.largest = np.zeros(self.noise.shape[1])
+        self.noise = self.own.astype(np.float32)[:, None] * self.signs[self.stretch]
+        self._begins = np.flatnonzero(np.diff(self.stretch, prepend=-1))
         self._power = np.sum(self.noise**2, axis=0)
 
     @classmethod
@@ -57,11 +80,11 @@ class Null:
         seed
             Of the signs.
         """
-        stretch = (time[used] / STRETCH_S).astype(int)
+        stretch = (time / STRETCH_S).astype(int)
         signs = np.random.default_rng(seed).choice(
             np.array([-1.0, 1.0], dtype=np.float32), (int(stretch.max()) + 1, DRAWS)
         )
-        return cls(noise[used].astype(np.float32)[:, None] * signs[stretch])
+        return cls(noise[used], stretch[used], signs)
 
     def project_out(self, basis: np.ndarray) -> None:
         """Take out what the base model imitates: the span of this orthonormal basis (rows, p)."""
@@ -69,25 +92,83 @@ class Null:
         self.noise = self.noise - narrow @ (narrow.T @ self.noise)
         self._power = np.sum(self.noise**2, axis=0)
 
-    def observe(self, span: np.ndarray) -> None:
-        """Let one candidate, given by an orthonormal basis (rows, p), try every surrogate."""
-        taken = np.sum((span.astype(np.float32).T @ self.noise) ** 2, axis=0)
-        self.largest = np.maximum(self.largest, taken / self._power)
+    def observe(self, name: str, span: np.ndarray, draw: int | None = None) -> None:
+        """Let one point of a candidate try the surrogates.
+
+        What the candidate itself explains of the noise is taken out first: it is no noise if the
+        candidate is right, and next to nothing if it is not.
+
+        Parameters
+        ----------
+        name
+            Of the candidate.
+        span
+            Orthonormal basis of its columns, shape (rows, p).
+        draw
+            Number of the surrogate that it tries; None for all of them.
+        """
+        tried = slice(None) if draw is None else slice(draw, draw + 1)
+        parts = np.split(span, self._begins[1:])
+        products = np.array([part.T @ part for part in parts])
+        explained = span.T @ self.own
+        signs = self.signs[self.stretch[self._begins]][:, tried]
+        kept = span.astype(np.float32).T @ self.noise[:, tried] - np.einsum(
+            "kd,kij,j->id", signs, products, explained
+        )
+        power = self._power[tried]
+        left = np.maximum(power - explained @ explained, _LEAST_NOISE_SHARE * power)
+        taken = np.sum(kept**2, axis=0) / left * _tail_ratio(np.trace(products, axis1=1, axis2=2))
+        known = self.gains.setdefault(name, np.zeros(self.noise.shape[1]))
+        known[tried] = np.maximum(known[tried], taken)
 
     @property
-    def threshold(self) -> float:
-        """Gain that the library exceeds by chance in `FALSE_ALARM` of recordings like this one."""
-        return exceeded_by_chance(self.largest)
+    def observed(self) -> bool:
+        """Say whether any candidate has tried the surrogates."""
+        return bool(self.gains)
+
+    def threshold(self, name: str) -> float:
+        """Gain that a candidate must exceed so that the whole library does not in 1 - `FALSE_ALARM`
+        of recordings like this one.
+
+        Parameters
+        ----------
+        name
+            Of the candidate; one that tried no surrogate has the largest threshold of all.
+        """
+        if not self.gains:
+            return 0.0
+        units = {n: exceeded_by_chance(g, _UNIT_EXCEEDANCE) for n, g in self.gains.items()}
+        ratios = np.max([g / units[n] for n, g in self.gains.items() if units[n] > 0.0], axis=0)
+        return exceeded_by_chance(ratios) * units.get(name, max(units.values()))
 
 
-def exceeded_by_chance(largest: np.ndarray) -> float:
-    """Value that maxima like these exceed with probability `FALSE_ALARM`.
+def exceeded_by_chance(largest: np.ndarray, probability: float = FALSE_ALARM) -> float:
+    """Value that maxima like these exceed with this probability.
 
     Parameters
     ----------
     largest
         Maxima over many candidates, shape (draws,); they follow a Gumbel distribution.
+    probability
+        Of exceeding it.
     """
     scale = float(np.std(largest)) * np.sqrt(6.0) / np.pi
     place = float(np.mean(largest)) - _EULER * scale
-    return place - scale * float(np.log(-np.log(1.0 - FALSE_ALARM)))
+    return place - scale * float(np.log(-np.log(1.0 - probability)))
+
+
+def _tail_ratio(energies: np.ndarray) -> float:
+    """Return by how much a candidate's chance gain exceeds that of a candidate that acts equally in
+    very many stretches.
+
+    One that acts in a few of them estimates its own chance from these few: Student's tails instead
+    of Gauss's.
+
+    Parameters
+    ----------
+    energies
+        Of its columns in each stretch, shape (stretches,).
+    """
+    stretches = float(energies.sum() ** 2 / np.sum(energies**2))
+    side = 0.5 * _CANDIDATE_EXCEEDANCE
+    return float((student.isf(side, max(stretches, 2.0)) / norm.isf(side)) ** 2)

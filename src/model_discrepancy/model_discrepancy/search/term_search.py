@@ -31,15 +31,18 @@ from model_discrepancy.search.screening import (
 
 # An alignment of less than half a sample is worth its parameter when BIC falls by this much.
 ALIGNMENT_BIC = 50.0
-# Slow torque holds a part of every variation of the responses, so that a term that follows it gains
-# by them in every recording: up to 2.4 times the threshold of the others in nulls whose reflex
-# varies.
-FOLLOWING_MARGIN = 4.0
+# Slow torque holds a part of every variation of the responses. The surrogates take it along, as far
+# as the size of each response is known: to about a fifth of its power where responses overlap.
+FOLLOWING_MARGIN = 1.3
 # A rival is excluded when it leaves this much more whitened error than the best one.
 RIVAL_EXCESS = 0.03
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
 RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
+# A rival takes an effect's place where it lowers the whitened error by this share with no more
+# parameters; a term that was found early may only have stood in for it.
+SWAP_GAIN = 0.005
+MOST_SWAPS = 3
 # Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
 # equation of a larger one, it seems.
 REFINEMENT = 0.05
@@ -87,7 +90,7 @@ class Trial:
     bic
         Change of BIC; negative is better.
     by_chance
-        Gain that the library reaches by chance.
+        Gain at which the library as a whole would be exceeded by chance, for this term.
     torque_share
         Power of the torque that it changes beyond what the other terms imitate, as a share of the
         recorded torque's.
@@ -154,7 +157,7 @@ class Found:
     base_score
         Whitened sum of squares of the base model.
     by_chance
-        Gain that the library reaches by chance on this recording.
+        Gain that the best candidate of the last step reaches by chance on this recording.
     """
 
     base: Fit
@@ -248,6 +251,7 @@ def search(
     null: Null,
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
+    activation_of: Callable[[int], np.ndarray] | None = None,
 ) -> Found:
     """Add terms to the base model while they are worth it.
 
@@ -263,13 +267,15 @@ def search(
         Terms that may be added; None for all.
     progress
         Called with one line for each step.
+    activation_of
+        Slow torque that belongs to each surrogate, as `screening.screen` takes it.
     """
     found = Found(base, base)
     grids = _Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
-    current = _add_terms(fitter, found, base, grids, null, yardstick, progress)
+    current = _add_terms(fitter, found, base, grids, null, activation_of, yardstick, progress)
     current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
-    _settle_alignment(fitter, found, current, yardstick)
+    _settle_alignment(fitter, found, current, null, yardstick)
     found.final = current
     if is_alignment(fitter, current):
         # Otherwise what alignment alone gains would count as mismatch.
@@ -278,10 +284,8 @@ def search(
             {**base.values, ALIGNMENT: current.values[ALIGNMENT]},
             evaluations=20,
         )
-    if found.effects:
-        _weigh(fitter, found, _errors(found.base, yardstick))
-        _rivals(fitter, found, grids, progress)
-    found.final = fitter.with_errors(current)
+    _exchange(fitter, found, grids, null, yardstick, progress)
+    found.final = fitter.with_errors(found.final)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
 
@@ -292,6 +296,7 @@ def _add_terms(
     current: Fit,
     grids: _Grids,
     null: Null,
+    activation_of: Callable[[int], np.ndarray] | None,
     yardstick: np.ndarray,
     progress: Progress,
 ) -> Fit:
@@ -299,9 +304,12 @@ def _add_terms(
     while len(found.effects) < MOST_TERMS:
         progress(f"looking for term {len(found.effects) + 1}: screening")
         # The library is tried on the noise once: later models imitate no less of it.
-        first = None if found.effects or null.largest.any() else null
-        trials = _step(fitter, current, grids, first, null, progress)
-        found.by_chance = null.threshold
+        screened = screen(
+            fitter, current, grids.points(current), None if null.observed else null, activation_of
+        )
+        grids.learn(screened)
+        trials = _step(fitter, current, screened, null, progress)
+        found.by_chance = trials[0].by_chance if trials else null.threshold(screened[0].name)
         good = [t for t in trials if t.accepted]
         if not good:
             found.near = trials[:3]
@@ -309,7 +317,7 @@ def _add_terms(
         best = _chosen(fitter, good)
         current = align(fitter, fitter.fit(best.fit.terms, best.fit.values, evaluations=15))
         found.effects.append(Effect(best, _errors(current, yardstick)))
-        current = _drop_superfluous(fitter, found, current, progress)
+        current = _drop_superfluous(fitter, found, current, null, progress)
     return current
 
 
@@ -350,7 +358,9 @@ def _errors(fit: Fit, yardstick: np.ndarray) -> np.ndarray:
     )
 
 
-def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.ndarray) -> None:
+def _settle_alignment(
+    fitter: Fitter, found: Found, current: Fit, null: Null, yardstick: np.ndarray
+) -> None:
     """Name an alignment a skew between the channels where it became one, and vice versa."""
     if is_alignment(fitter, current):
         found.effects = [effect for effect in found.effects if effect.trial.name != ALIGNMENT]
@@ -368,7 +378,7 @@ def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.
             gains,
             bic_change(fitter, without, current),
         )
-        trial = _judged(fitter, without, trial, found.by_chance)
+        trial = _judged(fitter, without, trial, null.threshold(ALIGNMENT))
         if trial.accepted:
             found.effects.append(Effect(trial, _errors(current, yardstick)))
 
@@ -376,35 +386,33 @@ def _settle_alignment(fitter: Fitter, found: Found, current: Fit, yardstick: np.
 def _step(
     fitter: Fitter,
     current: Fit,
-    grids: _Grids,
-    first: Null | None,
+    screened: Sequence[Screened],
     null: Null,
     progress: Progress,
 ) -> list[Trial]:
     """The most promising candidates, refitted and scored on unseen rows, best first."""
-    screened = screen(fitter, current, grids.points(current), first)
-    grids.learn(screened)
-    by_chance = null.threshold
+    by_chance = {s.name: null.threshold(s.name) for s in screened}
+    promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
     trials = []
-    for s in screened[:REFITS_PER_STEP]:
-        if s.share > max(MIN_PROMISE, 0.5 * by_chance):
-            progress(f"refitting with {s.name}")
-            trials.append(
-                _try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5)
-            )
+    for s in promising[:REFITS_PER_STEP]:
+        progress(f"refitting with {s.name}")
+        trials.append(
+            _try(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5)
+        )
     best = max((t.gain for t in trials), default=0.0)
     # The first steps of a refit tell which ones are worth the others.
     near = [
         _try(fitter, current, t.name, t.fit.values)
-        if t.gain > max(0.5 * by_chance, NEAR_BEST_RATIO * best)
+        if t.gain > max(0.5 * by_chance[t.name], NEAR_BEST_RATIO * best)
         else t
         for t in trials
     ]
     near.sort(key=lambda t: -t.gain)
     return [
-        _judged(fitter, current, t, by_chance)
-        if place < SCORED_CANDIDATES and t.gain > max(by_chance, NEAR_BEST_RATIO * near[0].gain)
-        else replace(t, by_chance=by_chance)
+        _judged(fitter, current, t, by_chance[t.name])
+        if place < SCORED_CANDIDATES
+        and t.gain > max(by_chance[t.name], NEAR_BEST_RATIO * near[0].gain)
+        else replace(t, by_chance=by_chance[t.name])
         for place, t in enumerate(near)
     ]
 
@@ -449,7 +457,9 @@ def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[flo
     return 1.0 - new[0] / old[0], 1.0 - new[1] / old[1]
 
 
-def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Progress) -> Fit:
+def _drop_superfluous(
+    fitter: Fitter, found: Found, current: Fit, null: Null, progress: Progress
+) -> Fit:
     """Remove earlier terms that the later ones made superfluous."""
     for effect in list(found.effects[:-1]):
         name = effect.trial.name
@@ -457,7 +467,7 @@ def _drop_superfluous(fitter: Fitter, found: Found, current: Fit, progress: Prog
             continue
         without = fitter.fit(without_term(current.terms, name), current.values, evaluations=20)
         gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
-        if 1.0 - current.score / without.score < found.by_chance or min(gains) <= 0.0:
+        if 1.0 - current.score / without.score < null.threshold(name) or min(gains) <= 0.0:
             progress(f"{name} is superfluous now")
             found.effects.remove(effect)
             current = without
@@ -479,7 +489,7 @@ def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
     return 1.0 - current.score / float(residual @ residual)
 
 
-def _weigh(fitter: Fitter, found: Found, before: np.ndarray) -> None:
+def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None:
     """Measure each effect and mark refinements.
 
     These lower the mismatch by next to nothing, or move next to no torque.
@@ -498,7 +508,7 @@ def _weigh(fitter: Fitter, found: Found, before: np.ndarray) -> None:
         effect.trial = replace(
             effect.trial, fit=final, gain=gain, bic=bic_change(fitter, effect.without, final)
         )
-        effect.trial = _judged(fitter, effect.without, effect.trial, found.by_chance)
+        effect.trial = _judged(fitter, effect.without, effect.trial, null.threshold(name))
 
 
 def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> None:
@@ -525,6 +535,55 @@ def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> 
             (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
             key=lambda t: -t.gain,
         )
+
+
+def _exchange(
+    fitter: Fitter,
+    found: Found,
+    grids: _Grids,
+    null: Null,
+    yardstick: np.ndarray,
+    progress: Progress,
+) -> None:
+    """Weigh the effects and find their rivals; one that fits better takes the effect's place."""
+    for swaps in range(MOST_SWAPS + 1):
+        if not found.effects:
+            return
+        _weigh(fitter, found, null, _errors(found.base, yardstick))
+        _rivals(fitter, found, grids, progress)
+        better = _better_rival(found)
+        if better is None or swaps == MOST_SWAPS:
+            return
+        _swap(fitter, found, *better, null, yardstick, progress)
+
+
+def _better_rival(found: Found) -> tuple[Effect, Trial] | None:
+    """Return the effect and its rival that fits better with no more parameters, if there is one."""
+    final = found.final
+    options = [
+        (effect, rival)
+        for effect in found.effects
+        for rival in effect.rivals
+        if rival.fit.size <= final.size and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
+    ]
+    return min(options, key=lambda option: option[1].fit.score, default=None)
+
+
+def _swap(
+    fitter: Fitter,
+    found: Found,
+    effect: Effect,
+    rival: Trial,
+    null: Null,
+    yardstick: np.ndarray,
+    progress: Progress,
+) -> None:
+    """Put a rival in an effect's place; what it makes superfluous is removed."""
+    progress(f"{rival.name} takes the place of {effect.trial.name}")
+    current = fitter.fit(rival.fit.terms, rival.fit.values, evaluations=15)
+    found.effects.remove(effect)
+    found.effects.append(Effect(rival, _errors(current, yardstick)))
+    found.final = _drop_superfluous(fitter, found, current, null, progress)
 
 
 def place_of(name: str) -> Place:

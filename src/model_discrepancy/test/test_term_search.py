@@ -1,0 +1,57 @@
+"""The search exchanges a term that only stood in for another, and says how sure a name is."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from model_discrepancy.problem import prepare
+from model_discrepancy.report.verdict import effect_entry
+from model_discrepancy.search import term_search
+from model_discrepancy.search.effect_size import Size
+from model_discrepancy.search.null import Null
+from simulation_study.planted_trials import simulate_trial
+
+RELATIVES = ("dahl_hysteresis", "saturating_damping")
+
+
+def test_a_term_that_only_stood_in_for_another_is_exchanged():
+    planted = {"maxwell_relaxation": {"k": 60.0, "T": 0.1}}
+    problem = prepare(simulate_trial(planted, seed=3, duration=40.0, protocol="random"))
+    fitter = problem.fitter
+    rows = fitter.rows
+    null = Null.of(problem.noise, rows.time, rows.used)
+    found = term_search.search(fitter, problem.base, null, RELATIVES)
+    assert {effect.trial.name for effect in found.effects} <= set(RELATIVES)
+    assert found.effects
+    grids = term_search._Grids([*RELATIVES, "maxwell_relaxation"], 40.0)
+    score = found.final.score
+    term_search._exchange(fitter, found, grids, null, rows.gain(), lambda _: None)
+    assert [effect.trial.name for effect in found.effects] == ["maxwell_relaxation"]
+    assert found.final.score < 0.9 * score
+
+
+@pytest.mark.parametrize(
+    ("at_bounds", "corrected", "stated"),
+    [
+        ((), False, "maxwell_relaxation"),
+        (("maxwell_relaxation.T",), False, "intrinsic memory"),
+        ((), True, "intrinsic memory"),
+        (("reflex.G",), False, "maxwell_relaxation"),
+    ],
+)
+def test_a_name_whose_equation_is_not_quite_right_gives_way_to_its_family(
+    at_bounds, corrected, stated
+):
+    name = "maxwell_relaxation"
+    effect = SimpleNamespace(
+        trial=SimpleNamespace(name=name, held_out=(0.2, 0.2)),
+        rivals=[],
+    )
+    final = SimpleNamespace(
+        values={name: {"k": 30.0, "T": 0.1}}, errors={}, score=1.0, at_bounds=at_bounds
+    )
+    size = Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1)
+    entry = effect_entry(effect, final, size, True, True, corrected)
+    assert entry["stated"] == stated
+    assert entry["family_probability"] >= 0.7
+    assert (entry["probability"] >= 0.7) == (stated == name)
