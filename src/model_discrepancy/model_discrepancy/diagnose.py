@@ -258,7 +258,7 @@ def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.nda
     """Return the slow torque that belongs to each surrogate of a recording's noise.
 
     A reflex that varies from stretch to stretch is a part of the slow torque, and changes sign with
-    the surrogate; the rest of it does not.
+    the surrogate; the rest of it does not, nor does activation that follows from EMG.
 
     Parameters
     ----------
@@ -273,7 +273,9 @@ def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.nda
         From the number of a surrogate to slow torque [N.m], shape (samples,).
     """
     rows, motion = problem.fitter.rows, problem.fitter.motion
-    varying = varying_reflex_torque(problem.fitter, problem.base)
+    varying = np.zeros(rows.count)
+    if not problem.activation_by_emg:
+        varying = varying_reflex_torque(problem.fitter, problem.base)
     slow = low_pass(np.fft.rfftfreq(rows.count, 1.0 / rows.rate), ACTIVATION_HZ, 4)
 
     def activation(draw: int) -> np.ndarray:
