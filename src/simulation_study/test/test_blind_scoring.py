@@ -43,7 +43,19 @@ def _explained(*names: str, probability: float = 0.9, **more: Any) -> dict[str, 
         (_truth("broken", "torque_dead"), {"verdict": "no_mismatch"}, "no_mismatch"),
         (_truth("known", "maxwell"), _explained("maxwell_relaxation"), "right"),
         (_truth("known", "maxwell"), _explained("fractional_damping"), "right"),
-        (_truth("known", "maxwell"), _explained("coulomb_friction"), "wrong_name"),
+        (_truth("known", "maxwell"), _explained("coulomb_friction"), "family"),
+        (_truth("known", "maxwell"), _explained("backlash"), "wrong_name"),
+        (
+            _truth("known", "tremor"),
+            {"verdict": "no_mismatch", "variability": {"tremor": {"rms[N.m]": [0.2, 0.02]}}},
+            "right",
+        ),
+        (_truth("known", "tremor"), {"verdict": "no_mismatch", "variability": {}}, "no_mismatch"),
+        (
+            _truth("known", "tremor"),
+            _explained("backlash", variability={"tremor": {}}),
+            "wrong_name",
+        ),
         (
             _truth("known", "maxwell"),
             _explained("maxwell_relaxation", "coulomb_friction"),
@@ -177,6 +189,26 @@ def test_unexplained_earns_nothing_beside_a_confident_wrong_name(probability, ou
     effects = [{"name": "maxwell_relaxation", "probability": probability}]
     verdict = {"verdict": "unexplained", "effects": effects}
     assert score_case(truth, verdict).outcome == outcome
+
+
+def test_a_confident_family_is_a_statement_too():
+    truth = {"case": "c", "kind": "unknown", "effects": [{"name": "foot_sliding"}], "base": {}}
+    effect = {"name": "thixotropy", "probability": 0.4, "family_probability": 0.8}
+    verdict = {"verdict": "unexplained", "effects": [effect]}
+    assert score_case(truth, verdict).outcome == "wrong_name"
+
+
+def test_coverage_of_the_standard_errors_is_counted() -> None:
+    def entry(value: float) -> dict[str, float]:
+        return {"augmented": value, "standard_error": 2.0}
+
+    near = {"verdict": "no_mismatch", "parameters": {"K[N.m/rad]": entry(103.0)}}
+    far = {"verdict": "no_mismatch", "parameters": {"K[N.m/rad]": entry(110.0)}}
+    scores = [score_case(_truth("null"), verdict) for verdict in (near, far)]
+    assert scores[0].standard_scores == {"K[N.m/rad]": pytest.approx(1.5)}
+    counted = summarise(scores)["within_two_standard_errors"]
+    assert counted["K[N.m/rad]"] == {"hits": 1, "of": 2, "rate": 0.5}
+    assert counted["G[N.m.s/rad]"]["of"] == 0
 
 
 def test_a_lag_of_the_spindles_is_no_answer_to_a_spring():

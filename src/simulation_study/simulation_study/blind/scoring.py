@@ -2,8 +2,9 @@
 
 Every rate comes with its counts. A verdict's named set is, for each effect that it states, the
 effect's name with its ``set``: the names that fit about equally well. A set counts when it holds at
-most three names. A tentative name that is wrong does not make a right one beside it wrong; alone it
-does.
+most three names. Where only the family is right (place and signature), that is counted apart. What
+varies in every subject is looked for under ``variability`` and not among the effects. A tentative
+name that is wrong does not make a right one beside it wrong; alone it does.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ankle_physics.term import term_library
 from blind_rig.strength import STRENGTHS
-from simulation_study.blind.acceptance import ANSWERS, Answer
+from simulation_study.blind.acceptance import ANSWERS, VARIABILITY, Answer
 
 LARGEST_SET = 3
 # A name with at least this probability is a statement, under whichever verdict it stands.
@@ -44,13 +46,16 @@ class CaseScore(NamedTuple):
     stated
         Names that the verdict states, most probable first.
     outcome
-        ``right``, ``set``, ``partial`` (one of two), ``wrong_name``, or the wrong verdict's name.
+        ``right``, ``set``, ``family``, ``partial`` (one of two), ``wrong_name``, or the wrong
+        verdict's name.
     gap_closed
         (augmented - base) / (ceiling - base) of the verdict's VAF; None where it says nothing.
     parameter_errors
         Relative errors of parameters that mean the same on both sides, by ``term.parameter``.
     base_errors
         Relative errors of I, B, K, G and delay in the augmented model.
+    standard_scores
+        Errors of the verdict's K and G in units of their standard errors, by name with unit.
     probabilities
         (stated probability, whether the name was right) of each stated effect.
     """
@@ -65,6 +70,7 @@ class CaseScore(NamedTuple):
     gap_closed: float | None
     parameter_errors: dict[str, float]
     base_errors: dict[str, float]
+    standard_scores: dict[str, float]
     probabilities: tuple[tuple[float, bool], ...]
 
 
@@ -104,12 +110,18 @@ def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, A
     if kind in RIGHT_VERDICT:
         if said != RIGHT_VERDICT[kind]:
             return said
-        # What was never in the library cannot be named; a confident name there is a wrong one.
+        # What was never in the library cannot be named; a confident name or family there is wrong.
         confident = any(
-            (_number(effect.get("probability")) or 0.0) >= STATED_PROBABILITY
+            (_number(effect.get(key)) or 0.0) >= STATED_PROBABILITY
             for effect in verdict.get("effects", [])
+            for key in ("probability", "family_probability")
         )
         return "wrong_name" if kind == "unknown" and confident else "right"
+    measured = {h for h in hidden if VARIABILITY.get(h) in verdict.get("variability", {})}
+    if measured and said in ("no_mismatch", "explained"):
+        hidden = tuple(h for h in hidden if h not in measured)
+        if not hidden:
+            return "wrong_name" if stated_effects(verdict) else "right"
     if said != "explained":
         return said
     effects = stated_effects(verdict)
@@ -131,7 +143,29 @@ def _outcome(kind: str, hidden: tuple[str, ...], said: str, verdict: dict[str, A
     ]
     if len(in_set) == len(hidden) and not wrong:
         return "set"
+    kin = {_family(name) for name in names}
+    if len(in_set) < len(hidden) and all(
+        kin & {_family(name) for name in ANSWERS[h].names} for h in hidden
+    ):
+        return "family"
     return "partial" if in_set else "wrong_name"
+
+
+def _family(name: str) -> str:
+    """Return the family of a name of the library; a name without one is its own."""
+    terms = term_library()
+    return terms[name].family or name if name in terms else name
+
+
+def _standard_scores(truth: dict[str, Any], verdict: dict[str, Any]) -> dict[str, float]:
+    """Return errors of the stated K and G in units of their standard errors."""
+    scores = {}
+    for key in ("K[N.m/rad]", "G[N.m.s/rad]"):
+        entry = (verdict.get("parameters") or {}).get(key) or {}
+        value, error = (_number(entry.get(k)) for k in ("augmented", "standard_error"))
+        if value is not None and error and truth["base"].get(key):
+            scores[key] = (value - truth["base"][key]) / error
+    return scores
 
 
 def _gap_closed(verdict: dict[str, Any]) -> float | None:
@@ -215,6 +249,7 @@ def score_case(
         _gap_closed(verdict),
         _parameter_errors(truth, verdict),
         _base_errors(truth, model) if kind != "broken" else {},
+        _standard_scores(truth, verdict) if kind != "broken" else {},
         probabilities,
     )
 
@@ -284,6 +319,7 @@ def summarise(scores: list[CaseScore]) -> dict[str, Any]:
         group = [s for s in of["known"] if s.strength == strength]
         by_strength[strength] = {
             "exact": _rate(s.outcome == "right" for s in group),
+            "family": _rate(s.outcome in ("right", "set", "family") for s in group),
             "exact_or_set": _rate(s.outcome in ("right", "set") for s in group),
             "confident_wrong_name": _rate(s.outcome == "wrong_name" for s in group),
         }
@@ -323,6 +359,12 @@ def summarise(scores: list[CaseScore]) -> dict[str, Any]:
         },
         "base_parameter_error_median_when_right": {
             key: {"median": _median(v), "count": len(v)} for key, v in sorted(base_errors.items())
+        },
+        "within_two_standard_errors": {
+            key: _rate(
+                abs(s.standard_scores[key]) <= 2.0 for s in scores if key in s.standard_scores
+            )
+            for key in ("K[N.m/rad]", "G[N.m.s/rad]")
         },
         "calibration": calibration([p for s in scores for p in s.probabilities]),
         "confusion": confusion(scores),
