@@ -86,6 +86,7 @@ def markdown(
             "strength",
             "exact",
             "exact or set",
+            "family",
             "confident wrong name",
             "unknown effects called unexplained",
         ],
@@ -94,7 +95,7 @@ def markdown(
                 strength,
                 *(
                     _percent(rates[key])
-                    for key in ("exact", "exact_or_set", "confident_wrong_name")
+                    for key in ("exact", "exact_or_set", "family", "confident_wrong_name")
                 ),
                 _percent(unknown[strength]),
             ]
@@ -105,6 +106,11 @@ def markdown(
         f"Pairs: both named {_percent(result['pairs']['both'])}, at least one "
         f"{_percent(result['pairs']['at_least_one'])}. "
         f"Good recordings called bad: {_percent(result['good_recordings_called_bad'])}. "
+        f"Within two standard errors: "
+        + ", ".join(
+            f"{key} {_percent(rate)}" for key, rate in result["within_two_standard_errors"].items()
+        )
+        + ". "
         f"One diagnosis took {result['diagnosis_seconds_median']:.1f} s (median).",
         "",
         "## Stated probabilities",
