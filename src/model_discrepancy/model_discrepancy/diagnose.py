@@ -208,7 +208,7 @@ def _diagnose(
     progress("scoring on unseen data")
     after = bank.remainder(fitter, found.final.residual, found.final.plain, parts, null.noise)
     if problem.in_a_loop:
-        after = replace(after, by_chance=1.0)
+        after = replace(after, judged=False)
     final_map = residual_map(fitter.columns, found.final)
     base_scored = held_out(fitter, found.base)
     final_scored = held_out(fitter, found.final) if found.effects else base_scored
@@ -354,7 +354,7 @@ def _conclude(
             size_of(fitter, found.final, effect.trial.name, base_map.onsets),
             place == 0,
             word == "explained" and not after.significant,
-            bool(found.refinements),
+            bool(found.refinements) or (after.exceeds_chance and not after.judged),
         )
         for place, effect in enumerate(named)
     ]

@@ -1,9 +1,11 @@
 """The search exchanges a term that only stood in for another, and says how sure a name is."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.verdict import effect_entry
 from model_discrepancy.search import term_search
@@ -55,3 +57,12 @@ def test_a_name_whose_equation_is_not_quite_right_gives_way_to_its_family(
     assert entry["stated"] == stated
     assert entry["family_probability"] >= 0.7
     assert (entry["probability"] >= 0.7) == (stated == name)
+
+
+def test_what_is_predicted_in_a_loop_is_not_called_missing_physics():
+    remainder = Remainder(0.3, 0.2, {}, 0.3, torque_share=0.01, by_chance=0.05)
+    assert remainder.significant
+    in_a_loop = replace(remainder, judged=False)
+    assert in_a_loop.exceeds_chance
+    assert not in_a_loop.significant
+    assert not replace(remainder, by_chance=0.4).exceeds_chance

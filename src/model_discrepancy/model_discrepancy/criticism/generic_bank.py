@@ -46,6 +46,8 @@ class Remainder:
         predicts.
     by_chance
         Share that the bank exceeds by chance in `FALSE_ALARM` of recordings like this one.
+    judged
+        Whether what is predicted is missing physics; not where torque may have moved the plate.
     """
 
     share: float
@@ -54,15 +56,21 @@ class Remainder:
     plain_share: float
     torque_share: float = 0.0
     by_chance: float = 0.0
+    judged: bool = True
 
     @property
-    def significant(self) -> bool:
+    def exceeds_chance(self) -> bool:
         """Say whether more is predicted than chance does, in both directions, and it matters."""
         return (
             self.share > max(self.by_chance, 0.0)
             and self.worst > 0.0
             and self.torque_share > MATERIAL_SHARE
         )
+
+    @property
+    def significant(self) -> bool:
+        """Say whether physics is missing: more is predicted than by chance, by the movement."""
+        return self.judged and self.exceeds_chance
 
 
 class GenericBank:

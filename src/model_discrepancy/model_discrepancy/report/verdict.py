@@ -161,7 +161,8 @@ def effect_entry(
     complete
         Whether the augmented model leaves nothing predictable.
     corrected
-        Whether the augmented model holds further terms that only correct its shape.
+        Whether the augmented model holds further terms that only correct its shape, or generic
+        regressors still predict something that may be torque that moved the plate.
     """
     name = effect.trial.name
     term = term_library()[name]
