@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,22 +16,17 @@ from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
-from model_discrepancy.criticism.variability import (
-    Variability,
-    variability,
-    varying_reflex_torque,
-)
+from model_discrepancy.criticism.variability import Variability, variability
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
-from model_discrepancy.problem import Problem, prepare
+from model_discrepancy.problem import Problem, prepare, surrogate_activation
 from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
-from model_discrepancy.recording.motion import ACTIVATION_HZ, motion_step
+from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
-from model_discrepancy.recording.spectrum import low_pass
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.report.html_report import write_report
 from model_discrepancy.report.operating_point import operating_point, stated_impedance
@@ -46,7 +41,7 @@ from model_discrepancy.report.verdict import (
     separating_measurements,
 )
 from model_discrepancy.search.effect_size import size_of
-from model_discrepancy.search.null import STRETCH_S, Null
+from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import (
     ALIGNMENT,
     REFINEMENT,
@@ -252,39 +247,6 @@ def _diagnose(
         ceiling,
         block,
     )
-
-
-def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.ndarray]:
-    """Return the slow torque that belongs to each surrogate of a recording's noise.
-
-    A reflex that varies from stretch to stretch is a part of the slow torque, and changes sign with
-    the surrogate; the rest of it does not, nor does activation that follows from EMG.
-
-    Parameters
-    ----------
-    problem
-        Of the recording.
-    null
-        With its surrogates.
-
-    Returns
-    -------
-    Callable[[int], np.ndarray]
-        From the number of a surrogate to slow torque [N.m], shape (samples,).
-    """
-    rows, motion = problem.fitter.rows, problem.fitter.motion
-    varying = np.zeros(rows.count)
-    if not problem.activation_by_emg:
-        varying = varying_reflex_torque(problem.fitter, problem.base)
-    slow = low_pass(np.fft.rfftfreq(rows.count, 1.0 / rows.rate), ACTIVATION_HZ, 4)
-
-    def activation(draw: int) -> np.ndarray:
-        signs = null.signs[(rows.time / STRETCH_S).astype(int), draw]
-        changed = (signs - 1.0) * varying
-        leaked = np.fft.irfft(np.fft.rfft(changed) * slow, rows.count)
-        return np.asarray(motion.activation + np.interp(motion.time, rows.time, leaked))
-
-    return activation
 
 
 def _rig(problem: Problem) -> dict[str, Any]:

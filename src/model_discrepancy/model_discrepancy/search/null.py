@@ -14,6 +14,7 @@ largest of these ratios over the whole library makes the threshold (balanced max
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -137,9 +138,23 @@ class Null:
         """
         if not self.gains:
             return 0.0
-        units = {n: exceeded_by_chance(g, _UNIT_EXCEEDANCE) for n, g in self.gains.items()}
-        ratios = np.max([g / units[n] for n, g in self.gains.items() if units[n] > 0.0], axis=0)
-        return exceeded_by_chance(ratios) * units.get(name, max(units.values()))
+        known = thresholds(self.gains)
+        return known.get(name, max(known.values()))
+
+
+def thresholds(gains: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Return the gain that each candidate must exceed, so that all of them together do not by
+    chance.
+
+    Parameters
+    ----------
+    gains
+        Of each candidate on surrogates, each of shape (draws,).
+    """
+    units = {name: exceeded_by_chance(g, _UNIT_EXCEEDANCE) for name, g in gains.items()}
+    ratios = [g / units[name] for name, g in gains.items() if units[name] > 0.0]
+    largest = exceeded_by_chance(np.max(ratios, axis=0)) if ratios else 0.0
+    return {name: largest * unit for name, unit in units.items()}
 
 
 def exceeded_by_chance(largest: np.ndarray, probability: float = FALSE_ALARM) -> float:

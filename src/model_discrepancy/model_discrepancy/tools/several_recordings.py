@@ -25,14 +25,14 @@ from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.fit.held_out import HeldOut, held_out
-from model_discrepancy.problem import Problem, prepare
+from model_discrepancy.problem import Problem, prepare, surrogate_activation
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.report.fitted_model import fitted_model
-from model_discrepancy.search.null import Null, exceeded_by_chance
+from model_discrepancy.search.null import Null, thresholds
 from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
 from model_discrepancy.search.term_search import (
     FOLLOWING_MARGIN,
@@ -138,12 +138,12 @@ class Together:
     effects
         In the order in which they were found.
     by_chance
-        Joint gain that the library reaches by chance.
+        Joint gain that each term must exceed, so that the library does not by chance.
     """
 
     members: list[Member]
     effects: list[SharedEffect] = field(default_factory=list)
-    by_chance: float = 0.0
+    by_chance: dict[str, float] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
@@ -276,17 +276,28 @@ def _search(found: Together, library: Sequence[str] | None, progress: Progress) 
 def _screened(member: Member, library: Sequence[str] | None, first: bool) -> dict[str, Screened]:
     fitter, rows = member.problem.fitter, member.problem.fitter.rows
     points = {name: grid(name, rows.count / rows.rate) for name in candidates(member.fit, library)}
-    listed = screen(fitter, member.fit, points, member.null if first else None)
+    listed = screen(
+        fitter,
+        member.fit,
+        points,
+        member.null if first else None,
+        surrogate_activation(member.problem, member.null) if first else None,
+    )
     return {s.name: s for s in listed}
 
 
-def _joint_chance(members: Sequence[Member]) -> float:
-    """Joint gain that the library exceeds by chance: each recording's best, added up draw by draw,
-    which no single term can do better.
+def _joint_chance(members: Sequence[Member]) -> dict[str, float]:
+    """Joint gain that each term must exceed: its best in each recording, added up draw by draw,
+    which no single point of it can do better.
     """
     scores = np.array([m.fit.score for m in members])
-    largest = np.array([m.null.largest for m in members])
-    return exceeded_by_chance(scores @ largest / scores.sum())
+    names = set.intersection(*(set(m.null.gains) for m in members))
+    return thresholds(
+        {
+            name: scores @ np.array([m.null.gains[name] for m in members]) / scores.sum()
+            for name in sorted(names)
+        }
+    )
 
 
 def _best_step(
@@ -304,7 +315,8 @@ def _best_step(
     ranked = sorted(names, key=lambda n: -promise[n])[:REFITS_PER_STEP]
     tried: dict[str, tuple[list[Fit], float]] = {}
     for name in ranked:
-        if promise[name] < max(MIN_PROMISE, 0.5 * found.by_chance):
+        by_chance = found.by_chance.get(name, max(found.by_chance.values()))
+        if promise[name] < max(MIN_PROMISE, 0.5 * by_chance):
             continue
         progress(f"refitting all recordings with {name}")
         starts = _starts(name, screened)
@@ -315,14 +327,15 @@ def _best_step(
             for m, start in zip(members, starts, strict=True)
         ]
         gain = 1.0 - sum(f.score for f in fits) / scores.sum()
-        if _accepted(members, fits, name, gain, found.by_chance):
+        if _accepted(members, fits, name, gain, by_chance):
             tried[name] = fits, gain
     # A special case is kept where its generalisation gains no more than chance beyond it.
     needless = {
         general
         for general in tried
         for special in term_library()[general].generalises
-        if special in tried and tried[general][1] < tried[special][1] + found.by_chance
+        if special in tried
+        and tried[general][1] < tried[special][1] + found.by_chance.get(general, 0.0)
     }
     worth = [name for name in tried if name not in needless]
     if not worth:
