@@ -14,7 +14,7 @@ COLCON_PACKAGES ?=
 # Where the operating system keeps Chromium; the tests of the pages need one.
 CHROMIUM := $(shell command -v chromium chromium-browser google-chrome 2> /dev/null | head -n 1)
 
-.PHONY: setup demo test mutants faults soak test-slow test-colcon test-pythons lint manifests docs bench bench-live bench-diagnosis clean help
+.PHONY: setup demo test mutants faults bad-input soak test-slow test-colcon test-pythons lint manifests docs bench bench-live bench-diagnosis clean help
 .DEFAULT_GOAL := help
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo "make docs    the documentation as a site, in build/docs/index.html"
 	@echo "make mutants        remove each safety control in turn: the tests have to notice (30 minutes)"
 	@echo "make faults         faults at random moments of a running rig; writes docs/reliability.md (20 minutes)"
+	@echo "make bad-input      a million cases of bad input of every kind, counted (CASES=20000 for a short run)"
 	@echo "make soak           a session of two hours on the emulated rig (MINUTES=10 for a short one)"
 	@echo "make manifests      write the imports of each package into its package.xml"
 	@echo "make bench   the benchmarks of simulation, estimators, files and graph (4 minutes)"
@@ -68,6 +69,10 @@ mutants: setup
 faults: setup
 	@$(BIN)/python src/ankle_actuator_driver/test/fault_campaign.py --times 5
 	@$(BIN)/python benchmarks/live_faults.py --times 4
+
+CASES ?= 1000000
+bad-input: setup
+	@$(BIN)/python test/bad_input.py --cases $(CASES)
 
 MINUTES ?= 120
 soak: setup

@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from ankle_interfaces.topics import SESSION_EVENT
+from ankle_interfaces.yaml_text import YamlError, parse_yaml
 
 TOPIC = SESSION_EVENT.absolute
 """Name in a bag."""
@@ -62,8 +63,8 @@ def parse(line: str) -> SessionEvent:
         Not YAML, not a mapping, or without ``event`` or ``t[s]``; quotes the line.
     """
     try:
-        content = yaml.safe_load(line)
-    except yaml.YAMLError:
+        content = parse_yaml(line)
+    except YamlError:
         content = None
     if not isinstance(content, dict) or not isinstance(content.get("event"), str):
         raise SessionEventError(

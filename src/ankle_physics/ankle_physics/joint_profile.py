@@ -18,8 +18,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from ankle_physics.errors import ModelError
 
 _PAPER_TERMS = ("inertia", "viscosity", "stiffness", "reflex")
@@ -163,8 +162,8 @@ class JointProfile:
                 f"joint '{name_or_file}' is neither a file nor one of {', '.join(PROFILES)}"
             )
         try:
-            return cls.from_content(yaml.safe_load(path.read_text()))
-        except (yaml.YAMLError, ModelError) as error:
+            return cls.from_content(parse_yaml(read_text(path)))
+        except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 
     @classmethod

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from ankle_physics.compliant_coupling import CompliantCoupling, FootLoop, torques_of
 from ankle_physics.errors import ModelError
 from ankle_physics.joint_profile import ANKLE, JointProfile, joint_in_force
@@ -112,14 +113,9 @@ class Model:
         OSError
             The file cannot be read.
         """
-        text = Path(path).read_text()
         try:
-            content = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise ModelError(f"{path}: not YAML: {error}") from None
-        try:
-            return cls.from_content(content)
-        except ModelError as error:
+            return cls.from_content(parse_yaml(read_text(path)))
+        except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 
     @classmethod
@@ -314,7 +310,7 @@ def _flag(value: Any, term: str) -> bool:
 
 def _find(name: str) -> type[Term]:
     library = term_library()
-    if name not in library:
+    if not isinstance(name, str) or name not in library:
         raise ModelError(f"unknown term '{name}'; known: {', '.join(library)}")
     return library[name]
 

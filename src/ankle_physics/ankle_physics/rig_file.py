@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from ankle_physics.actuator import Servo
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
@@ -179,8 +180,8 @@ class RigFile:
             The file cannot be read.
         """
         try:
-            return cls.from_text(Path(path).read_text())
-        except ModelError as error:
+            return cls.from_text(read_text(path))
+        except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 
     @classmethod
@@ -193,9 +194,9 @@ class RigFile:
             As `load`, without the file's name.
         """
         try:
-            content = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise ModelError(f"not YAML: {error}") from None
+            content = parse_yaml(text)
+        except YamlError as error:
+            raise ModelError(str(error)) from None
         if not isinstance(content, dict) or "rig" not in content:
             raise ModelError("a rig file has 'rig: free text', 'calibrated: date' and 'terms'")
         unknown = sorted(str(key) for key in content if key not in KNOWN_KEYS)

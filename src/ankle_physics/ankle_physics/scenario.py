@@ -27,8 +27,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.term import Parameter, term_library
@@ -120,10 +120,8 @@ class Scenario:
             The file cannot be read.
         """
         try:
-            return cls.from_content(yaml.safe_load(Path(path).read_text()))
-        except yaml.YAMLError as error:
-            raise ModelError(f"{path}: not YAML: {error}") from None
-        except ModelError as error:
+            return cls.from_content(parse_yaml(read_text(path)))
+        except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 
     @classmethod

@@ -16,7 +16,7 @@ from ankle_interfaces.errors import BlockError
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError, ImportRefused
-from session_recorder.importing import propose, read_table
+from session_recorder.importing import c3d_process, propose, read_table
 from session_recorder.loss import LossAccount, account_of_bag
 
 MAX_TIME = 20.0
@@ -181,3 +181,11 @@ def test_a_million_damaged_files_blocks_and_bags(tmp_path, part):
     damaged_bags(tmp_path, 200 + part, 3000)
     for piece in range(31):
         damaged_blocks(1000 * part + piece, 3000)
+
+
+def test_a_c3d_file_that_its_library_does_not_survive_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(c3d_process, "LONGEST_READING", 5)
+    path = tmp_path / "cut.c3d"
+    path.write_bytes(b"\x02\x50" + bytes(600))
+    with pytest.raises(ImportRefused, match=r"cut\.c3d cannot be read as C3D"):
+        read_table(path)

@@ -90,7 +90,7 @@ def checked_names(content: Any, name: str) -> tuple[str, ...]:
     if not isinstance(content, list):
         raise ProtocolError(f"{name}: 'check_list' is a list of checks")
     for entry in content:
-        if entry not in CHECKS:
+        if not isinstance(entry, str) or entry not in CHECKS:
             raise ProtocolError(f"{name}: check '{entry}' is unknown; allowed: {', '.join(CHECKS)}")
     if len(set(content)) < len(content):
         raise ProtocolError(f"{name}: 'check_list' names a check twice")

@@ -13,8 +13,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from biofeedback.errors import ProtocolError
 from biofeedback.session.check_list import checked_names
 
@@ -137,11 +136,12 @@ def load_protocol(name: str) -> Protocol:
         raise ProtocolError(
             f"no protocol '{name}': known are {', '.join(known)}, or give the path of a .yaml file"
         )
-    text = source.read_text()
     try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ProtocolError(f"{name}: not YAML: {error}") from None
+        with resources.as_file(source) as file:
+            text = read_text(file)
+        content = parse_yaml(text)
+    except YamlError as error:
+        raise ProtocolError(f"{name}: {error}") from None
     return _protocol(content, name, hashlib.sha256(text.encode()).hexdigest()[:16])
 
 

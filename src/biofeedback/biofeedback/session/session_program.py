@@ -452,7 +452,7 @@ class Session:
                 self.protocol.steps
             ):
                 raise ValueError(f"state {state}, step {index}")
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise CommandError(f"the saved session is damaged: {error}") from None
         if self.conditioning is not None:
             index = self._first_step()  # what was done is in the course's own record

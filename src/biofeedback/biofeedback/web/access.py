@@ -153,10 +153,14 @@ class Access:
         fetch_site
             The header ``Sec-Fetch-Site`` of a page that is opened; ``none`` for a typed address.
         """
-        name = urlsplit(f"//{host}").hostname or ""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+            own = origin is None or urlsplit(origin).netloc == host
+        except ValueError:
+            return "Host or Origin is no address"
         if self._loopback and name not in (*_LOOPBACK_NAMES, self._host):
             return f"the host name '{name[:80]}' is not this computer's"
-        if origin is not None and urlsplit(origin).netloc != host:
+        if not own:
             return "the request comes from another web site"
         if fetch_site in _FOREIGN:
             return "another web site has opened this page; type its address or use a bookmark"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from session_recorder.errors import ImportRefused
+from session_recorder.importing.c3d_process import read_c3d
 from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.tables import Table, optional_library
 
@@ -27,23 +28,18 @@ def _c3d(source: Path) -> Table:
     """Return analog channels by label, coordinates of markers as ``label:x``, ``label:y``,
     ``label:z``.
     """
-    ezc3d: Any = optional_library("ezc3d", source, "C3D")
+    optional_library("ezc3d", source, "C3D")
     with source.open("rb") as stream:
         if stream.read(2)[1:] != b"\x50":
             raise ImportRefused(f"{source} is not a C3D file: its second byte is not 0x50")
-    content = ezc3d.c3d(str(source))
-    analog = content["parameters"]["ANALOG"]
-    labels = list(analog["LABELS"]["value"]) if "LABELS" in analog else []
-    units = list(analog["UNITS"]["value"]) if "UNITS" in analog else []
-    rate = float(content["header"]["analogs"]["frame_rate"])
-    signals = content["data"]["analogs"]
-    points = content["data"]["points"]
-    markers = list(content["parameters"]["POINT"]["LABELS"]["value"])
-    point_rate = float(content["header"]["points"]["frame_rate"])
+    content = read_c3d(source)
+    labels, units, markers = (list(content[name]) for name in ("labels", "units", "markers"))
+    signals, points = content["analogs"], content["points"]
+    rate, point_rate = float(content["analog_rate"]), float(content["point_rate"])
     table = Table(source)
     for index in range(signals.shape[1] if signals.size else 0):
-        name = labels[index].strip() if index < len(labels) else str(index + 1)
-        declared = known_unit(units[index]) if index < len(units) else None
+        name = str(labels[index]).strip() if index < len(labels) else str(index + 1)
+        declared = known_unit(str(units[index])) if index < len(units) else None
         values = np.array(signals[0, index], dtype=float)
         table.add(name, values, declared or split_header(name)[1], rate)
     for index, marker in enumerate(markers[: points.shape[1]]):
