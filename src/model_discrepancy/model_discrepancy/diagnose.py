@@ -38,6 +38,7 @@ from model_discrepancy.report.verdict import (
     effect_entry,
     finding_entry,
     kind,
+    on_impedance,
     separating_measurements,
 )
 from model_discrepancy.search.effect_size import size_of
@@ -51,7 +52,7 @@ from model_discrepancy.search.term_search import (
     place_of,
     search,
 )
-from model_discrepancy.tools.resimulation import AUGMENTED_FILE, BASE_FILE
+from model_discrepancy.tools.resimulation import AUGMENTED_FILE, BASE_FILE, RIG_FILE
 
 LOOP_SENTENCE = (
     "no command was recorded and the servo gives way under load: what generic regressors predict "
@@ -156,6 +157,8 @@ def _diagnose_and_report(
                 diagnosis.found.base, f"{recording.name}: base model, fitted by diagnosis"
             ).save(folder / BASE_FILE)
             augmented_model(diagnosis).save(folder / AUGMENTED_FILE)
+        if rig is not None:
+            rig.save(folder / RIG_FILE)
         write_report(diagnosis, folder / "report.html")
     return diagnosis
 
@@ -369,6 +372,9 @@ def _conclude(
         "remaining_predictable_share": round(max(after.share, 0.0), 4),
     }
     at = operating_point(fitter.motion, base_map.onsets)
+    stated = stated_impedance(found.final, at)
+    for effect, entry in zip(named, effects, strict=False):
+        entry["on_impedance"] = on_impedance(stated_impedance(effect.without, at), stated)
     place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)
     localisation = base_map.summary(place) if word != "no_mismatch" else {}
     return Verdict(
@@ -378,7 +384,7 @@ def _conclude(
         fit,
         alternatives(found),
         reasons,
-        before_and_after(stated_impedance(found.base, at), stated_impedance(found.final, at)),
+        before_and_after(stated_impedance(found.base, at), stated),
     )
 
 

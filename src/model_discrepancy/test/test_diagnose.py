@@ -50,6 +50,15 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     assert model.entry(name).standard_errors
     report = (tmp_path / "report.html").read_text()
     assert "http" not in report.replace("http-equiv", "")
+    for section in ("Equations and sources", "excluded, and by what", "stiffness and reflex gain"):
+        assert section in report
+    (effect,) = json.loads((tmp_path / "verdict.json").read_text())["effects"]
+    without, stiffness, error = effect["on_impedance"]["K[N.m/rad]"]
+    assert stiffness == verdict.parameters["K[N.m/rad]"]["augmented"]
+    assert without != stiffness
+    assert error > 0.0
+    assert effect["excluded"]
+    assert not set(effect["excluded"]) & set(effect["set"])
 
 
 def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(tmp_path):

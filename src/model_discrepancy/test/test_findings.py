@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ankle_physics.memory_elements import BacklashOperator
-from model_discrepancy.criticism.locate import find_onsets
+from model_discrepancy.criticism.locate import Cell, Onsets, ResidualMap, find_onsets
 from model_discrepancy.criticism.variability import LEAST_VARIATION, variability
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
@@ -108,3 +108,27 @@ def test_play_of_the_encoder_is_one_finding_and_is_taken_out(equal_steps):
     assert finding.parameters["gap[rad]"][0] == pytest.approx(0.003, rel=0.05)
     error = trusted(recording, [finding]).position - equal_steps.position
     assert np.std(error) < 0.5 * np.std(read - equal_steps.position)
+
+
+def test_a_map_without_movements_says_that_nothing_was_seen():
+    nothing = np.zeros(0)
+    seen = ResidualMap(
+        Onsets(nothing, nothing, nothing), [], {(0.5, 3.0): 0.1}, {}, {}, 0.5, (nothing,) * 3
+    ).summary("intrinsic")
+    for key in ("window_s", "direction", "symmetry", "depends_on"):
+        assert seen[key] == "not seen"
+    assert seen["band_hz"] == [0.5, 3.0]
+
+
+def test_a_map_with_a_clear_response_says_when_and_in_which_direction():
+    cells = [
+        Cell(direction, "all", (0.04, 0.12), mean, mean - 0.1, mean + 0.1, 0.3)
+        for direction, mean in (("up", 0.8), ("down", 0.02))
+    ]
+    nothing = np.zeros(0)
+    seen = ResidualMap(
+        Onsets(nothing, nothing, nothing), cells, {(0.5, 3.0): 0.1}, {}, {}, 0.5, (nothing,) * 3
+    ).summary("reflex dynamics")
+    assert seen["window_s"] == [0.04, 0.12]
+    assert seen["direction"] == "dorsiflexion"
+    assert seen["symmetry"] == "mixed"

@@ -1,19 +1,21 @@
 """A recording's movement through the simulation."""
 
 from dataclasses import replace
+from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.search.term_search import fit_base
-from model_discrepancy.tools.resimulation import resimulate, resimulate_bag
+from model_discrepancy.tools.resimulation import _write_bag, resimulate, resimulate_bag
 from simulation_study.planted_trials import simulate_trial
 
 # What the movement makes in the trial below; its subject is drawn by the seed.
@@ -25,8 +27,9 @@ def recording() -> Recording:
     return simulate_trial(MAXWELL, seed=5, duration=30.0, rate=1024.0)
 
 
-def _fitted_models(trial: Recording) -> tuple[Model, Model]:
-    motion = motion_of(trial)
+@pytest.fixture(scope="module")
+def models(recording: Recording) -> tuple[Model, Model]:
+    motion = motion_of(recording)
     fitter = Fitter.of(motion)
     base = fit_base(fitter)
     fitter.whiten_by(base.plain)
@@ -36,9 +39,9 @@ def _fitted_models(trial: Recording) -> tuple[Model, Model]:
 
 
 def test_the_model_with_the_planted_physics_makes_more_of_the_recorded_torque(
-    recording: Recording, tmp_path: Path
+    recording: Recording, models: tuple[Model, Model], tmp_path: Path
 ) -> None:
-    base, augmented = _fitted_models(recording)
+    base, augmented = models
     result = resimulate(recording, base, augmented)
     assert result.vaf["augmented"] > result.vaf["base"] + 1.0
     # SNR of the torque is 24 dB; slow voluntary torque comes on top.
@@ -56,10 +59,33 @@ def test_a_folder_without_models_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_position_that_the_diagnosis_corrects_is_corrected_here_too(
-    recording: Recording,
+    recording: Recording, models: tuple[Model, Model]
 ) -> None:
-    base, augmented = _fitted_models(recording)
+    base, augmented = models
     plain = resimulate(replace(recording, reference=recording.position), base, augmented)
     wrong = replace(recording, position=1.1 * recording.position, reference=recording.position)
     again = resimulate(wrong, base, augmented)
     assert again.vaf["augmented"] == pytest.approx(plain.vaf["augmented"], abs=0.3)
+
+
+def test_the_zeros_of_a_rig_that_the_diagnosis_knew_are_taken_off_here_too(
+    recording: Recording, models: tuple[Model, Model], tmp_path: Path
+) -> None:
+    base, augmented = models
+    curved = Model.of(
+        {e.term.name: dict(e.values) for e in augmented.entries}
+        | {"hardening_stiffness": {"k3": 2e5, "xc": float(np.mean(recording.position))}}
+    )
+    rig = RigFile("plate B", datetime(2026, 11, 20, tzinfo=timezone.utc), zero_position=0.1)
+    moved = replace(recording, position=recording.position + 0.1)
+    folder = tmp_path / "diagnosis"
+    folder.mkdir()
+    for model, file in ((base, "base.yaml"), (curved, "model.yaml")):
+        model.save(folder / file)
+    _write_bag(moved, moved.torque, tmp_path / "bag")
+    without = resimulate_bag(tmp_path / "bag", folder, tmp_path / "without")
+    rig.save(folder / "rig.yaml")
+    with_it = resimulate_bag(tmp_path / "bag", folder, tmp_path / "with")
+    expected = resimulate(recording, base, curved)
+    assert with_it.vaf["augmented"] == pytest.approx(expected.vaf["augmented"], abs=0.05)
+    assert abs(without.vaf["augmented"] - expected.vaf["augmented"]) > 1.0

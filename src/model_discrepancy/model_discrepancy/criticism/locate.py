@@ -18,6 +18,9 @@ from model_discrepancy.fit.fitter import Fit
 WINDOWS_S = ((-0.04, 0.0), (0.0, 0.04), (0.04, 0.12), (0.12, 0.2), (0.2, 0.4))
 BANDS_HZ = ((0.5, 3.0), (3.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 60.0))
 SIZES = ("small", "medium", "large")
+# What a recording says where it holds too few movements, or no response that differs from chance.
+NOT_SEEN = "not seen"
+_DIRECTIONS = {"up": "dorsiflexion", "down": "plantarflexion", "both": "both"}
 _RESAMPLINGS = 200
 # Movement begins where speed passes this share of its 99th percentile after at least 0.1 s below
 # it.
@@ -94,11 +97,12 @@ class ResidualMap:
         strong = [c for c in after if c.significant]
         peak = max((abs(c.mean) for c in strong), default=0.0)
         main = [c for c in strong if abs(c.mean) > 0.5 * peak]
+        seen = bool(main)
         window = (
-            [min(c.window[0] for c in main), max(c.window[1] for c in main)] if main else [0.0, 0.4]
+            [min(c.window[0] for c in main), max(c.window[1] for c in main)] if seen else NOT_SEEN
         )
         by_direction = {
-            d: sum(c.mean**2 for c in after if c.direction == d) for d in ("up", "down")
+            d: sum(c.mean**2 for c in strong if c.direction == d) for d in ("up", "down")
         }
         total = sum(by_direction.values()) or 1.0
         direction = next((d for d, power in by_direction.items() if power > 0.8 * total), "both")
@@ -109,16 +113,20 @@ class ResidualMap:
             "path": place,
             "window_s": window,
             "band_hz": [min(b[0] for b in bands), max(b[1] for b in bands)],
-            "direction": {"up": "dorsiflexion", "down": "plantarflexion", "both": "both"}[
-                direction
-            ],
-            "symmetry": "odd"
-            if self.odd_share > 0.7
-            else "even"
-            if self.odd_share < 0.3
-            else "mixed",
-            "depends_on": ", ".join(causes) if causes else "nothing else that was tested",
+            "direction": _DIRECTIONS[direction] if seen else NOT_SEEN,
+            "symmetry": self._symmetry if seen else NOT_SEEN,
+            "depends_on": (", ".join(causes) if causes else "nothing else that was tested")
+            if self.dependence
+            else NOT_SEEN,
         }
+
+    @property
+    def _symmetry(self) -> str:
+        """How the mean residual responses of the two directions compare."""
+        compared = {c.direction for c in self.cells}
+        if compared != {"up", "down"}:
+            return NOT_SEEN
+        return "odd" if self.odd_share > 0.7 else "even" if self.odd_share < 0.3 else "mixed"
 
 
 def find_onsets(columns: Columns) -> Onsets:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from html import escape
+from inspect import getdoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ankle_physics.joint_profile import joint_in_force
+from ankle_physics.term import term_library
 from model_discrepancy.criticism.ceiling import unexplainable_power
 from model_discrepancy.report.pictures import (
     before_and_after,
@@ -169,6 +172,7 @@ def _sections(d: Diagnosis) -> list[str]:
     ]
     if effects:
         parts += ["<h2>What was left out</h2>", html_list([_effect_line(e) for e in effects])]
+        parts += _consequences(effects) + _equations(effects) + _excluded(effects)
     marked = {e["location"] for e in effects} | ({d.block.place} if d.block is not None else set())
     parts += ["<h2>The signal path</h2>", image(path_diagram(marked)), _path_line(marked)]
     if d.verdict.variability:
@@ -249,6 +253,43 @@ def _effect_line(effect: dict[str, Any]) -> str:
         f"{effect['name'].replace('_', ' ')}: {effect['sentence']} "
         f"{values}.{doubt}"
     )
+
+
+def _consequences(effects: list[dict[str, Any]]) -> list[str]:
+    """Return what each effect does to K and G, as a table."""
+    rows = []
+    for effect in effects:
+        for key, (without, value, error) in effect.get("on_impedance", {}).items():
+            spread = f" ± {error:.2g}" if error is not None else ""
+            name = effect["name"].replace("_", " ")
+            rows.append([name, key, f"{without:.4g}", f"{value:.4g}{spread}"])
+    if not rows:
+        return []
+    head = ["effect", "", "in a model without it", "in the whole model"]
+    return ["<h2>What it does to stiffness and reflex gain</h2>", html_table(head, rows)]
+
+
+def _equations(effects: list[dict[str, Any]]) -> list[str]:
+    """Return equation and source of each term that is named, as its file states them."""
+    rows = []
+    for effect in effects:
+        term = term_library().get(effect["name"])
+        if term is not None:
+            equation = getdoc(sys.modules[term.__module__]) or ""
+            text = f"{equation} {getdoc(term) or ''}".replace("``", "").replace("`", "")
+            rows.append([effect["name"].replace("_", " "), " ".join(text.split())])
+    return ["<h2>Equations and sources</h2>", html_table(["", ""], rows)] if rows else []
+
+
+def _excluded(effects: list[dict[str, Any]]) -> list[str]:
+    """Return what would not do instead of each effect, and why."""
+    rows = [
+        [effect["name"].replace("_", " "), other.replace("_", " "), why]
+        for effect in effects
+        for other, why in effect.get("excluded", {}).items()
+    ]
+    head = ["instead of", "excluded", "because"]
+    return ["<h2>What was excluded, and by what</h2>", html_table(head, rows)] if rows else []
 
 
 def _localisation(found: dict[str, Any]) -> str:

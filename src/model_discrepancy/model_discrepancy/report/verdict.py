@@ -198,6 +198,7 @@ def effect_entry(
         "tentative": not complete,
         "set": [name, *(t.name for t in rivals)],
         "gain_held_out": [round(g, 4) for g in effect.trial.held_out],
+        "excluded": effect.excluded,
         "sentence": sentence_of(name, final.values[name], size),
     }
 
@@ -276,4 +277,19 @@ def before_and_after(
     return {
         key: {"base": base[key][0], "augmented": value, "standard_error": error}
         for key, (value, error) in final.items()
+    }
+
+
+def on_impedance(
+    without: dict[str, tuple[float, float | None]], with_it: dict[str, tuple[float, float | None]]
+) -> dict[str, list[float | None]]:
+    """Return what an effect does to K and G: each without it, with it, and its standard error.
+
+    Parameters
+    ----------
+    without, with_it
+        Impedance at the operating point of the model refitted without the effect, and of the whole.
+    """
+    return {
+        key: [without[key][0], *with_it[key]] for key in with_it if key.startswith(("K[", "G["))
     }

@@ -127,6 +127,9 @@ class Effect:
         Whitened and plain error after it was added, as `_errors` gives them.
     rivals
         Those that would do instead.
+    excluded
+        Why each other term that came near, or is of its family, would not do instead; in words, by
+        name.
     without
         The final model without it.
     """
@@ -134,6 +137,7 @@ class Effect:
     trial: Trial
     errors: np.ndarray
     rivals: list[Trial] = field(default_factory=list)
+    excluded: dict[str, str] = field(default_factory=dict)
     without: Fit = field(init=False, repr=False)
 
 
@@ -522,11 +526,8 @@ def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> 
             for other, tried in grids.best(without).items()
             if other != name and name not in term_library()[other].generalises
         }
-        promising = [
-            s
-            for s in screen(fitter, without, points)
-            if s.share > RIVAL_PROMISE * effect.trial.gain
-        ]
+        screened = screen(fitter, without, points)
+        promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
         trials = [
             _try(fitter, without, s.name, {**without.values, s.name: s.start}, evaluations=8)
             for s in promising[:RIVALS_REFITTED]
@@ -535,6 +536,30 @@ def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> 
             (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
             key=lambda t: -t.gain,
         )
+        effect.excluded = _excluded(effect, final, trials, screened)
+
+
+def _excluded(
+    effect: Effect, final: Fit, trials: Sequence[Trial], screened: Sequence[Screened]
+) -> dict[str, str]:
+    """Return why terms that were refitted, and siblings that were not, would not do instead."""
+    library = term_library()
+    name, kept = effect.trial.name, {t.name for t in effect.rivals}
+    reasons = {
+        t.name: f"refitted in its place it leaves {100 * (t.fit.score / final.score - 1.0):.0f} % "
+        "more error"
+        for t in trials
+        if t.name not in kept
+    }
+    refitted = {t.name for t in trials}
+    family = library[name].family
+    for s in screened:
+        if family and library[s.name].family == family and s.name not in refitted:
+            reasons[s.name] = (
+                f"it takes off at most {100 * max(s.share, 0.0):.0f} % of the error where "
+                f"{name.replace('_', ' ')} takes off {100 * effect.trial.gain:.0f} %"
+            )
+    return reasons
 
 
 def _exchange(

@@ -17,17 +17,22 @@ from scipy.signal import resample_poly
 from ankle_interfaces.block import Block
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.model import Model
+from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.emg_activation import emg_activation
+from model_discrepancy.recording.known_rig import calibrated
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import SAMPLES_TOPIC, Recording
 from model_discrepancy.recording.servo import identify_servo
 from session_recorder.bag_writer import BagWriter
 
 BASE_FILE, AUGMENTED_FILE = "base.yaml", "model.yaml"
+# The calibrated rig that a diagnosis took as known.
+RIG_FILE = "rig.yaml"
 # The share of a second that one block of the written bags holds, as a live rig sends them.
 _BLOCKS_PER_SECOND = 64
 _SHOWN_S = 3.0
@@ -102,11 +107,11 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
     motion = motion_of(corrected, identify_servo(corrected, motion_step(corrected)))
     rows = Rows(len(motion.position), motion.rate)
     recorded = rows.spectrum(motion.torque)
-    # Activation is the slow torque that movement does not make, as in the diagnosis.
+    # Activation is EMG, or the slow torque that movement does not make, as in the diagnosis.
     left = recorded - rows.spectrum(simulated_torque(base, motion))
-    motion = replace(
-        motion, activation=float(np.mean(motion.torque)) + rows.slow(left, ACTIVATION_HZ)
-    )
+    slow = float(np.mean(motion.torque)) + rows.slow(left, ACTIVATION_HZ)
+    by_emg = emg_activation(corrected, motion.velocity, slow, motion.rate, ACTIVATION_HZ)
+    motion = replace(motion, activation=slow if by_emg is None else by_emg)
     plain, torque, shares = {"recorded": rows.plain(recorded)}, {}, {}
     step = round(recording.rate / motion.rate)
     for name, model in (("base", base), ("augmented", augmented)):
@@ -145,7 +150,10 @@ def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
             )
     base, augmented = Model.load(diagnosis / BASE_FILE), Model.load(diagnosis / AUGMENTED_FILE)
     with augmented.joint.in_force():
-        result = resimulate(Recording.from_bag(bag), base, augmented)
+        recording = Recording.from_bag(bag)
+        if (diagnosis / RIG_FILE).exists():
+            recording = calibrated(recording, RigFile.load(diagnosis / RIG_FILE))
+        result = resimulate(recording, base, augmented)
         out.mkdir(parents=True, exist_ok=True)
         result.save(out)
     return result
