@@ -45,6 +45,7 @@ from ankle_interfaces.block import unpack
 from ankle_interfaces.topics import ANKLE_SAMPLES, DIAGNOSTICS, RIG_STATE
 from ankle_node.domain import take_free_domain
 from ankle_node.qos import LATEST_QOS, reader_qos
+from ankle_node.real_time import RECORDER_PRIORITY, take_priority
 from biofeedback.web.server import SEEN
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
@@ -343,7 +344,7 @@ def missing(times: np.ndarray, since: float) -> int:
 
 def reported_by(operator: Operator) -> int:
     """Missing samples of the ankle that the recorder states."""
-    return int(operator.figures.get("recorder", {}).get(f"{SAMPLES} missing samples", "0"))
+    return int(operator.figures.get(RECORDER, {}).get(f"{SAMPLES} missing samples", "0"))
 
 
 def look_at_the_bag(
@@ -449,6 +450,7 @@ def main() -> int:
     given = options.parse_args()
     chosen = [fault for fault in FAULTS if given.only in fault.name]
     random = np.random.default_rng(given.seed)
+    take_priority(RECORDER_PRIORITY)  # a reader that is late would lose what the graph has
     take_free_domain()
     port = free_port()
     rows, broken, cases, cuts = [], [], 0, 0
