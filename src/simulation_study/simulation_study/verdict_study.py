@@ -23,6 +23,16 @@ from simulation_study.blind.acceptance import ANSWERS
 from simulation_study.verdict_cases import KINDS, Plan, made, plans
 from simulation_study.verdict_report import report
 
+# Option of the command by kind of case.
+OPTIONS = {
+    "--null": "null",
+    "--effect": "effect",
+    "--pair": "pair",
+    "--foreign": "foreign",
+    "--left-out": "left_out",
+    "--planted": "planted",
+}
+
 
 def families(names: list[str]) -> set[str]:
     """Return the families of these terms; a term without one is its own.
@@ -173,8 +183,8 @@ def run_part(todo: list[Plan], file: Path, trials: Path | None) -> Iterator[dict
 def main() -> None:
     """Run the study and write its table, after every case again."""
     parser = argparse.ArgumentParser(description=__doc__)
-    for kind in KINDS:
-        parser.add_argument(f"--{kind.replace('_', '-')}", type=int, default=0, dest=kind)
+    for option, kind in OPTIONS.items():
+        parser.add_argument(option, type=int, default=0, dest=kind, help="so many of this kind")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--trials", type=Path, help="folder of recorded human trials (mcgill_*)")
@@ -185,7 +195,7 @@ def main() -> None:
     if counts["planted"] and not names:
         parser.error("--planted needs --trials FOLDER with mcgill_*.npz")
     part, of = (int(word) for word in options.part.split("/"))
-    given = " ".join(f"--{k.replace('_', '-')} {n}" for k, n in counts.items() if n)
+    given = " ".join(f"{option} {counts[k]}" for option, k in OPTIONS.items() if counts[k])
     command = f"python -m simulation_study.verdict_study --seed {options.seed} {given}"
     options.out.mkdir(parents=True, exist_ok=True)
     done = {entry["case"] for entry in read_cases(options.out)}
