@@ -104,15 +104,13 @@ def find_change(
     left_over: int,
     windows: np.ndarray,
     total: np.ndarray,
-    tangent: np.ndarray,
     precision: np.ndarray,
     samples: int,
     matrices: np.ndarray,
     sums: np.ndarray,
     packed: np.ndarray,
-    combine: np.ndarray,
+    unknowns: np.ndarray,
     work: np.ndarray,
-    projection: np.ndarray,
     vectors: np.ndarray,
 ) -> tuple[int, float, float]:
     """The window with the largest D, that D, and the noise variance beside it; zeros where the
@@ -132,17 +130,15 @@ def find_change(
         Candidate lengths, rising.
     total
         Normal matrix of the whole memory, shape (n, n).
-    tangent
-        Of the linear problem, see `unpack_sums`.
     precision
         Shape (4,), 1 / (widest jump)² of K, B, I, G.
     samples
         In one block.
     matrices
         Shape (6, n, n), overwritten.
-    sums, packed, projection, vectors
-        Shape (k,), (packed,), (m + 4, m + 8) and (3, >= 4), overwritten.
-    combine, work
+    sums, packed, vectors
+        Shape (k,), (n (n + 1) / 2,) and (3, >= 4), overwritten.
+    unknowns, work
         As for `nuisance.reduce_sums`.
     """
     best, largest, noise = 0, 0.0, 0.0
@@ -170,8 +166,8 @@ def find_change(
             for k in range(sums.shape[0]):
                 sums[k] += block[k]
             taken += 1
-        reduce_sums(sums, combine, packed, work)
-        unpack_sums(packed, tangent, recent, projection)
+        reduce_sums(sums, unknowns, packed, work)
+        unpack_sums(packed, recent)
         for i in range(total.shape[0]):
             for j in range(total.shape[0]):
                 older[i, j] = total[i, j] - recent[i, j]

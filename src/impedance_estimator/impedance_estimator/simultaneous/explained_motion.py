@@ -14,15 +14,17 @@ that the instruments explain (two-stage least squares; Söderström & Stoica, Sy
 Without a reference the instruments are the measured motion itself, and Π is the identity.
 
 **What is beyond I, B and K.** Nuisance terms take up a skew between torque and motion, a lag or a
-mode of the torque sensor, and where a reference allows it one of: relaxation, yielding (Dahl 1968),
-or a stiffness that depends on position. Their coefficients have Gaussian priors, and they are
+mode of the torque sensor. Their coefficients have Gaussian priors, and they are
 eliminated (Frisch & Waugh, Econometrica 1 (1933)): with A = Q̂'Q̂ + prior and Γ = A⁻¹ Q̂'[X̂, τ],
 
     r̃ = r̂ - Q̂ Γ        for each regressor and for the torque
 
 So the sums over any stretch of data that the rest of the estimator needs are those of fixed linear
-combinations T of the recorded signals, found twice a second from the whole memory. Which structure:
-the one under which the data are most likely.
+combinations T of the recorded signals, found twice a second from the whole memory.
+
+Relaxation, yielding (Dahl 1968) and stiffness that depends on position are not taken out: a
+perturbation of small steps does not tell them from stiffness well enough, and K then is off by
+several times its value. How much more likely they make the memory is a sign of doubt (`doubt`).
 """
 
 from __future__ import annotations
@@ -32,8 +34,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from impedance_estimator.simultaneous.block_update import DEVIATIONS, MIN_SCATTER_LENGTH
-from impedance_estimator.simultaneous.doubt import doubt_of
+from impedance_estimator.simultaneous.block_update import MIN_SCATTER_LENGTH, RESPONSE_SAMPLES
+from impedance_estimator.simultaneous.doubt import STRUCTURE_GAINS, judge
 from impedance_estimator.simultaneous.nuisance import (
     CUBE,
     EXTRAS,
@@ -46,9 +48,12 @@ from impedance_estimator.simultaneous.nuisance import (
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.state import Plan, State
 
-STRUCTURES: tuple[tuple[int, ...], ...] = ((), (RELAXATION,), (YIELDING,), (SQUARE, CUBE))
-"""Nuisance signals beside the shifted accelerations: none, relaxation, yielding, or powers of
-position."""
+ALL_TAPS = tuple(range(TAPS))
+SKEW = (0, 1)
+"""The accelerations one decimated sample later and earlier take up a delay; what the others explain
+beside them is another response than that of inertia, viscosity and stiffness."""
+STRUCTURES: tuple[tuple[int, ...], ...] = ((RELAXATION,), (YIELDING,), (SQUARE, CUBE))
+"""Nuisance signals that would be relaxation, yielding, or powers of position."""
 TAP_SHIFTS = np.repeat(np.arange(1.0, TAPS // 2 + 1.0), 2) * np.tile([1.0, -1.0], TAPS // 2)
 """Decimated samples by which each shifted acceleration is late, as `nuisance.tap_shift`."""
 TAP_WIDTH = 0.01
@@ -57,14 +62,8 @@ itself, which a skew of several milliseconds needs."""
 EXTRA_WIDTHS = {RELAXATION: 60.0, YIELDING: 2.0, SQUARE: 2000.0, CUBE: 1e5}
 """[N.m/rad, N.m, N.m/rad², N.m/rad³] Prior standard deviations: of the size of the elastic torque
 within a perturbation of 30 mrad."""
-STRUCTURE_GAIN = 100.0
-"""A structure is added when its ln L exceeds that of shifted accelerations alone by this. Without a
-mismatch the independent rig gave up to 45."""
-STRUCTURE_HYSTERESIS = 30.0
-"""The structure in use is preferred by this ln L, so that the choice does not flicker."""
-LARGEST_STIFFNESS_ERROR = 0.08
-"""Relative standard error of K up to which a structure is accepted: where the perturbation cannot
-tell a structure from stiffness (a power of position under two levels), it must not be added."""
+REVIEW_PERIOD = 2
+"""[s] Signs of doubt are read so often: they change with the memory, which lasts 10 s."""
 INSTRUMENT_RIDGE = 1e-9
 """This share of the scaled instruments' own sums is added to them, so that a signal that never
 moves is no error.
@@ -130,14 +129,10 @@ def explained(memory: Memory, referenced: bool) -> tuple[np.ndarray, np.ndarray]
     )
 
 
-def eliminated(
-    explained_sums: np.ndarray, structure: int, variance: float
-) -> tuple[np.ndarray, float]:
-    """Γ, shape (EXTRAS, n - EXTRAS + 1), rows of terms that are left out zero; and ln |A| less that
-    of the prior.
-    """
+def eliminated(explained_sums: np.ndarray, terms: tuple[int, ...], variance: float) -> np.ndarray:
+    """Γ, shape (EXTRAS, n - EXTRAS + 1); rows of terms that are left out are zero."""
     base = len(explained_sums) - EXTRAS
-    chosen = [*range(TAPS), *STRUCTURES[structure]]
+    chosen = list(terms)
     rows = [base + extra for extra in chosen]
     prior = variance / np.array([EXTRA_WIDTHS.get(extra, TAP_WIDTH) for extra in chosen]) ** 2
     normal = explained_sums[np.ix_(rows, rows)] + np.diag(prior)
@@ -146,8 +141,7 @@ def eliminated(
     right = explained_sums[np.ix_(rows, [*range(base), -1])]
     gamma = np.zeros((EXTRAS, base + 1))
     gamma[chosen] = scale[:, None] * linalg.cho_solve(factor, scale[:, None] * right)
-    determinant = 2.0 * np.sum(np.log(np.diag(factor[0]) / scale)) - np.sum(np.log(prior))
-    return gamma, float(determinant)
+    return gamma
 
 
 def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
@@ -160,10 +154,8 @@ def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
     return combine
 
 
-def normal_equations(p: Plan, s: State, memory: Memory, combine: np.ndarray) -> np.ndarray:
-    """Return sums of products of the unknowns' signals and, last, the torque; shape (m + 8, m
-    + 8).
-    """
+def normal_equations(s: State, memory: Memory, combine: np.ndarray) -> np.ndarray:
+    """Return sums of products of the unknowns' signals and, last, the torque; shape (8, 8)."""
     base = len(combine) - 1
     signals, taken = combine[:base], combine[base]
     left = signals @ memory.instruments
@@ -173,29 +165,25 @@ def normal_equations(p: Plan, s: State, memory: Memory, combine: np.ndarray) -> 
     reduced[base, base] = (
         memory.square - 2.0 * taken @ memory.cross[:, -1] + taken @ memory.instruments @ taken
     )
-    count = base - INTRINSIC
-    unknowns = np.zeros((base + 1, count + PARAMETERS + 1))
+    unknowns = np.zeros((base + 1, PARAMETERS + 1))
     unknowns[:INTRINSIC, :INTRINSIC] = np.eye(INTRINSIC)
     unknowns[INTRINSIC:base, INTRINSIC:PARAMETERS] = s.tangent
-    unknowns[INTRINSIC:base, PARAMETERS:-1] = np.eye(count)
     unknowns[base, -1] = 1.0
     return unknowns.T @ reduced @ unknowns
 
 
-def prior_of(p: Plan, s: State, variance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return precision, in units of the noise variance, and mean of all unknowns."""
-    c = s.counters[0]
-    width = DEVIATIONS[c["deviation"]] * s.deviation[2] * c["gain"] * p.typical
-    precision = variance / np.concatenate([s.prior[1], s.eta[2], width]) ** 2
-    mean = np.concatenate(
-        [s.prior[0], s.eta[1] - s.eta[0], c["gain"] * (s.deviation[1] - s.deviation[0])]
-    )
-    return precision, mean
+def prior_of(s: State, variance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the precision, in units of the noise variance, and the mean of all unknowns."""
+    shape = RESPONSE_SAMPLES / s.eta[2] ** 2
+    precision = variance * np.concatenate([1.0 / s.prior[1] ** 2, shape])
+    return precision, np.concatenate([s.prior[0], s.eta[1] - s.eta[0]])
 
 
-def solve(p: Plan, s: State, normal: np.ndarray, count: float, variance: float) -> Solution:
-    """Return the regression over a stretch; its evidence as `regression.log_evidence`."""
-    precision, mean = prior_of(p, s, variance)
+def solve(s: State, normal: np.ndarray, count: float, variance: float) -> Solution:
+    """Return the regression over a stretch, and ln p(data | prior) up to a constant, with the
+    noise variance at its most likely value.
+    """
+    precision, mean = prior_of(s, variance)
     matrix = normal[:-1, :-1] + np.diag(precision)
     scale = 1.0 / np.sqrt(np.diag(matrix))
     factor = linalg.cho_factor(matrix * scale[:, None] * scale, check_finite=False)
@@ -211,8 +199,8 @@ def solve(p: Plan, s: State, normal: np.ndarray, count: float, variance: float) 
 def clean_motion(p: Plan, s: State) -> None:
     """Find anew what of the motion the reference explains, and take the nuisance terms out.
 
-    Called twice a second, before a block is added to the memory; once a second the structure is
-    chosen anew and the signs of doubt are read.
+    Called twice a second, before a block is added to the memory; every `REVIEW_PERIOD` the signs
+    of doubt are read.
     """
     c = s.counters[0]
     if c["length"] < 1:
@@ -225,11 +213,13 @@ def clean_motion(p: Plan, s: State) -> None:
     try:
         projection, sums = explained(memory, bool(c["referenced"]))
         review = (
-            known and c["length"] >= MIN_SCATTER_LENGTH * p.second and c["blocks"] % p.second == 0
+            known
+            and c["length"] >= MIN_SCATTER_LENGTH * p.second
+            and c["blocks"] % (REVIEW_PERIOD * p.second) == 0
         )
+        gamma = eliminated(sums, ALL_TAPS, variance)
         if review:
-            _choose_structure(p, s, memory, projection, sums)
-        gamma, _ = eliminated(sums, int(c["structure"]), variance)
+            s.signs[0], s.signs[2] = _unmodelled(s, memory, projection, sums)
     except linalg.LinAlgError:
         # Too few data: what was found before stays in use.
         return
@@ -238,31 +228,31 @@ def clean_motion(p: Plan, s: State) -> None:
     if known:
         _state_delay(p, s)
     if review:
-        s.signs[2] = _halves_apart(p, s)
-        c["doubt"] = doubt_of(s)
+        s.signs[1] = _halves_apart(p, s)
+        judge(s)
 
 
-def _choose_structure(
-    p: Plan, s: State, memory: Memory, projection: np.ndarray, sums: np.ndarray
-) -> None:
-    c = s.counters[0]
-    variance = float(c["variance"])
-    scores: list[float] = []
+def _unmodelled(
+    s: State, memory: Memory, projection: np.ndarray, sums: np.ndarray
+) -> tuple[float, float]:
+    """Return how much more likely (ln L) the memory is with a wider intrinsic response than that of
+    I, B and K behind a delay; and with the best of `STRUCTURES`, over its limit.
+    """
+    variance = float(s.counters[0]["variance"])
+
+    def evidence(terms: tuple[int, ...]) -> float:
+        combine = combination(projection, eliminated(sums, terms, variance))
+        normal = normal_equations(s, memory, combine)
+        return solve(s, normal, memory.samples, variance).evidence
+
+    plain = evidence(SKEW)
+    wider = evidence(ALL_TAPS) - plain
     # In a closed loop without a reference, torque that yields and relaxes with the motion is not
     # told apart from a servo that gives way.
-    for structure in range(len(STRUCTURES) if c["referenced"] else 1):
-        gamma, determinant = eliminated(sums, structure, variance)
-        normal = normal_equations(p, s, memory, combination(projection, gamma))
-        found = solve(p, s, normal, memory.samples, variance)
-        score = found.evidence - 0.5 * determinant
-        if structure > 0:
-            error = np.sqrt(variance * found.covariance[0, 0])
-            if not error < LARGEST_STIFFNESS_ERROR * found.unknowns[0]:
-                score = -np.inf
-            score += (STRUCTURE_HYSTERESIS if structure == c["structure"] else 0.0) - STRUCTURE_GAIN
-        scores.append(score)
-    c["structure"] = int(np.argmax(scores))
-    c["structure_gain"] = max(scores) - scores[0]
+    if not s.counters[0]["referenced"]:
+        return wider, 0.0
+    gains = [evidence(SKEW + structure) - plain for structure in STRUCTURES]
+    return wider, float(np.max(np.array(gains) / STRUCTURE_GAINS))
 
 
 def intrinsic_response(p: Plan, s: State) -> np.ndarray:
@@ -311,11 +301,10 @@ def _state_delay(p: Plan, s: State) -> None:
     bend = before + after - 2.0 * least
     shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     delay = np.array([delays[best] + DELAY_STEP * np.clip(shift, -1.0, 1.0)])
-    damping, inertia, left = behind_delay(response, s.solution[0], delay)
+    damping, inertia, _ = behind_delay(response, s.solution[0], delay)
     c["delay"] = delay[0]
     c["added_damping"] = damping[0] - s.solution[1]
     c["added_inertia"] = inertia[0] - s.solution[2]
-    s.signs[0] = left[0]
 
 
 def _halves_apart(p: Plan, s: State) -> float:
@@ -326,17 +315,13 @@ def _halves_apart(p: Plan, s: State) -> float:
         return 0.0
     ring = s.ring[c["model"]]
     newest = (c["newest"] - np.arange(2 * half)) % len(ring)
-    weights = np.zeros((2, len(s.solution)))
-    weights[0, 0] = weights[1, INTRINSIC] = 1.0
-    weights[1, INTRINSIC] += p.area @ s.deviation[0]
-    weights[1, PARAMETERS:] = p.area
     values, variances = [], []
     for blocks in (newest[:half], newest[half:]):
         memory = memory_of(p, s, ring[blocks].sum(axis=0), half)
-        normal = normal_equations(p, s, memory, s.nuisance.combine)
-        found = solve(p, s, normal, memory.samples, float(c["variance"]))
-        values.append(weights @ found.unknowns)
-        variances.append(np.sum(weights @ found.covariance * weights, axis=1))
-    scatter = np.maximum(s.scatter[[0, GAINS - 1]], 1.0)
+        normal = normal_equations(s, memory, s.nuisance.combine)
+        found = solve(s, normal, memory.samples, float(c["variance"]))
+        values.append(found.unknowns[[0, INTRINSIC]])
+        variances.append(np.diag(found.covariance)[[0, INTRINSIC]])
+    scatter = np.maximum(s.scatter[c["model"], [0, GAINS - 1]], 1.0)
     error = np.sqrt(c["variance"] * scatter * (variances[0] + variances[1]))
     return float(np.max(np.abs(values[0] - values[1]) / error))

@@ -80,5 +80,5 @@ def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int
             block = ring[(c.newest - back) % ring.shape[0]]
             for k in range(s.recorded.shape[0]):
                 s.recorded[k] += block[k]
-    reduce_sums(s.recorded, s.nuisance.combine, s.packed, s.nuisance.work)
-    unpack_sums(s.packed, s.tangent, normal, s.projection)
+    reduce_sums(s.recorded, s.nuisance.unknowns, s.packed, s.nuisance.work)
+    unpack_sums(s.packed, normal)

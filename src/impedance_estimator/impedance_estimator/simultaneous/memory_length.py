@@ -22,12 +22,11 @@ from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous.block_update import (
     LIKELIHOOD_MEMORY,
     MIN_REPEATED_LOG_LIKELIHOOD_GAIN,
-    response,
     solve_memory,
 )
 from impedance_estimator.simultaneous.change_detection import SHORTEST_WINDOW
 from impedance_estimator.simultaneous.memory import blocks_of, sum_recent, use_chosen_memory
-from impedance_estimator.simultaneous.regression import INTRINSIC
+from impedance_estimator.simultaneous.regression import PARAMETERS
 from impedance_estimator.simultaneous.state import Plan, State
 
 SHORTEST_MEMORY = 1.25
@@ -38,9 +37,9 @@ HORIZON = 0.5
 
 With 1 s, an ankle that swings at 0.2 Hz is no longer followed.
 """
-LARGEST_DISPERSION = 4.0
-"""The scatter of the scores slows the choice down by at most this factor: real ankles have 2 to 4;
-more is the drift, for which the memory is too long.
+LARGEST_DISPERSION = 50.0
+"""The scatter of the scores slows the choice down by at most this factor: a reflex that varies by
+20 % from stretch to stretch gives 10 to 30; more is the drift, for which the memory is too long.
 """
 
 
@@ -68,13 +67,14 @@ def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
     solution = s.vectors[3]
     solution[:] = s.solution
     if blocks >= SHORTEST_WINDOW:
-        sum_recent(s, c.model, blocks, s.matrices[0], after)
+        sum_recent(s, c.detection, blocks, s.matrices[0], after)
         if np.isnan(solve_memory(p, s, blocks, solution, s.matrices[5])):
             solution[:] = s.solution
     predictor = s.predictors[candidate]
-    predictor[:INTRINSIC] = solution[:INTRINSIC]
-    response(s, solution, predictor[INTRINSIC:-1])
-    predictor[-1] = -1.0
+    predictor[:] = s.nuisance.unknowns[PARAMETERS]
+    for i in range(PARAMETERS):
+        for k in range(predictor.shape[0]):
+            predictor[k] += solution[i] * s.nuisance.unknowns[i, k]
 
 
 @part
@@ -84,18 +84,19 @@ def choose_memory(p: Plan, s: State) -> None:
     if c.kept < 2 * p.horizon:
         # They were asked before there was anything to tell.
         return
-    sum_recent(s, c.model, p.horizon, s.matrices[0], 0)
+    sum_recent(s, c.detection, p.horizon, s.matrices[0], 0)
     count = p.horizon * p.block_samples
     for candidate in range(s.predictors.shape[0]):
         # Some were asked before a change, some after it: that is no difference between them.
         w = s.predictors[0 if c.changed and candidate < p.lengths.shape[0] else candidate]
-        squares = 0.0
-        k = 0
+        # Z'Z, Z'τ and τ'τ in the order of `nuisance.accumulate`.
+        squares, k = s.recorded[-1], 0
+        with_torque = s.recorded.shape[0] - 1 - w.shape[0]
         for i in range(w.shape[0]):
-            squares += s.packed[k] * w[i] * w[i]
+            squares += s.recorded[k] * w[i] * w[i] - 2.0 * s.recorded[with_torque + i] * w[i]
             k += 1
             for j in range(i + 1, w.shape[0]):
-                squares += 2.0 * s.packed[k] * w[i] * w[j]
+                squares += 2.0 * s.recorded[k] * w[i] * w[j]
                 k += 1
         s.predicted[candidate] *= 1.0 - p.horizon / p.second / LIKELIHOOD_MEMORY
         if squares > 0.0:

@@ -80,12 +80,12 @@ def reduce_sums(
     sums
         As `accumulate` makes them, of n instruments.
     combine
-        T, shape (m + 4, n): each row one signal of the regression as a combination of instruments;
-        the last row is what is subtracted from the torque.
+        T, shape (k, n): each row one signal of the regression as a combination of instruments; the
+        last row is what is subtracted from the torque.
     reduced
-        Shape ((m + 4) (m + 5) / 2,), replaced: packed upper triangle, row by row.
+        Shape (k (k + 1) / 2,), replaced: packed upper triangle, row by row.
     work
-        Shape (>= m + 4 + n, n), overwritten.
+        Shape (>= k + n, n), overwritten.
     """
     count, size = combine.shape
     full = work[count : count + size]

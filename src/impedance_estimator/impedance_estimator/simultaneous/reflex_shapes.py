@@ -120,12 +120,6 @@ def basis(step: float, size: int = BASIS) -> np.ndarray:
     return _basis(step, size).copy()
 
 
-def typical_coordinates(step: float, size: int = BASIS) -> np.ndarray:
-    """Root mean square of each coordinate over all shapes of unit area, shape (size,)."""
-    family, probabilities = _family(step)
-    return np.sqrt(probabilities @ (family @ basis(step, size).T) ** 2)
-
-
 @part
 def _project(functions: np.ndarray, values: np.ndarray, coordinates: np.ndarray) -> None:
     for j in range(functions.shape[0]):

@@ -1,21 +1,18 @@
 """Least squares for intrinsic and reflex parameters together, from sums of products of whitened
 signals.
 
-    τ = K x + B v + I a + G h(·; η) * v₊ + (d * v₊) + noise
+    τ = K x + B v + I a + G h(·; η) * v₊ + noise
 
-h(·; η) is a second-order muscle with unit area (`reflex_shapes`), d what the real response adds to
-it. With φ = basis functions * v₊, coordinates c(η) of h and δ of d in that basis, and about a shape
-η₀, d₀ and a gain G₀,
+h(·; η) is a second-order muscle with unit area (`reflex_shapes`). With φ = basis functions * v₊ and
+coordinates c(η) of h in that basis, about a shape η₀ and a gain G₀,
 
-    τ ≈ K x + B v + I a + G (c(η₀) + d₀)'φ + Σ_k Δη_k G₀ (∂c/∂η_k)'φ + δ'φ
+    τ ≈ K x + B v + I a + G c(η₀)'φ + Σ_k Δη_k G₀ (∂c/∂η_k)'φ
 
-is linear in 7 + m unknowns. Δη and δ have Gaussian priors; η₀ and d₀ follow the data slowly
-(Gauss-Newton on the separable
-problem: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432). The width of δ's prior is the one
-under which the data are most likely (`log_evidence`; MacKay, Neural Computation 4 (1992) 415-447):
-nearly zero for a second-order muscle, a third of a typical response for the real trials. A basis
-without shapes would need ten free factors throughout: the reflex gain then varies three times as
-much, and is biased by up to 30 % behind a high-pass at 4 Hz.
+is linear in 7 unknowns. Δη has a Gaussian prior; η₀ follows the data slowly (Gauss-Newton on the
+separable problem: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432). A freer response
+(twelve functions, even with a prior) takes up what the model leaves out of the intrinsic pathway:
+on the independent rig G was then off by several times its value under a resonance, friction that
+differs by direction, or a lifting heel.
 """
 
 from __future__ import annotations
@@ -28,7 +25,7 @@ INTRINSIC = 3
 GAINS = 4
 """K, B, I, G: the unknowns that may jump."""
 PARAMETERS = 7
-"""The gains and three changes of shape. The deviations δ follow."""
+"""The gains and three changes of shape."""
 LEAST_GAIN = 0.5
 """G₀ [N.m.s/rad] is at least this: with no reflex at all the shape must stay undetermined, not
 singular.
@@ -40,64 +37,14 @@ have no more digits.
 
 
 @part
-def unpack_sums(
-    sums: np.ndarray, tangent: np.ndarray, normal: np.ndarray, work: np.ndarray
-) -> None:
-    """Sums of products of the signals of the linear problem.
-
-    Parameters
-    ----------
-    sums
-        Packed upper triangle, row by row, of the products of x, v, a, φ_1 ... φ_m, τ.
-    tangent
-        Shape (m, 4): c(η₀) + d₀, and G₀ times the derivatives of c.
-    normal
-        Shape (m + 8, m + 8), replaced; signals as the unknowns, the last row and column belong to
-        the torque.
-    work
-        Shape (m + 4, m + 8), overwritten.
-    """
-    m = tangent.shape[0]
-    size = m + INTRINSIC + 1
-    last = m + PARAMETERS
+def unpack_sums(sums: np.ndarray, normal: np.ndarray) -> None:
+    """Write a packed upper triangle, row by row, into a symmetric matrix, shape (n, n)."""
     k = 0
-    for i in range(size):
-        for j in range(i, size):
-            work[i, j] = sums[k]
-            work[j, i] = sums[k]
+    for i in range(normal.shape[0]):
+        for j in range(i, normal.shape[0]):
+            normal[i, j] = sums[k]
+            normal[j, i] = sums[k]
             k += 1
-    # Behind the sums: the products of each signal with the four combinations of basis functions.
-    for i in range(size):
-        for p in range(4):
-            work[i, size + p] = 0.0
-        for j in range(m):
-            value = work[i, INTRINSIC + j]
-            for p in range(4):
-                work[i, size + p] += value * tangent[j, p]
-    for i in range(INTRINSIC):
-        for j in range(INTRINSIC):
-            normal[i, j] = work[i, j]
-        for p in range(4):
-            normal[i, INTRINSIC + p] = normal[INTRINSIC + p, i] = work[i, size + p]
-        for j in range(m):
-            normal[i, PARAMETERS + j] = normal[PARAMETERS + j, i] = work[i, INTRINSIC + j]
-        normal[i, last] = normal[last, i] = work[i, size - 1]
-    for p in range(4):
-        for q in range(4):
-            total = 0.0
-            for j in range(m):
-                total += tangent[j, p] * work[INTRINSIC + j, size + q]
-            normal[INTRINSIC + p, INTRINSIC + q] = total
-        for j in range(m):
-            normal[INTRINSIC + p, PARAMETERS + j] = normal[PARAMETERS + j, INTRINSIC + p] = work[
-                INTRINSIC + j, size + p
-            ]
-        normal[INTRINSIC + p, last] = normal[last, INTRINSIC + p] = work[size - 1, size + p]
-    for i in range(m):
-        for j in range(m):
-            normal[PARAMETERS + i, PARAMETERS + j] = work[INTRINSIC + i, INTRINSIC + j]
-        normal[PARAMETERS + i, last] = normal[last, PARAMETERS + i] = work[INTRINSIC + i, size - 1]
-    normal[last, last] = work[size - 1, size - 1]
 
 
 @part
@@ -191,31 +138,3 @@ def squared_residual(normal: np.ndarray, size: int, solution: np.ndarray) -> flo
             row += normal[i, j] * solution[j]
         total += solution[i] * row
     return max(total, 0.0)
-
-
-@part
-def log_evidence(
-    normal: np.ndarray,
-    size: int,
-    precision: np.ndarray,
-    mean: np.ndarray,
-    solution: np.ndarray,
-    determinant: float,
-    count: float,
-) -> float:
-    """ln p(data | prior), up to a constant, with the noise variance at its most likely value.
-
-    Parameters
-    ----------
-    normal, size, precision, mean
-        As for `solve_with_prior`.
-    solution, determinant
-        Its results.
-    count
-        Number of samples in the sums.
-    """
-    total = squared_residual(normal, size, solution)
-    for i in range(size):
-        total += precision[i] * (solution[i] - mean[i]) ** 2
-        determinant -= np.log(precision[i])
-    return -0.5 * (count * np.log(total / count) + determinant)

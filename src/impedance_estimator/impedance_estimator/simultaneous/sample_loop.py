@@ -25,8 +25,8 @@ from impedance_estimator.compilation import part, source_fingerprint
 from impedance_estimator.digital_filters import filter_step
 from impedance_estimator.simultaneous.block_update import (
     MIN_SCATTER_LENGTH,
-    choose_deviation,
     choose_noise_model,
+    compare_noise_models,
     detect_change,
     explained,
     forget,
@@ -35,8 +35,6 @@ from impedance_estimator.simultaneous.block_update import (
     outputs,
     response,
     solve_memory,
-    watch_residual,
-    watch_scatter,
 )
 from impedance_estimator.simultaneous.memory import store_block, sum_recent
 from impedance_estimator.simultaneous.memory_length import ask_memory, choose_memory
@@ -53,10 +51,6 @@ from impedance_estimator.simultaneous.signals import (
 from impedance_estimator.simultaneous.state import Plan, State
 
 ESTIMATES = 13
-MODEL_ERROR = np.array([0.01, 0.03, 0.02, 0.02])
-"""K, B, I and G have this relative error beyond the scatter within a recording: a joint is never
-exactly the model. It is part of the standard errors; the size is what was left on the independent
-rig without a mismatch, over recordings of several minutes."""
 
 
 @part
@@ -84,15 +78,6 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
                 p.passband * intrinsic,
                 p.passband * reflex,
             )
-        if model == c.model and learning:
-            residual = w[size]
-            for j in range(INTRINSIC):
-                residual -= s.solution[j] * w[j]
-            for j in range(s.response.shape[0]):
-                residual -= s.response[j] * w[INTRINSIC + j]
-            for j in range(EXTRAS):
-                residual -= s.nuisance.coefficients[j] * w[INTRINSIC + s.response.shape[0] + j]
-            watch_residual(s, residual)
         if learning:
             motion = w[:size]
             instruments = w[size + 1 :] if c.referenced else motion
@@ -109,8 +94,8 @@ def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
     if valid:
         for i in range(GAINS):
             e[1 + i] = s.output[0, i]
-            random = c.variance * max(s.scatter[i], 1.0) * s.output[1, i]
-            e[9 + i] = np.sqrt(random + (MODEL_ERROR[i] * s.output[0, i]) ** 2)
+            random = c.variance * max(s.scatter[c.model, i], 1.0) * s.output[1, i]
+            e[9 + i] = np.sqrt(random + (s.model_error[i] * s.output[0, i]) ** 2)
         e[5], e[6] = c.vaf_intrinsic, c.vaf_total
         s.valid_response[:] = s.response
     e[0] = k.row_time
@@ -212,10 +197,9 @@ def _compile(source: int) -> tuple[Any, Any]:
         c.variance = variance
         response(s, s.solution, s.response)
         if c.blocks % p.second == 0:
-            choose_noise_model(p, s)
             if c.length >= MIN_SCATTER_LENGTH * p.second:
-                choose_deviation(p, s)
-                watch_scatter(p, s)
+                compare_noise_models(p, s)
+            choose_noise_model(p, s)
         if p.lengths.shape[0] > 1:
             after = c.blocks % p.horizon
             if after == 0:

@@ -12,11 +12,7 @@ from impedance_estimator import validity
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator, Expectation
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
-from impedance_estimator.simultaneous.block_update import (
-    BATCH_DURATION,
-    INITIAL_DEVIATIONS,
-    RESIDUAL_LAGS,
-)
+from impedance_estimator.simultaneous.block_update import BATCH_DURATION, INITIAL_DEVIATIONS
 from impedance_estimator.simultaneous.change_detection import candidate_windows
 from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
@@ -113,7 +109,6 @@ class Simultaneous(Estimator):
             basis=functions,
             lags=np.arange(functions.shape[1]) / slow,
             area=functions.sum(axis=1) / slow,
-            typical=reflex_shapes.typical_coordinates(1.0 / slow, count),
             whitening=whitening,
             passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
             block_samples=block_samples,
@@ -137,9 +132,7 @@ class Simultaneous(Estimator):
         size = count + 4
         motion = count + INTRINSIC + nuisance.EXTRAS
         kept = nuisance.packed_size(motion)
-        unknowns = PARAMETERS + count
         memories = len(p.lengths) + 1
-        packed = size * (size + 1) // 2
         models = len(p.whitening)
         n = p.kernels.shape[1] // 2
         estimate = np.full(ESTIMATES, np.nan)
@@ -151,6 +144,7 @@ class Simultaneous(Estimator):
             nuisance=Nuisance(
                 gamma=np.zeros((nuisance.EXTRAS, size)),
                 combine=np.eye(size, motion),
+                unknowns=np.zeros((PARAMETERS + 1, motion)),
                 coefficients=np.zeros(nuisance.EXTRAS),
                 work=np.zeros((size + motion, motion)),
             ),
@@ -169,29 +163,26 @@ class Simultaneous(Estimator):
             ),
             totals=np.zeros((models, kept)),
             eta=np.zeros((3, reflex_shapes.SHAPES)),
-            deviation=np.zeros((3, count)),
             tangent=np.zeros((count, 1 + reflex_shapes.SHAPES)),
             initial=self._initial,
             prior=np.zeros((2, 4)),
-            solution=np.zeros(unknowns),
-            covariance=np.zeros((unknowns, unknowns)),
+            solution=np.zeros(PARAMETERS),
+            covariance=np.zeros((PARAMETERS, PARAMETERS)),
             output=np.zeros((2, GAINS)),
             held=np.zeros(GAINS),
             response=np.zeros(count),
-            likelihood=np.zeros(models),
-            predictors=np.zeros((memories, size)),
+            compared=np.zeros((models, 2, GAINS)),
+            model_error=np.zeros(GAINS),
+            predictors=np.zeros((memories, motion)),
             predicted=np.zeros(memories),
-            scatter=np.ones(GAINS),
+            scatter=np.ones((models, GAINS)),
             signs=np.zeros(len(doubt.SIGNS)),
-            residuals=np.zeros(RESIDUAL_LAGS),
-            autocovariance=np.zeros(RESIDUAL_LAGS),
             estimate=estimate,
             valid_response=np.full(count, np.nan),
-            matrices=np.zeros((7, unknowns + 1, unknowns + 1)),
-            vectors=np.zeros((4, unknowns)),
-            projection=np.zeros((size, size + 4)),
+            matrices=np.zeros((7, PARAMETERS + 1, PARAMETERS + 1)),
+            vectors=np.zeros((4, PARAMETERS)),
             recorded=np.zeros(nuisance.reducible_size(motion)),
-            packed=np.zeros(packed),
+            packed=np.zeros((PARAMETERS + 1) * (PARAMETERS + 2) // 2),
             shape_work=np.zeros((2, lags)),
         )
         self._torque_parts = []

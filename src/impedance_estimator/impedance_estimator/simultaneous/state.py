@@ -14,6 +14,8 @@ class Nuisance(NamedTuple):
     """Γ, shape (e, m + 4)."""
     combine: np.ndarray
     """T, shape (m + 4, n); the last row is what is subtracted from the torque."""
+    unknowns: np.ndarray
+    """The rows of T that belong to the unknowns of `regression`, and its last row, shape (8, n)."""
     coefficients: np.ndarray
     """Coefficients of the nuisance signals, shape (e,)."""
     work: np.ndarray
@@ -36,11 +38,10 @@ COUNTERS = np.dtype(
             "unsettled",
             "left_over",
             "model",
-            "deviation",
+            "detection",
             "batches",
             "finished",
             "referenced",
-            "structure",
             "centred",
         )
     ]
@@ -56,7 +57,6 @@ COUNTERS = np.dtype(
             "delay",
             "added_damping",
             "added_inertia",
-            "structure_gain",
             "doubt",
         )
     ]
@@ -65,7 +65,8 @@ COUNTERS = np.dtype(
 in the ring, blocks in the memory, blocks since the last change and since the last interruption
 (both at most the full memory), which memory is chosen, whether there was a change since the choice,
 whether the estimate since the change is not yet believed in full, how many of the blocks since the
-last change may be from before it, noise model, width of the deviation's prior, batches of scores,
+last change may be from before it, noise model of the estimate and of the detection, batches of
+scores,
 whether a block is complete. Noise variance now and before the last change [N²m²], G₀ [N.m.s/rad],
 VAF [%], mean scatter of the scores [1]."""
 
@@ -85,8 +86,6 @@ class Plan(NamedTuple):
     lags: np.ndarray
     area: np.ndarray
     """Area under each basis function, shape (m,)."""
-    typical: np.ndarray
-    """Standard deviation of each coordinate over all shapes of unit area, shape (m,)."""
     whitening: np.ndarray
     """Sections of every noise model, shape (models, 2, 6)."""
     passband: float
@@ -143,45 +142,42 @@ class State(NamedTuple):
     """Over the memory, shape (models, packed)."""
     eta: np.ndarray
     """η₀; its prior's mean and standard deviation; shape (3, 3)."""
-    deviation: np.ndarray
-    """d₀; its prior's mean, and its standard deviation relative to the chosen one; shape (3, m)."""
     tangent: np.ndarray
-    """c(η₀) + d₀ and G₀ times its derivatives, shape (m, 4)."""
+    """c(η₀) and G₀ times its derivatives, shape (m, 4)."""
     initial: np.ndarray
     """Mean and standard deviation of K, B, I, G and η before any data, shape (2, 7)."""
     prior: np.ndarray
     """Mean and standard deviation of K, B, I, G before the memory, shape (2, 4)."""
     solution: np.ndarray
-    """The unknowns of `regression`, shape (m + 7,)."""
+    """The unknowns of `regression`, shape (7,)."""
     covariance: np.ndarray
-    """Over the noise variance, shape (m + 7, m + 7)."""
+    """Over the noise variance, shape (7, 7)."""
     output: np.ndarray
     """K, B, I, G; their variances over the noise variance; shape (2, 4)."""
     held: np.ndarray
     """K, B, I, G before the last change, shape (4,)."""
     response: np.ndarray
     """Reflex torque per basis function, shape (m,)."""
-    likelihood: np.ndarray
-    """Running ln L of the noise models, shape (models,)."""
+    compared: np.ndarray
+    """K, B, I and G of the whole memory and their variances under each noise model, shape (models,
+    2, 4); zero before there are any."""
+    model_error: np.ndarray
+    """Relative error of K, B, I and G that no scatter within the memory shows, part of their
+    standard errors, shape (4,); see `doubt`."""
     predictors: np.ndarray
-    """K, B, I, reflex per basis function and -1 as each memory has them, shape (memories, m + 4).
-    """
+    """Torque per instrument as each memory predicts it, shape (memories, n)."""
     predicted: np.ndarray
     """Running ln L of the memories' predictions, shape (memories,)."""
     scatter: np.ndarray
-    """Observed over expected variance of the scores of K, B, I and G, shape (4,)."""
+    """Observed over expected variance of the scores of K, B, I and G, shape (models, 4)."""
     signs: np.ndarray
-    """Signs of doubt, shape (5,), in the order of `doubt.SIGNS`."""
-    residuals: np.ndarray
-    """The newest whitened residuals, newest first."""
-    autocovariance: np.ndarray
+    """Signs of doubt, in the order of `doubt.SIGNS`."""
     estimate: np.ndarray
     valid_response: np.ndarray
     matrices: np.ndarray
     vectors: np.ndarray
-    projection: np.ndarray
     recorded: np.ndarray
     """Sums over a stretch, as they are recorded, before they are reduced."""
     packed: np.ndarray
-    """Sums of the block, reduced to the regression's signals, packed."""
+    """Sums over a stretch, reduced to the unknowns' signals, packed."""
     shape_work: np.ndarray
