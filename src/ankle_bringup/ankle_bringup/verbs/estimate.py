@@ -91,6 +91,7 @@ def verb(
     console.print(f", {found.doubtful.sum()} doubtful" if found.doubtful.any() else "")
     console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
     require_valid(found)
+    console.print(f"next, does the model hold: ankle diagnose {bag}", soft_wrap=True)
     return {
         "out": out.resolve(),
         "report": report.resolve(),
