@@ -106,10 +106,10 @@ class Laboratory:
     until it is closed.
     """
 
-    def __init__(self, protocol, host="127.0.0.1", token="", port=0, tls=None):
+    def __init__(self, protocol, host="127.0.0.1", token="", port=0, tls=None, next_of_course=None):
         self.signals = LiveSignals(emg_names=MUSCLES)
         self.rig, self.subject, self.events = FakeRig(), FakeSubject(), []
-        self.session = Session(protocol)
+        self.session = Session(protocol, next_of_course)
         self.runner = SessionRunner(
             self.session, self.signals, self.rig, self.subject, self.events.append, time.time
         )

@@ -13,6 +13,8 @@ import pytest
 from laboratory import Laboratory, short_protocol, until
 from test_pages import PATIENCE, hold_keys, run_to
 
+from biofeedback.session.course import CourseSession, load_course
+
 pytestmark = pytest.mark.live
 
 CHECK = (Path(__file__).parent / "layout_check.js").read_text()
@@ -148,6 +150,43 @@ def test_the_operator_is_led_through_the_check_list(browser, tmp_path):
         laboratory.close()
     written = [event.event for event in laboratory.events if event.event.startswith("check")]
     assert written == ["check done", "check done", "check skipped", "check skipped"]
+
+
+def test_the_pages_of_a_conditioning_course(browser, tmp_path):
+    course = load_course("down_training")
+    trials = CourseSession(course, course.baseline_sessions + 1)
+    for number in range(course.control_trials + 5):
+        trials.record(1e-6 * (1.0 + 0.1 * (number % 7)))
+    laboratory = Laboratory(None, next_of_course=lambda: trials)
+    laboratory.rig.present = False
+    laboratory.runner.checks.names, laboratory.runner.checks.states = (), {}
+    operator, subject = browser.new_page(), browser.new_page()
+    wrong = {}
+    try:
+        for page, path in ((subject, "/"), (operator, "/operator")):
+            page.set_default_timeout(PATIENCE)
+            page.goto(laboratory.url(path))
+        operator.bring_to_front()
+        operator.locator("#link", has_text="● connected").wait_for()
+        laboratory.session.arm(0.0)
+        laboratory.session.start(0.0)
+        operator.locator("#step", has_text="Trials, conditioned").wait_for()
+        operator.locator("#where-what", has_text="trial 25 of 245").wait_for()
+        subject.locator(".v-detail", has_text="Trial 26 of 245").wait_for()
+        assert operator.locator("#target-now", has_text="µV·s").is_visible()
+        for width, height in OPERATOR_SIZES:
+            for name, page in (("operator", operator), ("subject", subject)):
+                page.set_viewport_size({"width": width, "height": height})
+                page.wait_for_timeout(200)
+                if found := page.evaluate(CHECK):
+                    wrong[name, width] = found
+                keep(page, f"course_{name}_{width}")
+        assert laboratory.session.state == "running"
+    finally:
+        operator.close()
+        subject.close()
+        laboratory.close()
+    assert wrong == {}
 
 
 def test_stop_stays_in_sight_when_the_page_is_scrolled(open_sized):
