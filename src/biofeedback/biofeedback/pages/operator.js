@@ -94,7 +94,9 @@ function showFrame(frame) {
   const { session } = last;
   const counting = session.state === "running" || session.kind === "break";
   put(by("remaining"), counting && session.duration > 0 ? clock(frame.remaining) : "");
-  by("bar").style.width = `${session.duration > 0 && counting ? Math.min((100 * frame.elapsed) / session.duration, 100) : 0}%`;
+  const { trials } = last;
+  const part = trials && session.kind === "trials" ? trials.done / trials.planned : session.duration > 0 && counting ? frame.elapsed / session.duration : 0;
+  by("bar").style.width = `${Math.min(100 * part, 100)}%`;
   const quality = { valid: "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet" };
   const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
   const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
@@ -185,6 +187,7 @@ function showForms(state, target) {
   const region = target.lower === null ? "no region" : `${fine(target.lower)}–${fine(target.upper)} ${unit}`;
   put(by("target-now"), `${fine(target.torque)} ± ${fine(target.torque_half_width)} N·m; ${target.feedback}: ${region}`);
   put(by("axis-now"), state.baseline ? `baseline K ${fine(state.baseline.K)}, G ${fine(state.baseline.G)}${ofMvc(state)}` : "no baseline yet");
+  by("set-target").disabled = Boolean(state.trials); // a course sets its target from the subject's own reflexes
   fill(by("target"), { "torque[N.m]": target.torque, "torque_half_width[N.m]": target.torque_half_width, feedback: target.feedback, lower: target.lower, upper: target.upper });
   fill(by("axis"), { x_upper: state.axes.x[1], "y_lower[N.m]": state.axes.y[0], "y_upper[N.m]": state.axes.y[1] });
 }

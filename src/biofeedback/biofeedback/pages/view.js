@@ -77,7 +77,7 @@ export class View {
     put(parts.up, `↑ ${words.axis.up}`);
     put(parts.down, `↓ ${words.axis.down}`);
     put(parts.less, `← ${words.axis.less}`);
-    put(parts.name, words.axis[target.feedback] + (this.screen.units ? ` ${target.feedback} [${target.unit.replaceAll(".", "·")}]; torque [N·m]` : ""));
+    put(parts.name, words.axis[target.feedback] + (this.screen.units ? `${target.feedback.length === 1 ? ` ${target.feedback}` : ""} [${target.unit.replaceAll(".", "·")}]; torque [N·m]` : ""));
     put(parts.more, `${words.axis.more} →`);
     put(parts.foot, session.holds_done ? fill(words.hits, { hits: session.hits, done: session.holds_done }) : "");
     const counts = frame && (session.state === "running" || session.kind === "break");
