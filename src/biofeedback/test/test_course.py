@@ -7,8 +7,10 @@ from importlib import resources
 import numpy as np
 import pytest
 import yaml
+from laboratory import FakeRig, FakeSubject
 
 from biofeedback.errors import CommandError, ProtocolError
+from biofeedback.live_signals import LiveSignals
 from biofeedback.session.conditioning import Conditioning, Response, largest_activity
 from biofeedback.session.course import (
     CONDITIONED,
@@ -21,6 +23,7 @@ from biofeedback.session.course import (
 from biofeedback.session.course_file import CourseFile
 from biofeedback.session.course_record import SessionResult, load_record, new_record, trend
 from biofeedback.session.protocol import BREAK
+from biofeedback.session.runner import SessionRunner
 from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Reading, Session
 from biofeedback.session.simulated_learner import Learner, SimulatedLearner, run_course
 
@@ -345,3 +348,45 @@ def test_a_course_needs_the_largest_contraction_with_emg(tmp_path):
     assert largest_activity(course, {"mvc_plantarflexion": {"SOL[V]": 2e-4}}) == 2e-4
     with pytest.raises(CommandError, match="do the check 'mvc_plantarflexion' with EMG"):
         largest_activity(course, {"mvc_plantarflexion": {"torque[N.m]": 80.0}})
+
+
+class RefusingGenerator:
+    def __init__(self):
+        self.asked, self.refusal = 0, ""
+
+    def give(self):
+        self.asked += 1
+        self.refusal = "the perturbation generator refuses: signal 'pulse_step' runs by itself"
+
+
+def test_a_generator_that_refuses_pauses_the_session_and_stops_the_rig(tmp_path):
+    course = load_course(written(tmp_path, check_list=[]))
+    session = Session(next_of_course=lambda: CourseSession(course, 1))
+    rig, generator, events = FakeRig(), RefusingGenerator(), []
+    runner = SessionRunner(
+        session,
+        LiveSignals(),
+        rig,
+        FakeSubject(),
+        events.append,
+        lambda: 0.0,
+        perturbation=generator,
+    )
+    session.arm(0.0)
+    session.start(0.0)
+    rig.present = False
+    torque, activity = steady(course)
+    reading = Reading(math.nan, math.nan, torque, False, activity)
+    for k in range(200):
+        session.tick(k / 30, reading)
+        runner._follow_perturbation(k / 30)
+    assert (session.state, generator.asked) == (PAUSED, 1)
+    assert "pulse_step" in next(e.details["message"] for e in events if e.event == "fault")
+    assert "stop" in rig.requests
+    # An answer that comes late does not end the next start.
+    generator.refusal = "late"
+    runner._follow_perturbation(7.0)
+    session.arm(7.0)
+    session.start(7.0)
+    runner._follow_perturbation(7.1)
+    assert session.state == RUNNING

@@ -249,11 +249,11 @@ class SessionRunner:
             return
         if self.session.state == RUNNING and conditioning.take_request():
             perturbation.give()
-        if perturbation.refusal and self.session.state == RUNNING:
-            fault = {"node": "course", "message": perturbation.refusal}
-            self.record([SessionEvent("fault", now, fault), *self.session.pause(now)])
+        refusal, perturbation.refusal = perturbation.refusal, ""
+        if refusal and self.session.state == RUNNING:
+            fault = SessionEvent("fault", now, {"node": "course", "message": refusal})
+            self.record([fault, *self.session.pause(now)])
             self._rig.stop()
-            perturbation.refusal = ""
 
     def _follow_checks(self, now: float, found: Snapshot) -> None:
         name = self.checks.tick(now, BodyReading(found.torque, found.angle, found.emg))
