@@ -3,6 +3,7 @@ report, with a recorder that is killed in the middle.
 """
 
 import os
+import re
 import signal
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -54,8 +55,13 @@ def do_check_list(operator):
         entry = operator.locator("#checks li", has_text=title)
         push.fill(value)
         operator.wait_for_timeout(4000)
-        entry.locator("button", has_text="Measure").click()
-        # The last check leaves the list; the log keeps what it gave.
+        # A subject drifts by 0.5 N.m: what fails is measured again, as an operator does it.
+        for _ in range(6):
+            entry.locator("button").first.click()
+            entry.locator("b", has_text="…").wait_for()
+            entry.locator("b", has_text=re.compile("[✓✕]")).wait_for()
+            if entry.locator("b", has_text="✓").count():
+                break
         entry.locator("b", has_text="✓").wait_for()
     push.fill("0")
     operator.locator("#checks li", has_text="Warm-up").locator("button", has_text="Confirm").click()
