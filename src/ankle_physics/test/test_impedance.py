@@ -139,6 +139,8 @@ def test_every_term_says_to_whom_it_belongs():
         "footplate_friction",
         "footplate_gravity",
         "footplate_inertia",
+        "partial_sensor_mode",
+        "plate_appendage",
         "servo_compliance",
         "torque_sensor_lag",
         "torque_sensor_mode",

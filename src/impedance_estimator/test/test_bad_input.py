@@ -216,7 +216,7 @@ def test_wrong_shapes_and_names_are_refused(minute):
         ValueError, match=r"samples of shape \(10, 3\) do not fit; expected \(n, 4\)"
     ):
         make_estimator("CE", 2048.0, True).process(np.zeros((10, 3)))
-    with pytest.raises(ValueError, match="algorithm 'X' is not known; allowed: CE, C, O"):
+    with pytest.raises(ValueError, match="not known; allowed: C, CE, O, simultaneous"):
         EstimateStream("X")
     with pytest.raises(ValueError, match="must have the same length"):
         estimate_signal(np.zeros(10), np.zeros(9), None, np.zeros(10))

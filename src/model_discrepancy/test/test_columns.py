@@ -48,11 +48,14 @@ def _torques(motion: Motion, extra: dict[str, dict[str, float]]) -> tuple[np.nda
 def test_both_make_the_same_torque(motion: Motion, name: str) -> None:
     without, _ = _torques(motion, {})
     extra = {name: STRENGTHS.get(name, {})}
-    if issubclass(term_library()[name], CompliantCoupling):
+    coupled = issubclass(term_library()[name], CompliantCoupling)
+    if coupled:
         extra = {name: {"k_s": 1200.0, "b_s": 1.0}, "footplate_inertia": {"Ip": 0.003}}
     made, said = _torques(motion, extra)
     effect = float(np.std(made - without))
     assert effect > 0.0
-    # A skew, lag or strap is filtered exactly there and sample by sample here; that the reflex
-    # pushes the foot aside is left out there.
-    assert np.std(made - said) < 0.05 * effect + 0.002 * np.std(made)
+    # A skew, lag or strap is filtered exactly there and sample by sample here. Behind a strap the
+    # fit makes the foot's motion of the plate's alone; that the reflex pushes the foot aside, too,
+    # is left out there.
+    share = 0.08 if coupled else 0.05
+    assert np.std(made - said) < share * effect + 0.002 * np.std(made)

@@ -48,6 +48,7 @@ def test_a_name_whose_equation_is_not_quite_right_gives_way_to_its_family(
     effect = SimpleNamespace(
         trial=SimpleNamespace(name=name, held_out=(0.2, 0.2)),
         rivals=[],
+        excluded={},
     )
     final = SimpleNamespace(
         values={name: {"k": 30.0, "T": 0.1}}, errors={}, score=1.0, at_bounds=at_bounds

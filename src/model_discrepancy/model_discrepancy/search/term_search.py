@@ -530,13 +530,23 @@ def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> 
         promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
         trials = [
             _try(fitter, without, s.name, {**without.values, s.name: s.start}, evaluations=8)
-            for s in promising[:RIVALS_REFITTED]
+            for rank, s in enumerate(promising)
+            if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
         ]
         effect.rivals = sorted(
             (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
             key=lambda t: -t.gain,
         )
         effect.excluded = _excluded(effect, final, trials, screened)
+
+
+def _is_simpler_sibling(name: str, other: str) -> bool:
+    """Return whether a term acts where the other one acts, with no more parameters.
+
+    General terms of that place promise as much as a simple one and would crowd it out.
+    """
+    one, two = term_library()[name], term_library()[other]
+    return one.place is two.place and len(one.parameters) <= len(two.parameters)
 
 
 def _excluded(
