@@ -245,7 +245,6 @@ class ModelRun:
         ]
         self._on_foot = [(entry, state) for entry, state in pairs if entry.term.place in FOOT]
         self._sensors = [(entry, state) for entry, state in pairs if entry.term.place in SENSORS]
-        self._rate = rate
         self._states = states
         self._loop: FootLoop | None = None
         if couplings:
@@ -258,8 +257,8 @@ class ModelRun:
     def advance_clock(self, seconds: float) -> None:
         """Let terms that follow the time of the run begin at `seconds` [s] instead of 0."""
         for state in self._states:
-            if "count" in state:
-                state["count"] += round(seconds * self._rate)
+            if "run_time" in state:
+                state["run_time"].skip(seconds)
 
     def snapshot(self) -> Any:
         """Return the state of every term, for `restore`."""

@@ -6,16 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.linear_dynamics import Delay, SecondOrder
+from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, SHORT_LATENCY, ReflexArc
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
-
-# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same
-# kind.
-MUSCLE_DAMPING = 0.8
+from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 
-class ActivationReflexGain(Term):
+class ActivationReflexGain(ReflexArc):
     """Automatic gain compensation: the reflex grows with the background activity of its muscle
     (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque.
     """
@@ -43,17 +39,10 @@ class ActivationReflexGain(Term):
             "1989)",
             linear=True,
         ),
-        Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to 50 ms"),
-        Parameter("omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"),
+        SHORT_LATENCY,
+        MUSCLE_FREQUENCY,
     )
-
-    def start(self, rate: float, seed: int = 0) -> State:
-        return {
-            "delay": Delay(rate, longest=self.parameter("delay").upper),
-            "muscle": SecondOrder(rate),
-        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         drive = signals.activation * np.maximum(signals.drive, 0.0)
-        delayed = state["delay"].run(drive, float(values["delay"]))
-        return {"Gn": state["muscle"].run(delayed, float(values["omega"]), MUSCLE_DAMPING)}
+        return {"Gn": self.response_to(drive, values, state)}

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ankle_physics.operating_angle import operating_angle
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
@@ -49,15 +50,7 @@ class ActivationStiffness(Term):
             "Weiss et al. 1988: the damping ratio is kept, so B rises too",
             linear=True,
         ),
-        Parameter(
-            "xc",
-            "rad",
-            -1.0,
-            1.0,
-            0.0,
-            "angle about which the spring acts; range of the ankle joint",
-            fitted=False,
-        ),
+        operating_angle("angle about which the spring acts"),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -7,16 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.linear_dynamics import Delay, SecondOrder
+from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, ReflexArc
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
-
-# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same
-# kind.
-MUSCLE_DAMPING = 0.8
+from ankle_physics.term import Parameter, Place, State, Values
 
 
-class AntagonistReflex(Term):
+class AntagonistReflex(ReflexArc):
     """Stretch reflex of the shin muscle (tibialis anterior), or the calf's activity falling away
     when it is unloaded; without EMG the two cannot be told apart. It sees the foot's velocity, not
     the calf's reflex input.
@@ -47,16 +43,9 @@ class AntagonistReflex(Term):
             0.045,
             "tibialis anterior: 40 to 50 ms short latency, up to 100 ms long latency",
         ),
-        Parameter("omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"),
+        MUSCLE_FREQUENCY,
     )
-
-    def start(self, rate: float, seed: int = 0) -> State:
-        return {
-            "delay": Delay(rate, longest=self.parameter("delay").upper),
-            "muscle": SecondOrder(rate),
-        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         drive = np.maximum(-signals.foot_velocity, 0.0)
-        delayed = state["delay"].run(drive, float(values["delay"]))
-        return {"Ga": -state["muscle"].run(delayed, float(values["omega"]), MUSCLE_DAMPING)}
+        return {"Ga": -self.response_to(drive, values, state)}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ankle_physics.operating_angle import operating_angle
+from ankle_physics.run_time import RunTime
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
@@ -51,24 +53,14 @@ class CyclicStiffness(Term):
             0.25,
             "breathing 0.2 to 0.3 Hz, stepping 0.5 to 1.2 Hz, slow tracking from 0.05 Hz",
         ),
-        Parameter(
-            "xc",
-            "rad",
-            -1.0,
-            1.0,
-            0.0,
-            "angle about which the spring acts; range of the ankle joint",
-            fitted=False,
-        ),
+        operating_angle("angle about which the spring acts"),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"rate": rate, "count": 0}
+        return {"run_time": RunTime(rate)}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        n = len(signals.position)
-        time = (state["count"] + np.arange(n)) / state["rate"]
-        state["count"] += n
+        time = state["run_time"].advance(len(signals.position))
         phase = 2.0 * np.pi * float(values["frequency"]) * time
         spring = signals.foot_position - values["xc"]
         return {"kc": np.cos(phase) * spring, "ks": np.sin(phase) * spring}

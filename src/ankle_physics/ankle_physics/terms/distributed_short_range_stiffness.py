@@ -10,6 +10,7 @@ import numpy as np
 from ankle_physics.memory_elements import DahlSpring
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.terms.short_range_stiffness import ShortRangeStiffness
 
 # Each yield is three times the one before: from the position noise of the recorded human trials
 # (0.1 mrad) times ten, to the steps of a laboratory (30 mrad). Between neighbours the sum follows
@@ -44,15 +45,7 @@ class DistributedShortRangeStiffness(Term):
             Parameter(f"k{number}", "N.m/rad", 0.0, 2000.0, 15.0, _SOURCE, linear=True)
             for number in range(1, len(YIELDS) + 1)
         ),
-        Parameter(
-            "recovery",
-            "s",
-            0.02,
-            20.0,
-            0.5,
-            "cross-bridge reattachment 0.05 s, thixotropic recovery up to 10 s (Proske & Morgan "
-            "1999)",
-        ),
+        ShortRangeStiffness.parameter("recovery"),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

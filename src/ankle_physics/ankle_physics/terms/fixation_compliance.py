@@ -6,6 +6,8 @@ follow the plate exactly.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
@@ -29,7 +31,7 @@ class FixationCompliance(CompliantCoupling):
         "The straps and the sole give way, so that the foot moves less than the footplate "
         "and rings on it."
     )
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "k_s",
             "N.m/rad",

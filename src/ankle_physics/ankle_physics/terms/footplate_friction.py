@@ -6,6 +6,7 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
+from ankle_physics.terms.coulomb_friction import CoulombFriction
 
 
 class FootplateFriction(Term):
@@ -24,9 +25,7 @@ class FootplateFriction(Term):
         Parameter(
             "F", "N.m", 0.0, 10.0, 0.2, "bearings and seals of ankle rigs: below 2 N.m", linear=True
         ),
-        Parameter(
-            "v0", "rad/s", 0.01, 0.3, 0.03, "a few times the velocity noise of the paper's encoder"
-        ),
+        CoulombFriction.parameter("v0"),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

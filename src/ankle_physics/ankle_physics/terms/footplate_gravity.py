@@ -6,6 +6,7 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
+from ankle_physics.terms.gravity import Gravity
 
 
 class FootplateGravity(Term):
@@ -29,7 +30,7 @@ class FootplateGravity(Term):
             "plate of 1 kg with its centre 0.05 m from the axis; heavy plates up to 20 N.m",
             linear=True,
         ),
-        Parameter("level", "rad", -3.2, 3.2, 0.0, "any posture", fitted=False),
+        Gravity.parameter("level"),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

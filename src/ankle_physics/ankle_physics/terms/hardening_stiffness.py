@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ankle_physics.operating_angle import operating_angle
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
@@ -34,15 +35,7 @@ class HardeningStiffness(Term):
             "K doubles at the end of a step of 0.05 rad for k3 = 1.3e4 N.m/rad^3",
             linear=True,
         ),
-        Parameter(
-            "xc",
-            "rad",
-            -1.0,
-            1.0,
-            0.0,
-            "middle of the curve; range of the ankle joint",
-            fitted=False,
-        ),
+        operating_angle("middle of the curve"),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Values
+from ankle_physics.terms.torque_sensor_mode import TorqueSensorMode
 
 
-class PartialSensorMode(Term):
+class PartialSensorMode(TorqueSensorMode):
     """The load reaches the reading on two ways, and one of them vibrates.
 
     Of a foot on two force cells, or a plate with a stiff and an elastic bearing, a share of the
@@ -29,23 +29,7 @@ class PartialSensorMode(Term):
         "bearings vibrates."
     )
     parameters = (
-        Parameter(
-            "frequency",
-            "Hz",
-            8.0,
-            150.0,
-            30.0,
-            "sensors and footplates of ankle rigs: 20 to 200 Hz; what lies above the recorded "
-            "band cannot be seen",
-        ),
-        Parameter(
-            "damping",
-            "1",
-            0.01,
-            0.9,
-            0.1,
-            "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3",
-        ),
+        *TorqueSensorMode.parameters,
         Parameter(
             "share",
             "1",
@@ -56,17 +40,12 @@ class PartialSensorMode(Term):
         ),
     )
 
-    def start(self, rate: float, seed: int = 0) -> State:
-        return {"mode": SecondOrder(rate)}
-
     def transform(self, signals: Signals, values: Values, state: State) -> None:
-        omega = 2.0 * np.pi * float(values["frequency"])
         share = float(values["share"])
-        ringing = state["mode"].run(signals.torque, omega, float(values["damping"]))
-        signals.torque = (1.0 - share) * signals.torque + share * ringing
+        direct = signals.torque
+        super().transform(signals, values, state)
+        signals.torque = (1.0 - share) * direct + share * signals.torque
 
     def response(self, frequency: np.ndarray, values: Values) -> np.ndarray:
-        ratio = frequency / float(values["frequency"])
         share = float(values["share"])
-        mode = 1.0 / (1.0 - ratio**2 + 2j * float(values["damping"]) * ratio)
-        return 1.0 - share + share * mode
+        return 1.0 - share + share * super().response(frequency, values)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ankle_physics.operating_angle import operating_angle
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
@@ -39,15 +40,7 @@ class PositionDependentStiffness(Term):
             "Weiss et al. 1986: stiffness doubles over 0.2 rad; more over small steps",
             linear=True,
         ),
-        Parameter(
-            "xc",
-            "rad",
-            -1.0,
-            1.0,
-            0.0,
-            "angle at which K is stated; range of the ankle joint",
-            fitted=False,
-        ),
+        operating_angle("angle at which K is stated"),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

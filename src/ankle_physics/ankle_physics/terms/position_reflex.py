@@ -6,16 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.linear_dynamics import Delay, SecondOrder
+from ankle_physics.operating_angle import operating_angle
+from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, ReflexArc
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
-
-# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same
-# kind.
-MUSCLE_DAMPING = 0.8
+from ankle_physics.term import Parameter, Place, State, Values
 
 
-class PositionReflex(Term):
+class PositionReflex(ReflexArc):
     """Tonic stretch reflex of length-sensitive (group II) afferents; it holds as long as the
     stretch does.
     """
@@ -45,25 +42,10 @@ class PositionReflex(Term):
             0.06,
             "group II: 10 to 20 ms later than the short-latency reflex (Grey et al. 2001)",
         ),
-        Parameter("omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"),
-        Parameter(
-            "xc",
-            "rad",
-            -1.0,
-            1.0,
-            0.0,
-            "angle about which it is written; range of the ankle joint",
-            fitted=False,
-        ),
+        MUSCLE_FREQUENCY,
+        operating_angle("angle about which it is written"),
     )
-
-    def start(self, rate: float, seed: int = 0) -> State:
-        return {
-            "delay": Delay(rate, longest=self.parameter("delay").upper),
-            "muscle": SecondOrder(rate),
-        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         drive = signals.foot_position - values["xc"]
-        delayed = state["delay"].run(drive, float(values["delay"]))
-        return {"Gp": state["muscle"].run(delayed, float(values["omega"]), MUSCLE_DAMPING)}
+        return {"Gp": self.response_to(drive, values, state)}

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.linear_dynamics import Delay, SecondOrder
+from ankle_physics.reflex_arc import MUSCLE_DAMPING, MUSCLE_FREQUENCY, ReflexArc
 from ankle_physics.signals import Signals
-from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter, Place, State, Values
 
 
-class Reflex(Term):
+class Reflex(ReflexArc):
     """The reflex pathway of van 't Veld et al. 2018, figure 1 and section III-A (w = 21 rad/s, z =
     0.8, 40 ms).
 
@@ -44,17 +44,10 @@ class Reflex(Term):
             0.040,
             "van 't Veld et al. 2018, figure 1; short-latency reflex of the calf: 35 to 50 ms",
         ),
-        Parameter("omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"),
-        Parameter("z", "1", 0.3, 2.0, 0.8, "van 't Veld et al. 2018, section III-A"),
+        MUSCLE_FREQUENCY,
+        Parameter("z", "1", 0.3, 2.0, MUSCLE_DAMPING, "van 't Veld et al. 2018, section III-A"),
     )
-
-    def start(self, rate: float, seed: int = 0) -> State:
-        return {
-            "delay": Delay(rate, longest=self.parameter("delay").upper),
-            "muscle": SecondOrder(rate),
-        }
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         stretch = np.maximum(signals.drive, 0.0)
-        delayed = state["delay"].run(stretch, float(values["delay"]))
-        return {"G": state["muscle"].run(delayed, float(values["omega"]), float(values["z"]))}
+        return {"G": self.response_to(stretch, values, state, float(values["z"]))}

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, Place, Turn, Values
+from ankle_physics.terms.fixation_compliance import FixationCompliance
 
 # Where the curve goes on straight, in units of 1 / curvature: three times as stiff or a third of it
 # is as far as soft tissue was measured, and an exponential must not overflow.
 _STRAIGHT_BEYOND = 1.1
 
 
-class StiffeningFixation(CompliantCoupling):
+class StiffeningFixation(FixationCompliance):
     """The stiffness of sole and straps rises in proportion to the torque that presses on them.
 
     Soft tissue in compression and webbing in tension follow an exponential (Fung, Biomechanics,
@@ -28,7 +28,6 @@ class StiffeningFixation(CompliantCoupling):
     place = Place.COUPLING
     family = "resonance in the load path"
     separated_by = "steps of several sizes about several mean torques"
-    companions = ("footplate_inertia",)
     generalises = ("fixation_compliance",)
     linear = False
     sentence = "The straps and the sole give way, the less the harder they are pressed."
@@ -39,23 +38,7 @@ class StiffeningFixation(CompliantCoupling):
         "The straps and the sole give way, the less the harder the foot is pushed up.",
     )
     parameters = (
-        Parameter(
-            "k_s",
-            "N.m/rad",
-            200.0,
-            50000.0,
-            2000.0,
-            "as for fixation_compliance: from as soft as the stiffest ankle to rigid",
-        ),
-        Parameter(
-            "b_s",
-            "N.m.s/rad",
-            0.1,
-            100.0,
-            2.0,
-            "damping ratio 0.2 of the foot on 2000 N.m/rad, as soft tissue rings one or two "
-            "periods",
-        ),
+        *FixationCompliance.parameters,
         Parameter(
             "curvature",
             "1/rad",
@@ -66,15 +49,12 @@ class StiffeningFixation(CompliantCoupling):
         ),
     )
 
-    def linearised(self, values: Values) -> tuple[float, float]:
-        return float(values["k_s"]), float(values["b_s"])
-
     def coupling_torque(
         self, extension: np.ndarray, rate: np.ndarray, values: Values
     ) -> np.ndarray:
         curvature = float(values["curvature"])
         if curvature == 0.0:
-            return values["k_s"] * extension + values["b_s"] * rate
+            return super().coupling_torque(extension, rate, values)
         bent = curvature * extension
         near = np.clip(bent, -_STRAIGHT_BEYOND, _STRAIGHT_BEYOND)
         curve = np.expm1(near) + np.exp(near) * (bent - near)

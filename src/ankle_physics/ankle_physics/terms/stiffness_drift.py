@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ankle_physics.operating_angle import operating_angle
+from ankle_physics.run_time import REFERENCE_TIME, RunTime
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
-
-# K is then the stiffness half a minute into the run, the middle of the shortest trial.
-_REFERENCE_TIME = 30.0
 
 
 class StiffnessDrift(Term):
@@ -46,25 +45,15 @@ class StiffnessDrift(Term):
             "a third of B within a minute or two: cross-bridges make both",
             linear=True,
         ),
-        Parameter(
-            "xc",
-            "rad",
-            -1.0,
-            1.0,
-            0.0,
-            "angle about which the spring acts; range of the ankle joint",
-            fitted=False,
-        ),
+        operating_angle("angle about which the spring acts"),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"rate": rate, "count": 0}
+        return {"run_time": RunTime(rate)}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        n = len(signals.position)
-        time = (state["count"] + np.arange(n)) / state["rate"]
-        state["count"] += n
-        since = time - _REFERENCE_TIME
+        time = state["run_time"].advance(len(signals.position))
+        since = time - REFERENCE_TIME
         return {
             "kt": since * (signals.foot_position - values["xc"]),
             "bt": since * signals.foot_velocity,

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankle_physics.memory_elements import Structure
+from ankle_physics.operating_angle import operating_angle
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
@@ -39,9 +40,7 @@ class Thixotropy(Term):
         Parameter(
             "recovery", "s", 0.1, 30.0, 2.0, "Lakie & Campbell 2019: seconds to tens of seconds"
         ),
-        Parameter(
-            "xc", "rad", -1.0, 1.0, 0.0, "resting angle; range of the ankle joint", fitted=False
-        ),
+        operating_angle("resting angle"),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ankle_physics.linear_dynamics import SecondOrder
@@ -21,7 +23,7 @@ class TorqueSensorMode(Term):
     sentence = (
         "After each movement the torque reading rings: the rig or its torque sensor vibrates."
     )
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "frequency",
             "Hz",

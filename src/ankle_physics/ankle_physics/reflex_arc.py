@@ -1,0 +1,57 @@
+"""What the terms of the reflexes share: a delay, and a muscle that answers what drives it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.linear_dynamics import Delay, SecondOrder
+from ankle_physics.term import Parameter, State, Term, Values
+
+# As the short-latency reflex of van 't Veld et al. 2018, section III-A: the muscle is of the same
+# kind.
+MUSCLE_DAMPING = 0.8
+MUSCLE_FREQUENCY = Parameter(
+    "omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"
+)
+# Of terms that change the gain of the short-latency reflex and so act through the same arc.
+SHORT_LATENCY = Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to 50 ms")
+
+
+class ReflexArc(Term):
+    """A term whose torque is a muscle's response to a delayed drive.
+
+    ``torque = w^2/(s^2 + 2 z w s + w^2) * drive(t - delay)`` for each unit of its gain. A subclass
+    has the parameters ``delay`` and ``omega`` and gives the drive in `torque`.
+    """
+
+    def start(self, rate: float, seed: int = 0) -> State:
+        """Make the state for a run at `rate` [Hz]: the delay line and the muscle."""
+        return {
+            "delay": Delay(rate, longest=self.parameter("delay").upper),
+            "muscle": SecondOrder(rate),
+        }
+
+    @staticmethod
+    def response_to(
+        drive: np.ndarray, values: Values, state: State, damping: float = MUSCLE_DAMPING
+    ) -> np.ndarray:
+        """Return the muscle's response to the drive, delayed.
+
+        Parameters
+        ----------
+        drive
+            Shape (n,), in any unit.
+        values
+            Of the term: ``delay`` [s] and ``omega`` [rad/s].
+        state
+            From `start`; it is advanced by n samples.
+        damping
+            Damping ratio of the muscle's response.
+
+        Returns
+        -------
+        ndarray
+            Shape (n,), in the unit of the drive.
+        """
+        delayed = state["delay"].run(drive, float(values["delay"]))
+        return state["muscle"].run(delayed, float(values["omega"]), damping)
