@@ -18,7 +18,6 @@ import fnmatch
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ import yaml
 from ankle_bringup.errors import GraphError
 from ankle_bringup.executables import declared_parameters, find_executable
 from ankle_bringup.suggestion import require_known
+from ankle_interfaces.yaml_text import YamlError, load_named, names_in, parse_yaml, read_text
 
 OF_EVERY_NODE = ("use_sim_time",)  # rclpy declares it
 _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?", re.ASCII)
@@ -114,8 +114,12 @@ class Graph:
                     f"'{setting}' is not 'node.parameter=value', as in 'ankle_sim.K=80.0'"
                 )
             require_known(f"node of this graph (in '{setting}')", name, nodes)
+            try:
+                value = parse_yaml(text)
+            except YamlError as error:
+                raise GraphError(f"'{setting}': {error}") from None
             nodes[name] = replace(
-                nodes[name], parameters={**nodes[name].parameters, parameter: yaml.safe_load(text)}
+                nodes[name], parameters={**nodes[name].parameters, parameter: value}
             )
             changed.add(name)
         for name in changed:
@@ -192,12 +196,7 @@ class Graph:
 
 def known_graphs() -> list[str]:
     """Return the names of the graphs that come with the package."""
-    folder = resources.files("ankle_bringup") / "config"
-    return sorted(
-        entry.name.removesuffix(".yaml")
-        for entry in folder.iterdir()
-        if entry.name.endswith(".yaml")
-    )
+    return names_in("ankle_bringup", "config")
 
 
 def load_graph(name: str) -> Graph:
@@ -209,21 +208,10 @@ def load_graph(name: str) -> Graph:
         No such graph, not YAML, or a node without package or executable; names the file and the
         key.
     """
-    path = Path(name)
-    source = (
-        path
-        if path.suffix in (".yaml", ".yml")
-        else resources.files("ankle_bringup") / "config" / f"{name}.yaml"
-    )
-    if not source.is_file():
-        raise GraphError(
-            f"no graph '{name}': known are {', '.join(known_graphs())}, or give the path of a "
-            ".yaml file"
-        )
     try:
-        content = yaml.safe_load(source.read_text())
-    except yaml.YAMLError as error:
-        raise GraphError(f"{name}: not YAML: {error}") from None
+        content, _ = load_named(name, "ankle_bringup", "config", "graph")
+    except YamlError as error:
+        raise GraphError(str(error)) from None
     if not isinstance(content, dict) or not isinstance(content.get("nodes"), list):
         raise GraphError(f"{name}: a graph has 'description' and a list 'nodes'")
     nodes = []
@@ -268,9 +256,9 @@ def read_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
         The file cannot be read.
     """
     try:
-        content = yaml.safe_load(Path(path).read_text())
-    except yaml.YAMLError as error:
-        raise GraphError(f"{path}: not YAML: {error}") from None
+        content = parse_yaml(read_text(path))
+    except YamlError as error:
+        raise GraphError(f"{path}: {error}") from None
     if not isinstance(content, dict):
         raise GraphError(f"{path}: a parameter file has NODE: {{ros__parameters: ...}}")
     entries = {}

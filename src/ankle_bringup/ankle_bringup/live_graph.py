@@ -21,6 +21,7 @@ from std_srvs.srv import Trigger
 
 from ankle_bringup.errors import RunError
 from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
+from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from ankle_node.node import BLOCK_QOS, LATEST_QOS
 
 # Discovery between processes of one host takes a few tenths of a second.
@@ -180,9 +181,13 @@ def set_parameter(node: Node, name: str, parameter: str, text: str) -> None:
     Raises
     ------
     RunError
-        Refused (the message is the node's own), no such node, or no answer in time.
+        Not YAML, refused (the message is the node's own), no such node, or no answer in time.
     """
-    message = Parameter(parameter, value=yaml.safe_load(text)).to_parameter_msg()
+    try:
+        value = parse_yaml(text)
+    except YamlError as error:
+        raise RunError(f"{parameter} = {text}: {error}") from None
+    message = Parameter(parameter, value=value).to_parameter_msg()
     result = _ask(
         node, name, SetParameters, "set_parameters", SetParameters.Request(parameters=[message])
     ).results[0]

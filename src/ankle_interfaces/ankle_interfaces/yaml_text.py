@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +50,45 @@ def read_text(path: str | Path) -> str:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise YamlError(f"no UTF-8 text: byte {error.start} is 0x{data[error.start]:02x}") from None
+
+
+def load_named(name: str, package: str, folder: str, kind: str) -> tuple[Any, str]:
+    """Return the content and the text of a YAML file of a package, or of one's own.
+
+    Parameters
+    ----------
+    name
+        Name of a file of the package without ``.yaml``, or the path of a YAML file.
+    package, folder
+        Where the package keeps its files, as in ``biofeedback``, ``config/courses``.
+    kind
+        What such a file is, for the error.
+
+    Raises
+    ------
+    YamlError
+        No such file, or it cannot be read; the message is complete.
+    """
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml"):
+        source = path
+    else:
+        with resources.as_file(resources.files(package)) as root:
+            source = root / folder / f"{name}.yaml"
+    if not source.is_file():
+        raise YamlError(
+            f"no {kind} '{name}': known are {', '.join(names_in(package, folder))}, or give the "
+            "path of a .yaml file"
+        )
+    try:
+        text = read_text(source)
+        return parse_yaml(text), text
+    except YamlError as error:
+        raise YamlError(f"{name}: {error}") from None
+
+
+def names_in(package: str, folder: str) -> list[str]:
+    """Return the names of a package's YAML files, without their ending, sorted."""
+    entries = resources.files(package).joinpath(*folder.split("/")).iterdir()
+    names = [entry.name for entry in entries]
+    return sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml"))

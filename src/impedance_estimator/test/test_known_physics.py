@@ -6,7 +6,7 @@ from datetime import datetime, timezone
 
 import numpy as np
 import pytest
-from scipy import signal
+from random_motion import CORE, random_motion
 
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Entry, Model
@@ -21,22 +21,10 @@ from impedance_estimator.known_physics import (
 )
 
 RATE = 2048.0
-CORE = {
-    "inertia": {"I": 0.0137},
-    "viscosity": {"B": 0.63},
-    "stiffness": {"K": 100.0},
-    "reflex": {"G": 10.0},
-}
 
 
 def motion(seconds=8.0):
-    """Smooth random motion of a plate: position, velocity, acceleration."""
-    random = np.random.default_rng(5)
-    sections = signal.butter(4, 15.0, fs=RATE, output="sos")
-    x = signal.sosfilt(sections, random.normal(size=round(seconds * RATE)))
-    x *= 0.02 / x.std()
-    v = np.gradient(x, 1.0 / RATE)
-    return x, v, np.gradient(v, 1.0 / RATE)
+    return random_motion(RATE, seconds)
 
 
 def samples_of(model, x, v, a):

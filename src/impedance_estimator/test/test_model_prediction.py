@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import signal
+from random_motion import CORE, random_motion
 
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
@@ -11,21 +11,10 @@ from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.offline.model_prediction import LEAD, predict_with_model
 
 RATE = 1000.0
-CORE = {
-    "inertia": {"I": 0.0137},
-    "viscosity": {"B": 0.63},
-    "stiffness": {"K": 100.0, "x0": 0.0},
-    "reflex": {"G": 10.0},
-}
 
 
 def motion(seconds=12.0):
-    random = np.random.default_rng(7)
-    sections = signal.butter(4, 12.0, fs=RATE, output="sos")
-    x = signal.sosfilt(sections, random.normal(size=round(seconds * RATE)))
-    x *= 0.02 / x.std()
-    v = np.gradient(x, 1.0 / RATE)
-    return x, v, np.gradient(v, 1.0 / RATE)
+    return random_motion(RATE, seconds, cutoff=12.0, seed=7)
 
 
 def torque_of(terms, x, v, a):

@@ -7,9 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import yaml
 
+from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from emg_driver.muscles import BACKGROUND, MUSCLES, REFLEX
 from impedance_estimator.algorithms import DEFAULT
 from session_analysis.errors import AnalysisError
@@ -131,7 +133,7 @@ def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:
     first: dict[tuple[str, str], tuple[str, Path]] = {}
     for session in sessions:
         for line in session.provenances:
-            stated = yaml.safe_load(line)
+            stated = _stated(line, session.path)
             for key in ("algorithm", "settings", "model", "rig"):
                 whose = "" if key in ("algorithm", "settings") else session.subject
                 value = yaml.safe_dump(stated[key], default_flow_style=True).splitlines()[0]
@@ -141,6 +143,17 @@ def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:
                         f"estimates of different origin are not mixed: {key} is {known} in {path} "
                         f"and {value} in {session.path}; --recompute makes all of them anew"
                     )
+
+
+def _stated(provenance: str, path: Path) -> dict[str, Any]:
+    """Return what the estimates of a bag were made with, by its key."""
+    try:
+        stated = parse_yaml(provenance)
+    except YamlError as error:
+        raise AnalysisError(f"{path}: the origin of its estimates is {error}") from None
+    if not isinstance(stated, dict):
+        raise AnalysisError(f"{path}: the origin of its estimates is no table: {provenance!r}")
+    return stated
 
 
 def write_table(validation: Validation, path: Path) -> None:

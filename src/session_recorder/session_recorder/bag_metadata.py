@@ -19,6 +19,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from session_recorder.errors import BagError
 
 METADATA_FILE = "metadata.yaml"
@@ -109,8 +110,8 @@ def parse_qos_text(text: str) -> tuple[Qos, ...]:
         It is no such text.
     """
     try:
-        return tuple(parse_qos(yaml.safe_load(text) or []))
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+        return tuple(parse_qos(parse_yaml(text) or []))
+    except (YamlError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"not a list of QoS profiles: {' '.join(str(error).split())}") from None
 
 
@@ -178,7 +179,7 @@ def read_metadata(folder: Path) -> Contents:
     """
     path = folder / METADATA_FILE
     try:
-        info = yaml.safe_load(path.read_text(encoding="utf-8"))[ROOT]
+        info = parse_yaml(read_text(path))[ROOT]
         storage = info["storage_identifier"]
         if storage != "mcap":
             raise BagError(
@@ -212,7 +213,7 @@ def read_metadata(folder: Path) -> Contents:
         )
     except OSError as error:
         raise BagError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except YamlError as error:
         raise BagError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
     except (KeyError, TypeError, AttributeError) as error:
         raise BagError(

@@ -16,15 +16,14 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
+from ankle_interfaces.yaml_text import YamlError, load_named
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.session.check_list import checked_names
+from biofeedback.session.plan_keys import check_keys
 
 CONTROL, CONDITIONED = "control", "conditioned"
 UP, DOWN = "up", "down"
@@ -350,27 +349,17 @@ def load_course(name: str) -> Course:
     ProtocolError
         No such file, not YAML, a key that is missing, unknown or out of range.
     """
-    path = Path(name)
-    folder = resources.files("biofeedback") / "config" / "courses"
-    source = path if path.suffix in (".yaml", ".yml") else folder / f"{name}.yaml"
-    if not source.is_file():
-        known = sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir())
-        raise ProtocolError(
-            f"no course '{name}': known are {', '.join(known)}, or give the path of a .yaml file"
-        )
     try:
-        with resources.as_file(source) as file:
-            text = read_text(file)
-        content = parse_yaml(text)
+        content, text = load_named(name, "biofeedback", "config/courses", "course")
     except YamlError as error:
-        raise ProtocolError(f"{name}: {error}") from None
+        raise ProtocolError(str(error)) from None
     return _course(content, name, hashlib.sha256(text.encode()).hexdigest()[:16])
 
 
 def _course(content: Any, name: str, digest: str) -> Course:
     words = {"course", "measure", "muscle", "direction", "background", "check_list"}
-    _check_keys(content, words | set(_TOP), name)
-    _check_keys(content["background"], set(_BACKGROUND), f"{name}: background")
+    check_keys(content, words | set(_TOP), set(), name)
+    check_keys(content["background"], set(_BACKGROUND), set(), f"{name}: background")
     for key, allowed in (
         ("measure", tuple(MEASURES)),
         ("muscle", MUSCLES),
@@ -414,18 +403,6 @@ def _course(content: Any, name: str, digest: str) -> Course:
         ),
         digest=digest,
     )
-
-
-def _check_keys(content: Any, wanted: set[str], where: str) -> None:
-    if not isinstance(content, dict):
-        raise ProtocolError(f"{where}: expected keys {', '.join(sorted(wanted))}")
-    unknown, missing = set(content) - wanted, wanted - set(content)
-    if unknown:
-        raise ProtocolError(
-            f"{where}: unknown key '{min(map(str, unknown))}'; allowed: {', '.join(sorted(wanted))}"
-        )
-    if missing:
-        raise ProtocolError(f"{where}: '{min(missing)}' is missing")
 
 
 def _number(value: Any, key: str, limits: _Range, where: str) -> float:

@@ -7,7 +7,6 @@ months, another computer, or a session that was broken off. It names a subject b
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,8 +16,10 @@ import numpy as np
 import yaml
 from scipy import stats
 
+from ankle_interfaces.yaml_text import parse_yaml, read_text
 from biofeedback.errors import CommandError
 from biofeedback.session.course import CONDITIONED, CONTROL, Course, CourseSession
+from biofeedback.session.durable_file import replace_file
 
 FINAL_SESSIONS = 6
 """Number of sessions at the course's end that are compared with the baseline: as many as the
@@ -176,13 +177,7 @@ def save_record(path: Path, content: Mapping[str, Any]) -> None:
     OSError
         The disk refuses.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".new")
-    with beside.open("w") as stream:
-        yaml.safe_dump(dict(content), stream, sort_keys=False)
-        stream.flush()
-        os.fsync(stream.fileno())
-    beside.replace(path)
+    replace_file(path, yaml.safe_dump(dict(content), sort_keys=False))
 
 
 def load_record(path: Path) -> CourseRecord:
@@ -194,13 +189,13 @@ def load_record(path: Path) -> CourseRecord:
         It cannot be read; says why.
     """
     try:
-        content: dict[str, Any] = yaml.safe_load(path.read_text())
+        content: dict[str, Any] = parse_yaml(read_text(path))
         results = [SessionResult(**entry) for entry in content.pop("results")]
         record = CourseRecord(**content, results=results)
         if [result.number for result in results] != list(range(1, len(results) + 1)):
             raise ValueError("its sessions are not numbered 1, 2, 3 ...")
         return record
-    except (OSError, yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError) as error:
+    except (OSError, TypeError, KeyError, ValueError, AttributeError) as error:
         raise CommandError(f"{path} is no record of a course: {error}") from None
 
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
-from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
+from ankle_interfaces.yaml_text import YamlError, load_named
 from biofeedback.errors import ProtocolError
 from biofeedback.session.check_list import checked_names
+from biofeedback.session.plan_keys import check_keys
 
 BASELINE, REACH, HOLD, BREAK, TRIALS = "baseline", "reach", "hold", "break", "trials"
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
@@ -121,27 +120,10 @@ def load_protocol(name: str) -> Protocol:
     ProtocolError
         No such file, not YAML, a key that is missing, unknown or out of range.
     """
-    path = Path(name)
-    source = (
-        path
-        if path.suffix in (".yaml", ".yml")
-        else resources.files("biofeedback") / "config" / f"{name}.yaml"
-    )
-    if not source.is_file():
-        known = sorted(
-            p.name.removesuffix(".yaml")
-            for p in (resources.files("biofeedback") / "config").iterdir()
-            if p.name.endswith(".yaml")
-        )
-        raise ProtocolError(
-            f"no protocol '{name}': known are {', '.join(known)}, or give the path of a .yaml file"
-        )
     try:
-        with resources.as_file(source) as file:
-            text = read_text(file)
-        content = parse_yaml(text)
+        content, text = load_named(name, "biofeedback", "config", "protocol")
     except YamlError as error:
-        raise ProtocolError(f"{name}: {error}") from None
+        raise ProtocolError(str(error)) from None
     return _protocol(content, name, hashlib.sha256(text.encode()).hexdigest()[:16])
 
 
@@ -155,7 +137,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         "level_half_width[1]",
     )
     optional = {"title", "check_list"}
-    _check_keys(content, {"blocks", *top, *optional}, optional, name)
+    check_keys(content, {"blocks", *top, *optional}, optional, name)
     durations = {key: _number(content, key, name) for key in top}
     if not isinstance(content["blocks"], list) or not content["blocks"]:
         raise ProtocolError(f"{name}: 'blocks' is a list of at least one block")
@@ -163,7 +145,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
     hold_number = 0
     for number, block in enumerate(content["blocks"], start=1):
         where = f"{name}: block {number}"
-        _check_keys(
+        check_keys(
             block, {"feedback", "holds", "reach[s]", "hold[s]"}, {"reach[s]", "hold[s]"}, where
         )
         feedback = block["feedback"]
@@ -182,7 +164,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         for hold in block["holds"]:
             hold_number += 1
             which = f"{where}, hold {hold_number}"
-            _check_keys(hold, set(_HOLD_KEYS), set(), which)
+            check_keys(hold, set(_HOLD_KEYS), set(), which)
             target, level = (_number(hold, key, which) for key in _HOLD_KEYS)
             steps.append(
                 Step(REACH, lengths["reach[s]"], number, hold_number, feedback, target, level)
@@ -198,21 +180,6 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         digest,
         checked_names(content.get("check_list", []), name),
     )
-
-
-def _check_keys(content: Any, allowed: set[str], optional: set[str], where: str) -> None:
-    if not isinstance(content, dict):
-        raise ProtocolError(
-            f"{where}: expected keys {', '.join(sorted(allowed))}; found {content!r}"
-        )
-    unknown, missing = set(content) - allowed, allowed - optional - set(content)
-    if unknown:
-        raise ProtocolError(
-            f"{where}: unknown key '{min(map(str, unknown))}'; allowed: "
-            f"{', '.join(sorted(allowed))}"
-        )
-    if missing:
-        raise ProtocolError(f"{where}: '{min(missing)}' is missing")
 
 
 def _number(content: dict[str, Any], key: str, where: str) -> float:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from biofeedback.errors import CommandError
+from biofeedback.session.durable_file import replace_file
 
 
 def state_folder() -> Path:
@@ -41,13 +42,7 @@ def save(path: Path, content: Mapping[str, Any], now: float) -> None:
     OSError
         The disk refuses.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".new")
-    with beside.open("w") as stream:
-        json.dump({**content, "saved_at[s]": now}, stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    beside.replace(path)
+    replace_file(path, json.dumps({**content, "saved_at[s]": now}))
 
 
 def load(path: Path, now: float, longest: float) -> dict[str, Any] | None:

@@ -23,6 +23,7 @@ import yaml
 
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity
+from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from session_analysis.errors import AnalysisError
 from session_recorder.importing.tables import READERS
 
@@ -173,13 +174,13 @@ class Study:
         self.folder = Path(folder)
         path = self.folder / STUDY_FILE
         try:
-            about = yaml.safe_load(path.read_text(encoding="utf-8"))
+            about = parse_yaml(read_text(path))
         except OSError:
             raise AnalysisError(
                 f"{self.folder} is no study: it has no {STUDY_FILE}; make one with 'ankle study "
                 f"init {self.folder}'"
             ) from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+        except YamlError as error:
             raise AnalysisError(f"{path} is not readable: {' '.join(str(error).split())}") from None
         if not isinstance(about, dict) or about.get("layout") != LAYOUT_VERSION:
             raise AnalysisError(f"{path}: expected 'layout: {LAYOUT_VERSION}'")
