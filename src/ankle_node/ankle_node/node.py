@@ -33,6 +33,7 @@ from ankle_node import declared_parameters, derived_topics
 from ankle_node.health import ERROR, OK, WARN, Health
 from ankle_node.qos import BLOCK_QOS, LATEST_QOS, publisher_qos, reader_qos
 from ankle_node.sources import Sources
+from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
 
 __all__ = ["ACKNOWLEDGED", "BLOCK_QOS", "ERROR", "LATEST_QOS", "OK", "WARN", "AnkleNode", "run"]
 
@@ -399,11 +400,13 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         line on stderr.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with unblocked_output():
+        return _run(make, [*(sys.argv if arguments is None else arguments), *NO_LOG_FILES])
+
+
+def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
     # rclpy's own handlers would close the context at once, with the last blocks still on their way.
-    rclpy.init(
-        args=None if arguments is None else list(arguments),
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node: AnkleNode | None = None
     try:
         stop = StopSignal()
