@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import signal
 import subprocess
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 
@@ -22,6 +22,7 @@ from ankle_bringup.executables import (
     node_command,
 )
 from ankle_bringup.graph import Graph, NodeDescription
+from ankle_node.parent_process import end_with_parent
 
 # A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that
 # rclpy is known to hang at times, so the process is asked again more strictly.
@@ -32,17 +33,6 @@ def become_node(package: str, executable: str, **parameters: object) -> None:
     """Replace this process by a node with these parameters."""
     description = NodeDescription(package, executable, executable, parameters)
     become(node_command(package, executable) + description.ros_arguments())
-
-
-_LIBC = ctypes.CDLL(None)
-_PR_SET_PDEATHSIG = 1
-
-
-def _end_with_parent() -> None:
-    """In a node's process before it begins: Linux is to tell it SIGTERM when its parent ends,
-    however that happens; the driver then stops its rig.
-    """
-    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 _LISTENING = {"biofeedback": "tcp", "rig_emulator": "udp"}
@@ -126,7 +116,8 @@ class Processes:
                 stdin=subprocess.DEVNULL,
                 env=environment,
                 start_new_session=True,
-                preexec_fn=_end_with_parent,
+                # With SIGTERM, on which the driver stops its rig.
+                preexec_fn=partial(end_with_parent, signal.SIGTERM),
             )
 
     def __exit__(

@@ -181,8 +181,8 @@ def test_a_port_in_use_is_named_with_the_process_that_holds_it(tmp_path):
 
 PARENT = """
 import subprocess, sys, time
-from ankle_bringup.processes import _end_with_parent
-child = subprocess.Popen(["sleep", "300"], start_new_session=True, preexec_fn=_end_with_parent)
+from ankle_node.parent_process import end_with_parent
+child = subprocess.Popen(["sleep", "300"], start_new_session=True, preexec_fn=end_with_parent)
 print(child.pid, flush=True)
 time.sleep(300)
 """

@@ -182,7 +182,7 @@ class AnkleSimNode(AnkleNode):
 
     def _offer_services(self) -> None:
         """Offer what a rig's driver offers, so that a stop on a page stops the perturbation."""
-        self._rest = Rest()
+        self._rest = Rest(bool(self.value("at_rest")))
         self._rig_state = self.create_publisher(String, RIG_STATE.name, publisher_qos(RIG_STATE))
         for action in ("arm", "start", "stop", "reset_fault"):
             self.create_service(Trigger, f"~/{action}", partial(self._answer, action))

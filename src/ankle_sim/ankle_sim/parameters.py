@@ -66,6 +66,15 @@ RIG_PARAMETERS = (
         description="Damping ratio of the servo (the usual choice).",
         start_only=True,
     ),
+    Quantity(
+        "at_rest",
+        default=False,
+        description=(
+            "Whether the plate rests until it is armed and started, as a rig's does; else it "
+            "follows the perturbation at once."
+        ),
+        start_only=True,
+    ),
     Quantity("noise", default=True, description="Whether the samples have sensor noise."),
     Quantity(
         "snr_position",

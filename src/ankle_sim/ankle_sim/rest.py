@@ -22,18 +22,23 @@ RUNNING, ARMED, READY = "running", "armed", "ready"
 class Rest:
     """Lets a reference through, or not.
 
+    Parameters
+    ----------
+    at_rest
+        Whether the plate rests until it is armed and started, as a rig's does.
+
     Attributes
     ----------
     state
         `RUNNING` (follows), `ARMED` or `READY` (at rest), by the words of a rig's driver.
     """
 
-    def __init__(self) -> None:
-        self.state = RUNNING
-        self._weight, self._goal = 1.0, 1.0
-        self._from, self._began = 1.0, 0.0
+    def __init__(self, at_rest: bool = False) -> None:
+        self.state = READY if at_rest else RUNNING
+        self._weight = self._goal = self._from = 0.0 if at_rest else 1.0
+        self._began = 0.0
         self._base: float | None = None
-        self._changed = False
+        self._changed = at_rest
 
     def arm(self) -> str:
         """Hold still and be ready to start; gives what to answer."""

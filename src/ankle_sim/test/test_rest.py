@@ -77,3 +77,16 @@ def test_a_stop_during_the_soft_start_holds():
     rest.stop()
     _, motion = follow(rest, 0.9, 0.5)
     assert np.abs(motion[round((STOP_TIME + 0.02) * RATE) :, 1]).max() == 0.0
+
+
+def test_a_plate_that_begins_at_rest_moves_once_it_is_armed_and_started():
+    rest = Rest(at_rest=True)
+    assert rest.state == READY
+    _, motion = follow(rest, 0.0, 0.5)
+    assert np.abs(motion).max() == 0.0
+    assert rest.start() is None
+    rest.arm()
+    assert rest.start()
+    time, motion = follow(rest, 0.5, START_TIME + 0.5)
+    late = time > 0.5 + START_TIME + 0.05
+    np.testing.assert_allclose(motion[late], sine(time[late]), atol=1e-12)

@@ -13,7 +13,15 @@ from biofeedback.session.calibration_files import (
     rig_calibration,
     session_calibration,
 )
-from biofeedback.session.check_list import CHECKS, DONE, FAILED, BodyReading, CheckList
+from biofeedback.session.check_list import (
+    CHECKS,
+    DONE,
+    FAILED,
+    OPEN,
+    RUNNING,
+    BodyReading,
+    CheckList,
+)
 from biofeedback.session.commands import Command
 from biofeedback.session.protocol import load_protocol
 
@@ -59,6 +67,13 @@ def test_a_maximal_contraction_is_what_is_held_not_a_peak(name, sign):
     state, result = measure(checks, name, lambda t: -sign * 40.0)
     assert state == FAILED
     assert "in this direction" in result["problem"]
+
+
+def test_a_contraction_counts_from_the_torque_of_the_relaxed_leg():
+    checks = CheckList(("zero", "mvc_plantarflexion"))
+    measure(checks, "zero", lambda t: -2.5)
+    _, result = measure(checks, "mvc_plantarflexion", lambda t: -42.5 if 1.0 < t < 4.0 else -2.5)
+    assert result["torque[N.m]"] == pytest.approx(-40.0)
 
 
 def test_a_range_of_motion_has_room_for_the_perturbation():
@@ -173,3 +188,16 @@ def test_what_files_answer_needs_no_hand(tmp_path):
 def test_the_shipped_visit_has_the_whole_check_list():
     assert load_protocol("visit").check_list == tuple(CHECKS)
     assert load_protocol("visit").holds == load_protocol("van_t_veld_2018").holds
+
+
+def test_nothing_is_measured_before_samples_are_received(tmp_path):
+    from test_stop import VirtualSession
+
+    virtual = VirtualSession(tmp_path, check_list=("zero",))
+    command = Command(1, "check", {"check": "zero", "act": "begin"})
+    with pytest.raises(CommandError, match="'Zero' cannot be measured: no samples of torque"):
+        asyncio.run(virtual.runner.carry_out(command))
+    assert virtual.runner.checks.states["zero"] == OPEN
+    virtual.signals.feed_samples(np.full((1, 4), virtual.now), 2048.0, virtual.now)
+    asyncio.run(virtual.runner.carry_out(command))
+    assert virtual.runner.checks.states["zero"] == RUNNING

@@ -34,10 +34,10 @@ class VirtualSession:
         self.rig, self.events = FakeRig(), []
         protocol = replace(short_protocol(folder, baseline=60), check_list=check_list)
         self.session = Session(protocol)
-        self.now = 1000.0
+        self.now, self.signals = 1000.0, LiveSignals()
         self.runner = SessionRunner(
             self.session,
-            LiveSignals(),
+            self.signals,
             self.rig,
             FakeSubject(),
             self.events.append,

@@ -21,6 +21,7 @@ from session_analysis.html_page import (
     paragraph,
     table,
 )
+from session_analysis.values import with_error
 
 MAX_POINTS = 4000
 """Largest number of points of a line on the page; more are averaged in groups, which no screen
@@ -75,15 +76,9 @@ def value_rows(found: Answer) -> list[list[str]]:
     for quantity in QUANTITIES:
         name, unit = quantity.rstrip("]").split("[")
         offline = None if found.opinion is None else {"K": found.opinion.K, "G": found.opinion.G}
-        other = "" if offline is None or name not in offline else _text(offline[name])
-        rows.append([name, _text(found.median(quantity)), other, unit])
+        other = "" if offline is None or name not in offline else with_error(offline[name])
+        rows.append([name, with_error(found.median(quantity)), other, unit])
     return rows
-
-
-def _text(value: tuple[float, float]) -> str:
-    if not np.isfinite(value[0]):
-        return "-"
-    return f"{value[0]:.4g} ± {value[1]:.2g}" if np.isfinite(value[1]) else f"{value[0]:.4g}"
 
 
 def _parts(found: Answer) -> list[str]:
@@ -132,10 +127,10 @@ def _opinion(found: Answer) -> list[str]:
             strict=True,
         )
     ):
-        own = [_text(found.median(q, half)) for q in ("K[N.m/rad]", "G[N.m.s/rad]")]
-        rows.append([name, *own, _text(K), _text(G), f"{vaf:.1f}"])
-    own = [_text(found.median(quantity)) for quantity in ("K[N.m/rad]", "G[N.m.s/rad]")]
-    rows.append(["whole recording", *own, _text(opinion.K), _text(opinion.G), ""])
+        own = [with_error(found.median(q, half)) for q in ("K[N.m/rad]", "G[N.m.s/rad]")]
+        rows.append([name, *own, with_error(K), with_error(G), f"{vaf:.1f}"])
+    own = [with_error(found.median(quantity)) for quantity in ("K[N.m/rad]", "G[N.m.s/rad]")]
+    rows.append(["whole recording", *own, with_error(opinion.K), with_error(opinion.G), ""])
     how = (
         "The reference is the instrument: torque that moves a compliant servo does not enter."
         if opinion.response.instrument

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from emg_driver.muscles import (
 )
 from emg_driver.settings import Settings
 from session_analysis.excerpts import Excerpt, estimate_column, smoothed
+from session_analysis.hold_opinions import HoldOpinion
 from session_analysis.table3 import Cell, as_text
 
 COLOURS = (
@@ -29,6 +31,8 @@ COLOURS = (
 )  # Okabe & Ito: told apart by colour-blind readers
 SHOWN_MUSCLE = "SOL"  # as in the paper's figures
 UV = 1e6
+HOLDS_IN_A_ROW = 4
+"""Number of holds beside one another that are still readable on a printed page."""
 
 
 def figure4(excerpt: Excerpt, path: Path) -> None:
@@ -143,3 +147,50 @@ def figure8(excerpt: Excerpt, path: Path) -> None:
 
 def _of_responses(rows: np.ndarray, name: str) -> np.ndarray:
     return smoothed(np.column_stack([rows[:, 0], UV * rows[:, RESPONSE_COLUMNS.index(name)]]))
+
+
+def frequency_figure(opinions: Sequence[HoldOpinion], path: Path) -> None:
+    """Draw gain, phase and coherence from position to torque of each hold, with the fitted model.
+
+    Parameters
+    ----------
+    opinions
+        Of holds that could be judged.
+    path
+        The PNG to write.
+    """
+    bands = -(-len(opinions) // HOLDS_IN_A_ROW)
+    columns = min(len(opinions), HOLDS_IN_A_ROW)
+    figure = Figure(figsize=(max(3.0 * columns, 5.0), 5.5 * bands), layout="constrained")
+    axes = figure.subplots(3 * bands, columns, sharex=True, sharey="row", squeeze=False)
+    for axis in axes.ravel():
+        axis.set_visible(False)
+    for number, one in enumerate(opinions):
+        band, column = divmod(number, HOLDS_IN_A_ROW)
+        _response(axes[3 * band : 3 * band + 3, column], one, column == 0)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
+def _response(axes: np.ndarray, one: HoldOpinion, labelled: bool) -> None:
+    """Draw the frequency response of one hold into three axes, one below the other."""
+    assert one.opinion is not None
+    response = one.opinion.response
+    gain, phase, coherence = axes
+    for values, colour, label in (
+        (response.measured, "0.5", "measured"),
+        (response.model, COLOURS[1], "fitted cascade"),
+    ):
+        gain.plot(response.frequency, np.abs(values), color=colour, lw=1.2, label=label)
+        turned = np.degrees(np.unwrap(np.angle(values)))
+        phase.plot(response.frequency, turned, color=colour, lw=1.2)
+    coherence.plot(response.frequency, response.coherence, color=COLOURS[0], lw=1.2)
+    title = f"{one.subject}, hold {one.hold.number}\n{one.hold.target:g} N·m"
+    gain.set(xscale="log", yscale="log", title=title)
+    coherence.set(ylim=(0.0, 1.02), xlabel="frequency [Hz]")
+    for axis, label in zip(axes, ("gain [N·m/rad]", "phase [°]", "coherence"), strict=True):
+        axis.set_visible(True)
+        axis.tick_params(labelbottom=axis is coherence)
+        if labelled:
+            axis.set_ylabel(label)

@@ -56,9 +56,10 @@ def find_holds(events: Iterable[SessionEvent]) -> tuple[list[Hold], list[Exclude
             if event.event == HOLD_STARTED:
                 begun = event
             else:
+                number = event.details.get("hold", "")
                 excluded.append(
                     Excluded(
-                        f"hold ending at t = {event.time:.1f} s",
+                        f"{f'hold {number}'.strip()} ending at t = {event.time:.1f} s",
                         "its start is not in the recording",
                     )
                 )

@@ -12,6 +12,7 @@ import numpy as np
 
 from ankle_interfaces.block import Block, unpack
 from ankle_interfaces.errors import BlockError
+from ankle_interfaces.topics import ANKLE_SAMPLES
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_node.session_event import SessionEvent, SessionEventError, parse
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC
@@ -22,7 +23,7 @@ from impedance_estimator.offline.recorded_estimates import PROVENANCE_TOPIC, est
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Excluded, Hold, find_holds
 from session_recorder.bag_reader import BagReader
-from session_recorder.loss import account_of_bag
+from session_recorder.loss import Gap, LossAccount, account_of_bag
 from session_recorder.message_definitions import typestore
 
 DOUBT = "doubt[1]"
@@ -63,6 +64,8 @@ class RecordedSession:
     provenances
         What the estimates are made with, as `impedance_estimator.provenance` states it; more than
         one where it changed during the recording, none where the bag does not say.
+    gaps
+        Where samples of the ankle are missing.
     """
 
     path: Path
@@ -73,6 +76,7 @@ class RecordedSession:
     responses: np.ndarray
     notes: list[str]
     provenances: tuple[str, ...] = ()
+    gaps: tuple[Gap, ...] = ()
 
 
 def read_session(
@@ -109,7 +113,8 @@ def read_session(
         raise AnalysisError(
             f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state"
         )
-    notes = [f"{path}: {sentence}" for sentence in account_of_bag(bag).sentences()]
+    losses = account_of_bag(bag)
+    notes = [f"{path}: {sentence}" for sentence in losses.sentences()]
     recorded = (
         []
         if recompute
@@ -171,4 +176,10 @@ def read_session(
         responses,
         notes,
         tuple(dict.fromkeys(stated)),
+        _gaps(losses),
     )
+
+
+def _gaps(losses: LossAccount) -> tuple[Gap, ...]:
+    account = losses.topics.get(ANKLE_SAMPLES.absolute)
+    return () if account is None else tuple(account.gaps)

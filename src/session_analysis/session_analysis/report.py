@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from session_analysis.correlation import CONFIDENCE, LEAST_PAIRS, RESAMPLES
-from session_analysis.figures import figure4, figure5, figure8
+from session_analysis.figures import figure4, figure5, figure8, frequency_figure
 from session_analysis.hold_measures import LEAST_RESPONSES, LEAST_VALID
+from session_analysis.hold_opinions import HoldOpinion
 from session_analysis.holds import SHORTEST_HOLD
 from session_analysis.table3 import PAPER, as_text
 from session_analysis.validation import Validation, write_holds, write_table
+from session_analysis.values import with_error
 
 _STYLE = """body{
 font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
@@ -42,6 +44,20 @@ _CAPTIONS = {
     "figure8": "The same two holds, grey, low-pass filtered at 0.1 Hz. Estimates follow a change "
     "within half a minute, EMG at once. " + _SIGN,
 }
+_ARBITER = (
+    "K and G of each complete hold by the parallel cascade, which sees the whole hold at once and "
+    "has no parametric form, beside the means of the online estimates. Its errors are from the "
+    "scatter of stretches of 10 s; online errors are the means of those that the estimator states. "
+    "The halves of a hold are fitted apart: where they differ by more than their errors, the "
+    "subject changed. The last column says how much of the variance of each half's torque the fit "
+    "of the other half predicts."
+)
+_FREQUENCY = (
+    "Gain and phase from position to torque in each hold, measured (grey) and of the fitted "
+    "cascade (colour), and the coherence of position and torque. Where the coherence is low, "
+    "torque that no movement causes hides the joint; where the two lines part although it is "
+    "high, the joint does what no linear pathway with one reflex does."
+)
 _RULES = (
     f"A hold is used when it lasted {SHORTEST_HOLD:g} s or more and {100 * LEAST_VALID:g} % of its "
     "estimates are valid; a muscle in it when "
@@ -86,6 +102,7 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
             f"<p>{escape(_CAPTIONS[path.stem])}</p>",
         ]
     parts += ["<h2>Holds</h2>", _table(_hold_rows(validation))]
+    parts += _offline_parts(validation.opinions, folder / "frequency_response.png")
     parts += [
         "<h2>Left out</h2>",
         _list([f"{one.what}: {one.reason}" for one in validation.excluded]),
@@ -149,6 +166,49 @@ def _hold_rows(validation: Validation) -> list[list[str]]:
                 background,
                 reflex,
                 counts,
+            ]
+        )
+    return rows
+
+
+def _offline_parts(opinions: list[HoldOpinion], picture: Path) -> list[str]:
+    """Return the holds by both methods, and their frequency responses as a picture."""
+    if not opinions:
+        return []
+    parts = [
+        "<h2>Holds by an offline method</h2>",
+        f"<p>{escape(_ARBITER)}</p>",
+        _table(opinion_rows(opinions)),
+    ]
+    judged = [one for one in opinions if one.opinion is not None]
+    if judged:
+        frequency_figure(judged, picture)
+        parts += ["<h2>From position to torque</h2>", _image(picture)]
+        parts.append(f"<p>{escape(_FREQUENCY)}</p>")
+    return parts
+
+
+def opinion_rows(opinions: list[HoldOpinion]) -> list[list[str]]:
+    """Return online and offline values of each hold as text; the first row names the columns."""
+    head = ["subject", "hold", "target [N·m]", "K online [N·m/rad]", "K offline", "K, its halves"]
+    head += ["G online [N·m·s/rad]", "G offline", "G, its halves", "VAF of the other half [%]"]
+    rows = [head]
+    for one in opinions:
+        own = [one.subject, str(one.hold.number), f"{one.hold.target:g}"]
+        found = one.opinion
+        if found is None:
+            rows.append([*own, with_error(one.K), one.reason, "", with_error(one.G), "", "", ""])
+            continue
+        rows.append(
+            [
+                *own,
+                with_error(one.K),
+                with_error(found.K),
+                " | ".join(map(with_error, found.halves_K)),
+                with_error(one.G),
+                with_error(found.G),
+                " | ".join(map(with_error, found.halves_G)),
+                " | ".join(f"{vaf:.1f}" for vaf in found.held_out_vaf),
             ]
         )
     return rows

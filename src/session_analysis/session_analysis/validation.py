@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from impedance_estimator.algorithms import DEFAULT
 from session_analysis.errors import AnalysisError
 from session_analysis.excerpts import Excerpt, read_excerpt
 from session_analysis.hold_measures import HoldMeasures, measure_hold
+from session_analysis.hold_opinions import HoldOpinion, hold_opinions
 from session_analysis.holds import Excluded
 from session_analysis.recorded_session import RecordedSession, read_session
 from session_analysis.table3 import Cell, table3
@@ -40,6 +41,8 @@ class Validation:
         What a reader should know, one sentence each.
     excerpt
         Signals about two holds, for figures 4 and 8; None where a bag has no samples.
+    opinions
+        Online and offline values of every complete hold, also of one that is left out.
     """
 
     measures: list[HoldMeasures]
@@ -47,6 +50,7 @@ class Validation:
     cells: list[Cell]
     notes: list[str]
     excerpt: Excerpt | None
+    opinions: list[HoldOpinion] = field(default_factory=list)
 
 
 def validate(
@@ -86,6 +90,7 @@ def validate(
     excluded: list[Excluded] = []
     notes: list[str] = []
     sessions: list[RecordedSession] = []
+    opinions: list[HoldOpinion] = []
     for number, bag in enumerate(bags):
         subject = subjects[number] if subjects else ""
         session = read_session(
@@ -104,6 +109,8 @@ def validate(
             if found is not None:
                 measures.append(found)
     _require_one_origin(sessions)
+    for session in sessions:
+        opinions += hold_opinions(session, _named(progress, f"second opinion on {session.path}"))
     if not measures:
         reasons = (
             "; ".join(f"{one.what}: {one.reason}" for one in excluded[:3])
@@ -122,7 +129,7 @@ def validate(
             if one.subject == shown[0].subject and shown[0].hold in one.holds
         )
         excerpt = read_excerpt(session, shown[0], shown[1], _named(progress, "figures"))
-    return Validation(measures, excluded, cells, notes, excerpt)
+    return Validation(measures, excluded, cells, notes, excerpt, opinions)
 
 
 def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:

@@ -81,7 +81,7 @@ def test_the_report_answers_and_needs_no_network(tmp_path):
     assert tuple(table[0]) == ESTIMATE_COLUMNS
     assert len(table) == 2561
     assert (tmp_path / "estimates.png").read_bytes().startswith(b"\x89PNG")
-    assert value_rows(found)[1][1] == "90 ± 1"
+    assert value_rows(found)[1][1] == "90.0 ± 1.0"
     assert found.median("K[N.m/rad]", 1) == (90.0, 1.0)
     assert np.isnan(answer(bag, estimates(valid_from=30.0), "CE", "").median("K[N.m/rad]", 0)[0])
 

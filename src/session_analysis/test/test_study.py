@@ -1,15 +1,19 @@
 """A study: layout and pseudonyms, processing once, reliability, report, export."""
 
+import contextlib
 import json
+import math
+import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import edfio
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from dask.distributed import LocalCluster
+from dask.distributed import Client, LocalCluster, get_task_stream
 
 from ankle_interfaces.block import Block
 from ankle_node.session_event import SessionEvent
@@ -25,6 +29,7 @@ from session_recorder.bag_writer import BagWriter
 from session_recorder.message_definitions import typestore
 
 RATE = 1000
+ANKLE = Path(sys.executable).with_name("ankle")
 SHROUT_FLEISS = np.array(
     [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], float
 )
@@ -152,11 +157,28 @@ def test_results_come_back_from_the_table(study):
     rows = rows_of("S1", 1, 100.0)
     write_results(rows, study.results)
     assert read_results(study.results) == rows
-    assert pq.read_table(study.results).column_names == [
-        *("subject", "visit", "run", "quantity", "value", "error", "doubt"),
-    ]
+    columns = ["subject", "visit", "run", "quantity", "value", "error", "doubt"]
+    assert pq.read_table(study.results).column_names == columns
     with pytest.raises(AnalysisError, match="ankle study run"):
         read_results(study.folder / "nothing.parquet")
+
+
+@pytest.mark.parametrize("reader", ["pandas", "duckdb"])
+def test_tools_of_others_open_the_table(study, reader):
+    library = pytest.importorskip(reader, reason=f"{reader} is not installed")
+    rows = [*rows_of("S1", 1, 100.0), *rows_of("S1", 2, 110.0), *rows_of("S2", 1, math.nan)]
+    write_results(rows, study.results)
+    if reader == "pandas":
+        table = library.read_parquet(study.results)
+        K = table[table.quantity == "K[N.m/rad]"].pivot_table("value", "subject", "visit")
+        assert K.loc["S1"].tolist() == [100.0, 110.0]
+        assert (table.value.isna() == [math.isnan(row.value) for row in rows]).all()
+        return
+    found = library.sql(
+        f"select visit, value, error from '{study.results}' "
+        "where subject = 'S1' and quantity = 'K[N.m/rad]' order by visit"
+    )
+    assert found.fetchall() == [(1, 100.0, 1.0), (2, 110.0, 1.0)]
 
 
 def test_a_recording_is_processed_once_and_again_when_it_changed(study):
@@ -200,14 +222,48 @@ def test_a_study_is_run_and_a_bad_recording_does_not_end_it(study):
     assert len(read_results(study.results)) == len(rows)
     with pytest.raises(AnalysisError, match="no recording"):
         run_study(init_study(study.folder.parent / "empty"), 1)
-    # On a cluster, nothing is computed again that was done here.
-    results = study.folder / "derivatives" / "sub-S07_ses-01_run-01" / "results.json"
-    before = results.stat().st_mtime_ns
-    with LocalCluster(1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
-        again, why = run_study(study, 1, cluster.scheduler_address, diagnosed=False)
-    assert [repr(row) for row in again] == [repr(row) for row in rows]
-    assert list(why) == list(failures)
-    assert results.stat().st_mtime_ns == before
+
+
+@pytest.mark.slow
+@pytest.mark.live
+@pytest.mark.timeout(900)
+def test_a_dask_cluster_computes_what_this_machine_does(study):
+    for visit in (1, 2):
+        entry = study.next_entry("S07", visit)
+        study.add(entry, {})
+        write_bag(entry.source)
+    cluster = LocalCluster(2, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster) as client, get_task_stream(client) as tasks:
+        command = [ANKLE, "study", "run", study.folder, "--no-diagnose", "--scheduler"]
+        subprocess.run([*command, cluster.scheduler_address], check=True)
+    assert len({task["worker"] for task in tasks.data}) == 2
+    computed = read_results(study.results)
+    assert {row.visit for row in computed} == {1, 2}
+    for folder in (study.folder / "derivatives").iterdir():
+        if folder.is_dir():
+            shutil.rmtree(folder)
+    here, failures = run_study(study, 1, diagnosed=False)
+    assert failures == {}
+    assert [repr(row) for row in here] == [repr(row) for row in computed]
+
+
+def members_of(group):
+    """Processes of a process group that still run."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            _, _, rest = stat.read_text().rpartition(")")
+            state, _, of_group = rest.split()[:3]
+            if int(of_group) == group and state != "Z":
+                found.append(int(stat.parent.name))
+    return found
+
+
+def until(condition, what, seconds=10.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.05)
 
 
 @pytest.mark.slow
@@ -218,15 +274,8 @@ def test_a_killed_run_goes_on_where_it_was(study):
         entry = study.next_entry("S07", visit)
         study.add(entry, {})
         write_bag(entry.source)
-    program = (
-        "import sys; from pathlib import Path; "
-        "from session_analysis.study.layout import Study; "
-        "from session_analysis.study.running import run_study\n"
-        "if __name__ == '__main__': run_study(Study(Path(sys.argv[1])), 1, diagnosed=False)"
-    )
-    script = study.folder.parent / "run.py"
-    script.write_text(program)
-    process = subprocess.Popen([sys.executable, str(script), str(study.folder)])
+    command = [ANKLE, "study", "run", study.folder, "--no-diagnose", "--workers", "1"]
+    process = subprocess.Popen(command, start_new_session=True)
     first = study.folder / "derivatives" / "sub-S07_ses-01_run-01" / "results.json"
     deadline = time.monotonic() + 300.0
     while not first.exists():
@@ -235,11 +284,14 @@ def test_a_killed_run_goes_on_where_it_was(study):
         time.sleep(0.05)
     process.kill()
     process.wait()
+    # Its workers have ended with it: nothing computes on unseen.
+    until(lambda: not members_of(process.pid), "the workers ended")
     assert not study.results.exists()
     before = first.stat().st_mtime_ns
-    rows, failures = run_study(study, 1, diagnosed=False)
-    assert failures == {}
+    subprocess.run(command, check=True)
+    rows = read_results(study.results)
     assert {row.visit for row in rows} == {1, 2, 3}
+    assert (study.folder / "derivatives" / "failures.txt").read_text() == ""
     assert first.stat().st_mtime_ns == before
 
 

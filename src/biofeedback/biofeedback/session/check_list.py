@@ -238,7 +238,8 @@ class CheckList:
         if self.remaining(now) > 0.0:
             return None
         name, self._running = self._running, None
-        problem, figures = _evaluate(name, self._readings)
+        rest = float(self.results.get("zero", {}).get("torque[N.m]", 0.0))
+        problem, figures = _evaluate(name, self._readings, rest)
         self.states[name] = FAILED if problem else DONE
         self.results[name] = {"problem": problem} if problem else figures
         return name
@@ -259,8 +260,11 @@ class CheckList:
                 self.results[name] = dict(entry.get("result", {}))
 
 
-def _evaluate(name: str, readings: list[BodyReading]) -> tuple[str, dict[str, float]]:
-    """Give what is wrong with a measurement, empty where nothing is, and its figures."""
+def _evaluate(name: str, readings: list[BodyReading], rest: float) -> tuple[str, dict[str, float]]:
+    """Give what is wrong with a measurement, empty where nothing is, and its figures.
+
+    A contraction is the torque beside that of the relaxed leg, `rest` [N.m].
+    """
     if len(readings) < PLATEAU:
         return "no signals came", {}
     torque = np.array([reading.torque for reading in readings])
@@ -282,7 +286,7 @@ def _evaluate(name: str, readings: list[BodyReading]) -> tuple[str, dict[str, fl
                 {},
             )
         return "", _rounded({"lower[rad]": low, "upper[rad]": high})
-    return _contraction(-1.0 if name == "mvc_plantarflexion" else 1.0, torque, readings)
+    return _contraction(-1.0 if name == "mvc_plantarflexion" else 1.0, torque - rest, readings)
 
 
 def _contraction(

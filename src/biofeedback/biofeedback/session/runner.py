@@ -24,7 +24,7 @@ from typing import Any
 
 from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError
-from biofeedback.live_signals import LiveSignals, Snapshot
+from biofeedback.live_signals import GOOD, LiveSignals, Snapshot
 from biofeedback.session.calibration_files import FileCheck
 from biofeedback.session.check_list import CHECKS, FAILED, BodyReading, CheckList
 from biofeedback.session.commands import Command
@@ -266,9 +266,19 @@ class SessionRunner:
             self.checks.skip(name)
             self.record([SessionEvent("check skipped", now, {"check": name})])
             return
+        if CHECKS[name].duration > 0.0:
+            self._require_samples(CHECKS[name].title, now)
         self.checks.begin(name, now)
         if CHECKS[name].duration == 0.0:
             self._record_check(name, now)
+
+    def _require_samples(self, title: str, now: float) -> None:
+        """Refuse to measure what nothing is received of, as while a rig is still starting."""
+        if self._signals.snapshot(now, self._monotonic).torque_quality != GOOD:
+            raise CommandError(
+                f"'{title}' cannot be measured: no samples of torque and angle are received; wait "
+                "until the rig is ready (see Health)"
+            )
 
     def _read_file_checks(self, now: float) -> None:
         """Answer at once what files answer; what they do not is shown with its reason."""

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ankle_node.parent_process import end_with_parent
 from session_analysis.errors import AnalysisError
 from session_analysis.study.layout import DERIVATIVES, Entry, Study
 from session_analysis.study.recording_results import Row, process
@@ -59,7 +60,7 @@ def run_study(
     rows: dict[str, list[Row]] = {}
     failures: dict[str, str] = {}
     folder = study.folder.resolve()
-    with _executor(workers, scheduler) as submit:
+    with _executor(min(workers, len(entries)), scheduler) as submit:
         futures = {submit(_try, folder, entry, diagnosed): entry for entry in entries}
         for done, (name, found, reason) in enumerate(_results(futures, scheduler), 1):
             if reason:
@@ -88,7 +89,7 @@ def _executor(workers: int, scheduler: str | None) -> Iterator[Callable[..., Any
     if scheduler is None:
         # Fresh processes: compiled code and threads of this one are not copied halfway.
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        with ProcessPoolExecutor(workers, context, end_with_parent) as pool:
             yield pool.submit
         return
     from dask.distributed import Client

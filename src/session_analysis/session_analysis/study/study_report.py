@@ -21,6 +21,7 @@ from session_analysis.html_page import (
 )
 from session_analysis.study.recording_results import Row
 from session_analysis.study.reliability import Reliability, reliability
+from session_analysis.values import with_error
 
 SHOWN = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
 QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")
@@ -145,9 +146,7 @@ def _visit_rows(rows: Sequence[Row]) -> list[list[str]]:
 
 
 def _text(row: Row | None) -> str:
-    if row is None or not np.isfinite(row.value):
-        return "-"
-    return f"{row.value:.4g} ± {row.error:.2g}" if np.isfinite(row.error) else f"{row.value:.4g}"
+    return "-" if row is None else with_error((row.value, row.error))
 
 
 def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list[str]:

@@ -8,7 +8,6 @@ without its digest. It ends with the driver: the pair is closed then, and Linux 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import json
 import select
@@ -19,19 +18,13 @@ import sys
 import time
 
 from ankle_actuator_driver.link.protocol.heartbeats import Heartbeats
+from ankle_node.parent_process import end_with_parent
 from ankle_node.real_time import HEARTBEATS_PRIORITY, take_priority
 
 LARGEST_MESSAGE = 4096
 """[bytes] Longest message to the process: any packet and the letter before it."""
 POLL = 0.005
 """[s] Longest wait of the process for a message: a quarter of the time between heartbeats."""
-_PR_SET_PDEATHSIG = 1
-
-
-def end_with_parent() -> None:
-    """Ask Linux to end this process when its parent ends, however that happens."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class HeartbeatProcess:
