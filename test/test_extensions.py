@@ -158,7 +158,7 @@ def extend(what, workspace):
 
 @pytest.mark.parametrize("what", EVERYWHERE)
 def test_an_extension_is_one_file(what, workspace):
-    """Of a column this is the part that others need not do: publisher and reader are two more."""
+    """One file is changed; a column needs two more, publisher and reader, which others may add."""
     before = changed(workspace)
     extend(what, workspace)
     assert sum(before.get(path) != text for path, text in changed(workspace).items()) == 1

@@ -66,7 +66,7 @@ class LiveMonitor:
         self.latencies: list[float] = []
         """From the time of the last sample in an estimate to its arrival here [s]."""
         self.reference_latencies: list[float] = []
-        """The same for blocks of the perturbation, which no node has worked on [s]."""
+        """From the time of the last sample in a block of the reference to its arrival here [s]."""
         for topic in topics:
             node.create_subscription(
                 Float64MultiArray, topic, self._reader(topic), BLOCK_QOS, raw=True

@@ -294,8 +294,8 @@ def unpack(message: bytes | bytearray | memoryview) -> Block:
 
 
 def _find_layout(view: memoryview) -> tuple[tuple[str, ...], int, int]:
-    """`_layout` of a message, through its cache: the bytes before the samples repeat from block to
-    block.
+    """Return `_layout` of a message, through its cache: the bytes before the samples repeat from
+    block to block.
     """
     size = len(view)
     if size < 40:

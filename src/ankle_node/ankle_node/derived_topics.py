@@ -46,7 +46,8 @@ def plots(node: Node, topic: Topic, columns: Sequence[str]) -> Publish:
         for column, name in topic.plots
         if column in columns
     ]
-    # A tenth less than the period: blocks at a multiple of the rate must not beat with it.
+    # A tenth less than the period: where the blocks come at a multiple of the rate, rounding must
+    # not drop every other message.
     shortest = min((0.9 / (by_name[name].rate or math.inf) for _, name in topic.plots), default=0)
     last = -math.inf
 

@@ -31,7 +31,7 @@ def foot_motion(
     plate: tuple[np.ndarray, np.ndarray],
     rate: float,
 ) -> np.ndarray:
-    """Position, velocity and acceleration of the foot, shape (3, n).
+    """Return the position, velocity and acceleration of the foot, shape (3, n).
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ class JointProfile:
         return f"velocity[{self.position_unit}/s]"
 
     def scale(self, unit: str) -> float:
-        """Ratio of a quantity of this unit, stated for an ankle, to this joint's.
+        """Return the ratio of a quantity of this unit, stated for an ankle, to this joint's.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class JointProfile:
         return cls(**values)
 
     def content(self) -> dict[str, Any]:
-        """Plain data that `from_content` reads back to the same profile."""
+        """Return plain data that `from_content` reads back to the same profile."""
         values = asdict(self)
         return {
             "joint": values.pop("name"),

@@ -30,7 +30,7 @@ class Delay:
         self._past = np.zeros(math.ceil(longest * rate) + 2)
 
     def run(self, x: np.ndarray, delay: float) -> np.ndarray:
-        """Delayed samples, shape (n,).
+        """Return the delayed samples, shape (n,).
 
         Raises
         ------
@@ -73,11 +73,11 @@ class SecondOrder:
         return float(self._state[0]), float(self._state[1]), float(self._state[2])
 
     def run(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
-        """Response y of shape (n,)."""
+        """Return the response y of shape (n,)."""
         return self._respond(x, omega, damping, 1)[0]
 
     def run_with_rates(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
-        """Response and its first and second derivative, shape (3, n)."""
+        """Return the response and its first and second derivative, shape (3, n)."""
         return self._respond(x, omega, damping, 3)
 
     def _respond(self, x: np.ndarray, omega: float, damping: float, rows: int) -> np.ndarray:
@@ -90,8 +90,8 @@ class SecondOrder:
 
 
 def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
-    """Rows of ``[y, y']`` after dt from ``[y, y', x now, x at the end]``, shape (2, 4); input
-    linear in between.
+    """Return the rows of ``[y, y']`` after dt from ``[y, y', x now, x at the end]``, shape (2, 4);
+    input linear in between.
     """
     system = np.zeros((4, 4))
     system[0, 1] = 1.0
@@ -108,7 +108,9 @@ def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
 def _second_order(
     x: np.ndarray, omega: float, damping: float, step: np.ndarray, state: np.ndarray, rows: int
 ) -> np.ndarray:
-    """Response alone (1 row), or with its first and second derivative (3 rows). Changes `state`."""
+    """Return the response alone (1 row), or with its first and second derivative (3 rows). Changes
+    `state`.
+    """
     out = np.empty((rows, x.size))
     y, rate, last = state[0], state[1], state[2]
     for k in range(x.size):
@@ -132,7 +134,7 @@ class FirstOrder:
         self._state = np.zeros(2)  # y, last input
 
     def run(self, x: np.ndarray, time_constant: float) -> np.ndarray:
-        """Response y of shape (n,)."""
+        """Return the response y of shape (n,)."""
         return _first_order(
             np.ascontiguousarray(x, dtype=float), 1.0 / (self._rate * time_constant), self._state
         )

@@ -26,7 +26,7 @@ class DahlSpring:
         self._state = np.full(2, np.nan)  # z, last position
 
     def run(self, x: np.ndarray, yield_size: float, recovery: float = math.inf) -> np.ndarray:
-        """Deflection z of shape (n,) in the unit of x."""
+        """Return the deflection z of shape (n,) in the unit of x."""
         forgetting = math.exp(-1.0 / (self._rate * recovery))
         return _dahl(np.ascontiguousarray(x, dtype=float), yield_size, forgetting, self._state)
 
@@ -118,7 +118,7 @@ class UnequalLag:
         self._state = np.zeros(1)
 
     def run(self, u: np.ndarray, rising: float, falling: float) -> np.ndarray:
-        """Response of shape (n,); time constants in s."""
+        """Return the response of shape (n,); time constants in s."""
         up, down = (
             -math.expm1(-1.0 / (self._rate * rising)),
             -math.expm1(-1.0 / (self._rate * falling)),

@@ -55,7 +55,7 @@ def load_terms(folder: str | Path) -> tuple[str, ...]:
 
 
 def _read(file: Path, module_name: str) -> list[str]:
-    """Names of the terms in one file, checked."""
+    """Return the names of the terms in one file, checked."""
     taken = dict(term_library())
     spec = importlib.util.spec_from_file_location(module_name, file)
     assert spec is not None

@@ -12,7 +12,7 @@ from numba import njit
 def quintic(
     start: np.ndarray, end: np.ndarray, length: float, part: float
 ) -> tuple[float, float, float]:
-    """Position, velocity and acceleration at ``part`` (0 to 1) of an interval.
+    """Return the position, velocity and acceleration at ``part`` (0 to 1) of an interval.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def quintic(
 
 @njit(cache=True)
 def quintic_upsample(knots: np.ndarray, factor: int, length: float) -> np.ndarray:
-    """Values at ``1/factor, ..., factor/factor`` of every interval between knots.
+    """Return the values at ``1/factor, ..., factor/factor`` of every interval between knots.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def quintic_upsample(knots: np.ndarray, factor: int, length: float) -> np.ndarra
 
 @njit(cache=True)
 def quintic_positions(knots: np.ndarray, first: float, step: float, count: int) -> np.ndarray:
-    """Position at ``first + k * step``, k = 0...count-1, counted in intervals between knots of
-    length 1.
+    """Return the position at ``first + k * step``, k = 0...count-1, counted in intervals between
+    knots of length 1.
 
     Parameters
     ----------

@@ -55,7 +55,8 @@ class Sampler:
 def _filter_and_sample(
     signal: np.ndarray, sections: np.ndarray, state: np.ndarray, factor: int, out: np.ndarray
 ) -> None:
-    """Two second-order sections in transposed direct form II; every factor-th output is kept.
+    """Filter through two second-order sections in transposed direct form II; every factor-th output
+    is kept.
 
     Changes `state`, shape (2, 2), and `out`.
     """
@@ -146,7 +147,7 @@ class Noise:
         ]
 
     def add(self, clean: np.ndarray) -> np.ndarray:
-        """Measured samples of shape (n, 3)."""
+        """Return the measured samples of shape (n, 3)."""
         measured = np.empty_like(clean)
         for channel, (stream, deviation) in enumerate(
             zip(self._streams, self._deviations, strict=True)

@@ -184,7 +184,7 @@ class BiofeedbackNode(AnkleNode):
             self._failed.trigger()
 
     def _raise_failure(self) -> None:
-        """In the executor, so that an error of the pages' thread ends the process."""
+        """Raise the error of the pages' thread in the executor, so that it ends the process."""
         if self._failure is not None:
             raise self._failure
 

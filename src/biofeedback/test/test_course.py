@@ -197,7 +197,7 @@ def test_up_training_goes_up():
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_false_trends_are_as_rare_as_the_interval_says():
-    """Of 60 subjects who do not learn, at a level of 95 %: three expected, nine are too many."""
+    """A level of 95 % lets 3 of 60 subjects show a trend who do not learn; nine are too many."""
     found = [trend(*course_of("down_training", 0.0, seed)).found for seed in range(100, 160)]
     assert sum(one != "none" for one in found) <= 8
 

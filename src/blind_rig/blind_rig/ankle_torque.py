@@ -36,8 +36,8 @@ LIFT_TIME = 0.020
 def intrinsic_torque(
     x: float, v: float, scale: float, muscle: Muscle, state: np.ndarray, dt: float
 ) -> float:
-    """Muscle and tissues [N.m] at displacement x [rad] and velocity v [rad/s]; `state` advances by
-    dt [s].
+    """Return the torque of muscle and tissues [N.m] at displacement x [rad] and velocity v [rad/s];
+    `state` advances by dt [s].
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def contact_torque(
 
 @njit(cache=True)
 def _before(history: np.ndarray, now: int, delay: float, dt: float) -> float:
-    """Value of a ring buffer `delay` seconds before index `now`, linear between samples."""
+    """Return value of a ring buffer `delay` seconds before index `now`, linear between samples."""
     back = delay / dt
     whole = int(back)
     part = back - whole
@@ -141,8 +141,8 @@ def _before(history: np.ndarray, now: int, delay: float, dt: float) -> float:
 def _twitch(
     drive: float, omega: float, zeta: float, state: np.ndarray, at: int, dt: float
 ) -> float:
-    """Second-order muscle dynamics with unit gain at rest: ``y'' = omega^2 (drive - y) - 2 zeta
-    omega y'``.
+    """Apply second-order muscle dynamics with unit gain at rest: ``y'' = omega^2 (drive - y) - 2
+    zeta omega y'``.
     """
     state[at + 1] += dt * (omega * omega * (drive - state[at]) - 2.0 * zeta * omega * state[at + 1])
     state[at] += dt * state[at + 1]
@@ -151,8 +151,8 @@ def _twitch(
 
 @njit(cache=True)
 def spindle_drive(v: float, reflex: Reflex) -> float:
-    """Velocity [rad/s] that counts for the motoneurons at a stretch velocity v [rad/s]: threshold,
-    exponent, saturation.
+    """Return the velocity [rad/s] that counts for the motoneurons at a stretch velocity v [rad/s]:
+    threshold, exponent, saturation.
     """
     drive = v - reflex.threshold
     if drive <= 0.0:
@@ -175,7 +175,8 @@ def reflex_torque(
     state: np.ndarray,
     dt: float,
 ) -> tuple[float, float, float]:
-    """Torque of all reflex arcs [N.m], and the drives of the triceps and of its antagonist [rad/s].
+    """Return the torque of all reflex arcs [N.m], and the drives of the triceps and of its
+    antagonist [rad/s].
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ def reflex_torque(
 def reflex_series(
     displacement: np.ndarray, velocity: np.ndarray, reflex: Reflex, dt: float
 ) -> np.ndarray:
-    """Torque of the reflexes [N.m] along a given motion of the foot, shape (n,)."""
+    """Return the torque of the reflexes [N.m] along a given motion of the foot, shape (n,)."""
     torque, state = np.zeros(len(velocity)), np.zeros(REFLEX_STATES)
     state[RESOURCE] = 1.0
     # Arrays that hold the whole motion are ring buffers that never come round, but for the first
@@ -258,8 +259,8 @@ def closed_loop(  # type: ignore[no-untyped-def]
     out: np.ndarray,
     dt: float,
 ) -> None:
-    """Rig and ankle together, step by step; everything that is compiled into it stands in this
-    file, since numba's cache watches this file only.
+    """Simulate rig and ankle together, step by step; everything that is compiled into it stands in
+    this file, since numba's cache watches this file only.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class Plan(NamedTuple):
 
 
 def _deal(names: list[str], count: int, generator: np.random.Generator) -> list[str]:
-    """`count` names, each as often as the others within one, in random order."""
+    """Return `count` names, each as often as the others within one, in random order."""
     dealt: list[str] = []
     while len(dealt) < count:
         dealt += [names[i] for i in generator.permutation(len(names))]

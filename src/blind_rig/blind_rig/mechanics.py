@@ -58,7 +58,9 @@ class Motion(NamedTuple):
 
 
 def cell_stiffness(setup: Setup) -> tuple[float, float]:
-    """Stiffness [N.m/rad] and damping [N.m.s/rad] of the torque cell from the mode of its load."""
+    """Return the stiffness [N.m/rad] and damping [N.m.s/rad] of the torque cell from the mode of
+    its load.
+    """
     rig = setup.rig
     load = rig.plate_inertia + (0.0 if rig.strap_k > 0 else rig.foot_inertia)
     omega = 2 * math.pi * rig.cell_hz
@@ -83,8 +85,8 @@ def servo_gains(setup: Setup) -> tuple[float, float, float]:
 
 
 def gravity_torque(setup: Setup, angle: float) -> float:
-    """Torque that holds the foot at an absolute angle [rad] against gravity [N.m]; positive where
-    the plate must push up.
+    """Return the torque that holds the foot at an absolute angle [rad] against gravity [N.m];
+    positive where the plate must push up.
     """
     rig = setup.rig
     return (
@@ -95,7 +97,7 @@ def gravity_torque(setup: Setup, angle: float) -> float:
 
 
 def _mjcf(setup: Setup, operating_angle: float, dt: float) -> str:
-    """The rig as a MuJoCo model.
+    """Describe the rig as a MuJoCo model.
 
     Angles rise in dorsiflexion: the forefoot (+x) goes up (+z), about the axis -y.
     """
@@ -152,7 +154,7 @@ diaginertia="{rig.plate_inertia} {rig.plate_inertia} {rig.plate_inertia}"/>
 
 @lru_cache(maxsize=1)
 def _mj_step() -> ctypes._CFuncPtr:  # type: ignore[name-defined]
-    """MuJoCo's own step as a C function, which compiled code calls without the interpreter."""
+    """Return MuJoCo's own step as a C function, called by compiled code without the interpreter."""
     folder = Path(mujoco.__file__).parent
     libraries = sorted(
         [

@@ -52,20 +52,20 @@ def _coarse(signal: np.ndarray, step: float) -> np.ndarray:
 
 
 def _resonance(signal: np.ndarray, hertz: float, zeta: float, rate: float) -> np.ndarray:
-    """Second-order mode with unit gain at rest."""
+    """Filter through a second-order mode with unit gain at rest."""
     omega = 2 * math.pi * hertz
     b, a = bilinear([omega**2], [1.0, 2 * zeta * omega, omega**2], fs=rate)
     return lfilter(b, a, signal - signal[0]) + signal[0]
 
 
 def _late(signal: np.ndarray, delay: float, rate: float) -> np.ndarray:
-    """The signal `delay` seconds later, its first value held; linear between samples."""
+    """Return the signal `delay` seconds later, its first value held; linear between samples."""
     index = np.arange(len(signal))
     return np.interp(index - delay * rate, index, signal)
 
 
 def read(motion: Motion, setup: Setup, rate: float, seed: int) -> Reading:
-    """Sensor signals without noise, at the simulation's rate [Hz].
+    """Return the sensor signals without noise, at the simulation's rate [Hz].
 
     `seed` sets the phase of the mains.
     """
@@ -107,7 +107,7 @@ def read(motion: Motion, setup: Setup, rate: float, seed: int) -> Reading:
 
 
 def sample(reading: Reading, sensors: Sensors, rate: float, every: int, seed: int) -> Reading:
-    """Anti-alias filter, sampling of every k-th value, sensor noise.
+    """Filter against aliases, keep every k-th value and add sensor noise.
 
     Noise is white, its power by the SNR [dB] of each channel's fluctuating part.
     """

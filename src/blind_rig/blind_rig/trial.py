@@ -114,7 +114,9 @@ def run(trial: Trial, seconds: float | None = None) -> Run:
 
 
 def _emg(motion: Motion, rate: float, every: int, generator: np.random.Generator) -> np.ndarray:
-    """EMG of four muscles [V], shape (n, 4): noise whose amplitude follows background and drive."""
+    """Return the EMG of four muscles [V], shape (n, 4): noise whose amplitude follows background
+    and drive.
+    """
     ahead = round(ELECTROMECHANICAL_DELAY * rate)
     drives = [
         np.concatenate([signal[ahead:], np.zeros(ahead)])[::every]

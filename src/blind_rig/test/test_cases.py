@@ -53,7 +53,7 @@ def test_every_known_effect_has_an_answer_and_no_unknown_one() -> None:
 
 
 def test_compared_parameters_exist_in_the_library() -> None:
-    """By text, not by import: a renamed parameter would silently never be compared."""
+    """A renamed parameter would never be compared; the text is read, nothing is imported."""
     terms = Path(__file__).resolve().parents[2] / "ankle_physics" / "ankle_physics" / "terms"
     for answer in ANSWERS.values():
         for term, key, _ in answer.parameters.values():

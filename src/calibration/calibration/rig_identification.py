@@ -254,7 +254,7 @@ class _Spectra:
         return irfft(whole, self.length)
 
     def spectrum(self, signal: np.ndarray) -> np.ndarray:
-        """Of a signal of shape (length,)."""
+        """Return the spectrum of a signal of shape (length,)."""
         return rfft(signal, self.length)[self.used]
 
 

@@ -96,8 +96,8 @@ def _scan(
     last: float,
     longest: float,
 ) -> np.ndarray:
-    """Onsets, shape (k, 2); changes `rested_at`, the time of the last rest by direction, NaN where
-    an onset has used it.
+    """Find the onsets, shape (k, 2); changes `rested_at`, the time of the last rest by direction,
+    NaN where an onset has used it.
     """
     found = np.empty((2 * time.size, 2))
     count = 0

@@ -29,7 +29,7 @@ def part(function: Function) -> Function:
 
 
 def source_fingerprint() -> int:
-    """A number that changes with the source of any compiled module of this package.
+    """Return a number that changes with the source of any compiled module of this package.
 
     numba's cache on disk looks at one file only. A function that has this number in its closure
     gets a new entry in the cache when any of the files that it calls has changed.

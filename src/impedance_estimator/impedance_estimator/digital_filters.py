@@ -20,14 +20,14 @@ NO_FILTER = np.zeros((0, 6))
 
 
 def butterworth_lowpass(order: int, cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (k, 6), of a Butterworth low-pass with -3 dB at `cutoff` [Hz], for samples at
-    `rate` [Hz].
+    """Return the sections, shape (k, 6), of a Butterworth low-pass with -3 dB at `cutoff` [Hz], for
+    samples at `rate` [Hz].
     """
     return np.ascontiguousarray(signal.butter(order, cutoff, fs=rate, output="sos"))
 
 
 def bessel_lowpass(order: int, cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (k, 6), of a Bessel low-pass, for samples at `rate` [Hz].
+    """Return the sections, shape (k, 6), of a Bessel low-pass, for samples at `rate` [Hz].
 
     `cutoff` [Hz] is the frequency of the phase midpoint, as in Matlab's ``besself`` and Simulink's
     analog filter block, with which the original algorithm was built.
@@ -46,15 +46,15 @@ def exponential_average(cutoff: float, rate: float) -> np.ndarray:
 
 
 def highpass(cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (1, 6), of a first-order high-pass with -3 dB at `cutoff` [Hz], for samples
-    at `rate` [Hz].
+    """Return the sections, shape (1, 6), of a first-order high-pass with -3 dB at `cutoff` [Hz],
+    for samples at `rate` [Hz].
     """
     return np.ascontiguousarray(signal.butter(1, cutoff, "highpass", fs=rate, output="sos"))
 
 
 def weight_energy(sections: np.ndarray, rate: float) -> float:
-    """Integral of the squared weighting function of a low-pass with unit gain [1/s]: its two-sided
-    noise bandwidth.
+    """Return the integral of the squared weighting function of a low-pass with unit gain [1/s]: its
+    two-sided noise bandwidth.
 
     The inverse is the length [s] of the plain average that has the same variance for white noise.
     """

@@ -39,7 +39,7 @@ MOMENTS = 8
 
 
 def batch_length(cutoff: float) -> float:
-    """Length of a batch [s] under an averaging filter with a cut-off [Hz]."""
+    """Return the length of a batch [s] under an averaging filter with a cut-off [Hz]."""
     return min(BATCH_DURATION, BATCH_PERIOD / cutoff)
 
 
@@ -72,7 +72,7 @@ def average_batch(
 def intrinsic_variance(
     moments: np.ndarray, inverse: np.ndarray, gain: float, factor: float, variance: np.ndarray
 ) -> None:
-    """Variances of K, B and I: the diagonal of R⁻¹ S R⁻¹.
+    """Return the variances of K, B and I: the diagonal of R⁻¹ S R⁻¹.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""This module decides which samples are used and why an estimate is not valid.
+"""Decisions on which samples are used, and the reasons why an estimate is not valid.
 
 A sample is dropped when one of its numbers is not finite or beyond what an ankle or a rig can
 produce, or when its time is not after the newest one. After dropped or missing samples the signal

@@ -1,5 +1,5 @@
 """The simultaneous estimator on the independent simulation: bias, speed, voluntary torque, standard
-errors; CE is what it must beat.
+errors; it must be better than CE.
 """
 
 from itertools import product
@@ -52,7 +52,7 @@ def variation(rows):
 
 
 def rise_times(rows):
-    """Of K 50 -> 150 and G 5 -> 15, from 10 to 90 % [s]; infinite where it is not reached."""
+    """Return 10 to 90 % rise times [s] of K 50 -> 150 and G 5 -> 15; infinite if not reached."""
     after = rows[rows[:, 0] >= AT]
     found = []
     for column, low, high in ((1, 50.0, 150.0), (4, 5.0, 15.0)):

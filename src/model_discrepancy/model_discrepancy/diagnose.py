@@ -164,7 +164,7 @@ def _diagnose_and_report(
 
 
 def augmented_model(diagnosis: Diagnosis) -> Model:
-    """The fitted model, with the missing block as a term where the recording is unexplained.
+    """Return the fitted model, with the missing block as a term where the recording is unexplained.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class ModelDiscrepancy(AnkleNode):
         self._work.put(samples)
 
     def _fit(self) -> None:
-        """The worker: on Linux a thread has a niceness of its own."""
+        """Work in a thread of its own: on Linux a thread has a niceness of its own."""
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         watch = SessionWatch()
         while True:

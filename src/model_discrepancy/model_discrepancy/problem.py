@@ -176,8 +176,8 @@ def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.nda
 
 
 def joint_impedance(base: Fit) -> tuple[float, float, float]:
-    """Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of a fit; 0 where it has no
-    such term.
+    """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of a fit; 0 where
+    it has no such term.
     """
     inertia, viscosity, stiffness = (
         base.values.get(name, {}).get(symbol, 0.0)

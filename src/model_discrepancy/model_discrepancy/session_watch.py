@@ -55,7 +55,7 @@ class RecentSamples:
             self._blocks.clear()
 
     def snapshot(self) -> np.ndarray | None:
-        """The last window, shape (n, 3 or 4); None until it is full."""
+        """Return the last window, shape (n, 3 or 4); None until it is full."""
         with self._lock:
             if not self._blocks:
                 return None
@@ -166,7 +166,7 @@ class SessionWatch:
         return "; ".join([*worse, self._likely_place()]) if worse else None
 
     def _likely_place(self) -> str:
-        """The place of the terms that would explain most of the last window's residual."""
+        """Return the place of the terms that would explain most of the last window's residual."""
         assert self._fitter is not None
         rows = self._fitter.rows
         points = {name: grid(name, rows.count / rows.rate) for name in candidates(self._base)}

@@ -162,7 +162,7 @@ class Multisine(Signal):
             self._faded = math.inf
 
     def _wave(self, lines: np.ndarray, points: int) -> np.ndarray:
-        """Σ Re(lines_k e^(i 2π k j / points)) for j = 0 ... points - 1."""
+        """Return Σ Re(lines_k e^(i 2π k j / points)) for j = 0 ... points - 1."""
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
         spectrum[self._harmonics] = lines * points / 2
         return np.fft.irfft(spectrum, points)

@@ -119,7 +119,7 @@ class PerturbationGeneratorNode(AnkleNode):
                 self._failed.trigger()
 
     def _raise_failure(self) -> None:
-        """In the executor, so that an error of the pacing thread ends the process."""
+        """Raise the pacing thread's error in the executor, so that it ends the process."""
         if self._failure is not None:
             raise self._failure
 

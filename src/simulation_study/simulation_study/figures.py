@@ -157,8 +157,8 @@ def figure6(results: dict[str, dict[str, Any]], path: Path) -> None:
 
 
 def figure7(results: dict[str, dict[str, Any]], path: Path) -> None:
-    """Intrinsic torque after a dorsiflexing step: mean of all stretches, true and as O and CE
-    account for it.
+    """Draw the intrinsic torque after a dorsiflexing step: mean of all stretches, true and as O and
+    CE account for it.
     """
     trial, estimates = _fixed_trials(results)[0]
     recording = record(trial)

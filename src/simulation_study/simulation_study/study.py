@@ -155,8 +155,8 @@ def _named(task: Callable[[Item], dict[str, Any]], trial: Item) -> tuple[str, di
 
 @contextmanager
 def _cluster(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """Dask workers: those of a running scheduler, or processes on this machine that end with the
-    block.
+    """Give Dask workers: those of a running scheduler, or processes on this machine that end with
+    the block.
     """
     if scheduler is not None:
         with Client(scheduler, timeout="10s") as client:

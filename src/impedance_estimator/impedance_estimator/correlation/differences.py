@@ -22,7 +22,8 @@ unrolled.
 
 
 def backward_difference(order: int, rate: float) -> np.ndarray:
-    """Weights [1/s] of x[n], x[n-1], ..., x[n-4] for the first derivative, shape (`LENGTH`,).
+    """Return the weights [1/s] of x[n], x[n-1], ..., x[n-4] for the first derivative, shape
+    (`LENGTH`,).
 
     Raises
     ------
@@ -41,7 +42,7 @@ def backward_difference(order: int, rate: float) -> np.ndarray:
 
 @njit(inline="always")
 def difference_step(weights: np.ndarray, history: np.ndarray, value: float) -> float:
-    """Derivative at the newest sample.
+    """Return the derivative at the newest sample.
 
     Parameters
     ----------

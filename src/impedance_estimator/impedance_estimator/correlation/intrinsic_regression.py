@@ -26,7 +26,7 @@ to a part in a thousand, and sensor noise of that size decides the estimate.
 
 @njit
 def solve_intrinsic(averages: np.ndarray, parameters: np.ndarray, inverse: np.ndarray) -> int:
-    """K, B, I from the running averages of products.
+    """Return K, B, I from the running averages of products.
 
     Parameters
     ----------

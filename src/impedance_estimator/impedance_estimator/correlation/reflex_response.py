@@ -22,12 +22,14 @@ Hz)."""
 
 
 def decimation(rate: float) -> int:
-    """Samples at `rate` [Hz] averaged into one of the decimated signals."""
+    """Return how many samples at `rate` [Hz] are averaged into one decimated sample."""
     return max(round(rate / DECIMATED_RATE), 1)
 
 
 def lags(first: float, last: float, decimated_rate: float) -> np.ndarray:
-    """Lags of the response in decimated samples, shape (k,), nearest to `first` ... `last` [s]."""
+    """Return the lags of the response in decimated samples, shape (k,), nearest to `first` ...
+    `last` [s].
+    """
     return np.arange(round(first * decimated_rate), round(last * decimated_rate) + 1)
 
 
@@ -72,7 +74,7 @@ def average_correlations(
 
 @njit
 def convolve_now(weights: np.ndarray, history: np.ndarray, first_lag: int) -> float:
-    """Σ_k weights_k history[first_lag + k]."""
+    """Return Σ_k weights_k history[first_lag + k]."""
     total = 0.0
     for k in range(weights.shape[0]):
         total += weights[k] * history[first_lag + k]

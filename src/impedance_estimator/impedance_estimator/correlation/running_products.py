@@ -51,7 +51,7 @@ def add_products(sums: np.ndarray, signals: np.ndarray) -> None:
 def average_products(
     sections: np.ndarray, state: np.ndarray, averages: np.ndarray, sums: np.ndarray
 ) -> None:
-    """The products of one decimated sample (8 ms, a thousandth of the memory) into the running
+    """Take the products of one decimated sample (8 ms, a thousandth of the memory) into the running
     averages; clears the sums.
 
     Parameters

@@ -174,7 +174,9 @@ def _restart_all(p: Plan, s: State, x: float, v: float, torque: float) -> None:
 
 @njit
 def _operating_point(mean: np.ndarray, longest: float, position: float) -> float:
-    """Position from its running mean, over all samples so far and later over `longest` samples."""
+    """Return the position from its running mean, over all samples so far and later over `longest`
+    samples.
+    """
     mean[1] = min(mean[1] + 1.0, longest)
     mean[0] += (position - mean[0]) / mean[1]
     return position - mean[0]
@@ -244,7 +246,7 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
 
 @njit
 def _close_batch(p: Plan, s: State) -> None:
-    """Averages of the scores over one batch into the standard errors."""
+    """Take the averages of the scores over one batch into the standard errors."""
     c = s.clock[0]
     c.batch = 0
     if _predicting(p, c.settled):
@@ -257,8 +259,8 @@ def _close_batch(p: Plan, s: State) -> None:
 
 @njit
 def _variance_accounted_for(moments: np.ndarray, which: int) -> float:
-    """100 (1 - var(residual) / var(torque)) [%] from running moments; NaN where the torque does not
-    vary.
+    """Return 100 (1 - var(residual) / var(torque)) [%] from running moments; NaN where the torque
+    does not vary.
     """
     gain = moments[6]
     if not gain > 0.0:

@@ -105,6 +105,7 @@ SCATTER_MEMORY = 60.0
 
 @part
 def forget(s: State) -> None:
+    """Begin anew: everything learnt from earlier samples is dropped."""
     c = s.counters[0]
     s.sums[:] = 0.0
     s.totals[:] = 0.0
@@ -162,7 +163,8 @@ def linearise(p: Plan, s: State) -> None:
 @part
 def _combine_unknowns(s: State) -> None:
     """Signals of the unknowns as combinations of the recorded ones, and what is subtracted from the
-    torque."""
+    torque.
+    """
     combine, unknowns = s.nuisance.combine, s.nuisance.unknowns
     unknowns[:INTRINSIC] = combine[:INTRINSIC]
     unknowns[PARAMETERS] = combine[-1]
@@ -184,7 +186,7 @@ def forget_shape(s: State) -> None:
 
 @part
 def _prior(s: State, precision: np.ndarray, mean: np.ndarray) -> None:
-    """Prior of all unknowns; the precision still without the noise variance."""
+    """Return the prior of all unknowns; the precision still without the noise variance."""
     for i in range(GAINS):
         precision[i] = 1.0 / s.prior[1, i] ** 2
         mean[i] = s.prior[0, i]
@@ -198,7 +200,8 @@ def solve_memory(
     p: Plan, s: State, blocks: int, solution: np.ndarray, covariance: np.ndarray
 ) -> float:
     """Solve for all unknowns over `blocks` blocks, whose normal matrix is `s.matrices[0]`; the
-    noise variance, NaN where the data do not determine them."""
+    noise variance, NaN where the data do not determine them.
+    """
     c = s.counters[0]
     normal, work = s.matrices[0], s.matrices[1:3]
     precision, mean = s.vectors[0], s.vectors[1]
@@ -213,7 +216,9 @@ def solve_memory(
 
 @part
 def response(s: State, solution: np.ndarray, coordinates: np.ndarray) -> None:
-    """Reflex torque per basis function, shape (m,), from a solution of the linear problem."""
+    """Return the reflex torque per basis function, shape (m,), from a solution of the linear
+    problem.
+    """
     for j in range(coordinates.shape[0]):
         coordinates[j] = 0.0
         for i in range(PARAMETERS - INTRINSIC):
@@ -222,6 +227,7 @@ def response(s: State, solution: np.ndarray, coordinates: np.ndarray) -> None:
 
 @part
 def detect_change(p: Plan, s: State) -> None:
+    """Look for a change of the joint in the memory, and shorten the memory to what came after."""
     c = s.counters[0]
     sum_recent(s, c.detection, c.since, s.matrices[6], 0)
     window, d, noise = find_change(
@@ -267,8 +273,9 @@ def detect_change(p: Plan, s: State) -> None:
 
 @part
 def compare_noise_models(p: Plan, s: State) -> None:
-    """Estimates and standard errors of the whole memory under every noise model, and the scatter
-    of their scores."""
+    """Return the estimates and standard errors of the whole memory under every noise model, and the
+    scatter of their scores.
+    """
     c = s.counters[0]
     weight = 1.0 / min(c.batches + 1.0, SCATTER_MEMORY)
     for model in range(s.ring.shape[0]):
@@ -287,8 +294,9 @@ def compare_noise_models(p: Plan, s: State) -> None:
 
 @part
 def choose_noise_model(p: Plan, s: State) -> None:
-    """The lowest corner whose standard errors are not much larger than those under another; the low
-    one only with a memory that is long enough."""
+    """Return the lowest corner whose standard errors are not much larger than those under another;
+    the low one only with a memory that is long enough.
+    """
     c = s.counters[0]
     short = c.unsettled or c.length < LOW_CORNER_DURATION * p.second
     least, best = np.inf, c.detection
@@ -309,7 +317,7 @@ def choose_noise_model(p: Plan, s: State) -> None:
 
 @part
 def outputs(p: Plan, s: State) -> None:
-    """K, B, I, G and, in units of the noise variance, their variances."""
+    """Return K, B, I, G and, in units of the noise variance, their variances."""
     c = s.counters[0]
     for i in range(GAINS):
         s.output[0, i], s.output[1, i] = s.solution[i], s.covariance[i, i]
@@ -366,8 +374,8 @@ def _watch_scatter(
 
 @part
 def explained(p: Plan, s: State) -> None:
-    """Variance of the torque (above the lowest corner) that both pathways and the intrinsic one
-    account for.
+    """Return the variance of the torque (above the lowest corner) that both pathways and the
+    intrinsic one account for.
     """
     c = s.counters[0]
     normal = s.matrices[0]

@@ -65,7 +65,7 @@ def split_statistic(
     work: np.ndarray,
     solution: np.ndarray,
 ) -> float:
-    """D for one split.
+    """Return D for one split.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def find_change(
     work: np.ndarray,
     vectors: np.ndarray,
 ) -> tuple[int, float, float]:
-    """The window with the largest D, that D, and the noise variance beside it; zeros where the
+    """Find the window with the largest D, that D, and the noise variance beside it; zeros where the
     memory is too short.
 
     Parameters

@@ -291,7 +291,7 @@ def behind_delay(
 
 
 def _state_delay(p: Plan, s: State) -> None:
-    """The delay of the torque behind the motion, and what it adds to B and I."""
+    """Return the delay of the torque behind the motion, and what it adds to B and I."""
     c = s.counters[0]
     response = intrinsic_response(p, s)
     delays = np.arange(-LARGEST_DELAY, LARGEST_DELAY + DELAY_STEP / 2.0, DELAY_STEP)

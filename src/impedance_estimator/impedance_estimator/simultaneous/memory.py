@@ -14,7 +14,7 @@ from impedance_estimator.simultaneous.state import Plan, State
 
 @part
 def sum_memory(s: State, model: int) -> None:
-    """The total of one model anew from its blocks."""
+    """Sum the total of one model anew from its blocks."""
     c = s.counters[0]
     total, ring = s.totals[model], s.ring[model]
     total[:] = 0.0
@@ -42,6 +42,7 @@ def use_chosen_memory(p: Plan, s: State) -> None:
 
 @part
 def store_block(p: Plan, s: State) -> None:
+    """Add the newest block to the memory; the oldest one leaves a memory that is full."""
     c = s.counters[0]
     capacity = s.ring.shape[1]
     c.newest = (c.newest + 1) % capacity
@@ -69,7 +70,9 @@ def store_block(p: Plan, s: State) -> None:
 
 @part
 def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int) -> None:
-    """Sums of products of the newest blocks, but for the last `after`, under a noise model."""
+    """Return the sums of products of the newest blocks, but for the last `after`, under a noise
+    model.
+    """
     c = s.counters[0]
     ring = s.ring[model]
     if after == 0 and blocks == c.length:

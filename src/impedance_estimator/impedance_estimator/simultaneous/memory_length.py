@@ -44,8 +44,8 @@ LARGEST_DISPERSION = 50.0
 
 
 def memory_lengths(seconds: float, block: float, changes: bool) -> np.ndarray:
-    """Lengths in blocks, falling from the full memory by factors of two; only the full one without
-    `changes`; shape (k,).
+    """Return the lengths in blocks, falling from the full memory by factors of two; only the full
+    one without `changes`; shape (k,).
     """
     lengths = [seconds]
     while changes and lengths[-1] / 2.0 >= SHORTEST_MEMORY:

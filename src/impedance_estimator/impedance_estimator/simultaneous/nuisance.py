@@ -60,7 +60,7 @@ def accumulate(sums: np.ndarray, z: np.ndarray, x: np.ndarray, torque: float, bo
 
 
 def reducible_size(signals: int) -> int:
-    """Numbers of `accumulate` that `reduce_sums` needs: Z'Z, Z'τ and τ'τ."""
+    """Return how many numbers of `accumulate` `reduce_sums` needs: Z'Z, Z'τ and τ'τ."""
     return signals * (signals + 1) // 2 + signals + 1
 
 
@@ -73,7 +73,7 @@ def packed_size(signals: int) -> int:
 def reduce_sums(
     sums: np.ndarray, combine: np.ndarray, reduced: np.ndarray, work: np.ndarray
 ) -> None:
-    """Sums of products of the regression's signals: T' S T.
+    """Return the sums of products of the regression's signals: T' S T.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def reduce_sums(
 
 @part
 def nuisance_coefficients(p: Plan, s: State) -> None:
-    """Coefficients of the nuisance signals under the present solution."""
+    """Return the coefficients of the nuisance signals under the present solution."""
     w = s.nuisance
     base = p.functions.shape[1] + INTRINSIC
     for extra in range(EXTRAS):

@@ -50,7 +50,7 @@ _GRID = (16, 9, 16)
 
 
 def shape(eta: np.ndarray, lags: np.ndarray) -> np.ndarray:
-    """h(t; η) [1/s], each value the mean over the interval around its lag, shape (n,).
+    """Return h(t; η) [1/s], each value the mean over the interval around its lag, shape (n,).
 
     The response begins with a kink. Its plain samples, summed, miss the area by up to (step ω)² /
     12; its means do not.
@@ -69,7 +69,7 @@ def shape(eta: np.ndarray, lags: np.ndarray) -> np.ndarray:
 
 @part
 def _step_response(w: float, z: float, t: float) -> float:
-    """∫₀ᵗ of the undelayed response [1]."""
+    """Return ∫₀ᵗ of the undelayed response [1]."""
     if t <= 0.0:
         return 0.0
     q = z * z - 1.0
@@ -116,7 +116,7 @@ def _basis(step: float, size: int) -> np.ndarray:
 
 
 def basis(step: float, size: int = BASIS) -> np.ndarray:
-    """b_j(t), orthonormal, shape (size, n), at lags 0, step, ... [s]."""
+    """Return b_j(t), orthonormal, shape (size, n), at lags 0, step, ... [s]."""
     return _basis(step, size).copy()
 
 
@@ -137,7 +137,7 @@ def shape_coordinates(
     work: np.ndarray,
     coordinates: np.ndarray,
 ) -> None:
-    """c(η) and its derivatives by ln ω, ln z and delay.
+    """Return c(η) and its derivatives by ln ω, ln z and delay.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ def solve_with_prior(
 
 @part
 def squared_residual(normal: np.ndarray, size: int, solution: np.ndarray) -> float:
-    """Σ e² under a solution, from the sums alone."""
+    """Return Σ e² under a solution, from the sums alone."""
     right = normal.shape[0] - 1
     total = normal[right, right]
     for i in range(size):

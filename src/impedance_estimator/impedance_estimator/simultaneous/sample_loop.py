@@ -55,7 +55,7 @@ ESTIMATES = 13
 
 @part
 def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t: float) -> None:
-    """Steps 3 and 4."""
+    """Carry out steps 3 and 4."""
     c = s.counters[0]
     u, w = s.signals, s.whitened
     size = u.shape[0] // 2

@@ -59,6 +59,7 @@ def restart_path(p: Plan, s: State, x: float, v: float, torque: float, reference
 
 @part
 def remember(history: np.ndarray, index: int, value: float) -> None:
+    """Write a value twice, half a history apart: a stretch up to it is then always in one piece."""
     size = history.shape[0] // 2
     history[index % size] = value
     history[index % size + size] = value
@@ -66,7 +67,9 @@ def remember(history: np.ndarray, index: int, value: float) -> None:
 
 @part
 def weighted(history: np.ndarray, index: int, delay: int, weights: np.ndarray) -> float:
-    """Σ weights times the stretch of history that ends `delay` samples before the newest one."""
+    """Return Σ weights times the stretch of history that ends `delay` samples before the newest
+    one.
+    """
     size = history.shape[0] // 2
     start = index % size + size - delay - weights.shape[0] + 1
     total = 0.0
@@ -77,7 +80,7 @@ def weighted(history: np.ndarray, index: int, delay: int, weights: np.ndarray) -
 
 @part
 def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
-    """Smoothed velocity, and v₊, both n samples before the newest one.
+    """Return the smoothed velocity, and v₊, both n samples before the newest one.
 
     Whether the ankle is stretched is read from the smoothed velocity, how fast from the measured
     one: rectified noise would add a tenth of its size at rest and nothing in motion, a smoothed
@@ -124,8 +127,8 @@ def drive_actuator(p: Plan, s: State, reference: float) -> float:
 
 @part
 def decimated_signals(p: Plan, s: State, index: int) -> None:
-    """Motion, torque and instruments, 2 n raw and `TAP_REACH` decimated samples before the newest
-    one.
+    """Return the motion, torque and instruments, 2 n raw and `TAP_REACH` decimated samples before
+    the newest one.
     """
     c = s.counters[0]
     n = p.kernels.shape[1] // 2
@@ -157,7 +160,7 @@ def decimated_signals(p: Plan, s: State, index: int) -> None:
 
 @part
 def _reflex_signals(p: Plan, stretches: np.ndarray, slow: int, u: np.ndarray) -> None:
-    """The reflex basis' answers to v₊."""
+    """Return the reflex basis' answers to v₊."""
     count = p.functions.shape[1]
     for j in range(count):
         u[INTRINSIC + j] = 0.0
@@ -173,7 +176,9 @@ def _reflex_signals(p: Plan, stretches: np.ndarray, slow: int, u: np.ndarray) ->
 
 @part
 def _slow_signals(p: Plan, state: np.ndarray, samples: int, u: np.ndarray) -> None:
-    """Relaxing position, yielding friction, and powers of position about the operating point."""
+    """Return the relaxing position, yielding friction, and powers of position about the operating
+    point.
+    """
     step = p.decimation / p.rate
     first = INTRINSIC + p.functions.shape[1]
     state[0] += (u[0] - state[0]) * (1.0 - np.exp(-step / RELAXATION_TIME))
@@ -188,7 +193,9 @@ def _slow_signals(p: Plan, state: np.ndarray, samples: int, u: np.ndarray) -> No
 
 @part
 def _shift(s: State, slow: int, motion: int, out: np.ndarray) -> None:
-    """Signals of one motion from its past: those at the middle, and accelerations around it."""
+    """Return the signals of one motion from its past: those at the middle, and accelerations around
+    it.
+    """
     length = s.past.shape[0]
     middle = s.past[(slow - TAP_REACH) % length, motion]
     base = out.shape[0] - EXTRAS

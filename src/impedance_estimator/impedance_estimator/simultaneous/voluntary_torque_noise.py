@@ -34,8 +34,8 @@ SECTIONS = 2
 
 
 def whitening_filters(rate: float) -> np.ndarray:
-    """Second-order sections of all filters, first impulse response sample one, shape (models, 2,
-    6).
+    """Return the second-order sections of all filters, first impulse response sample one, shape
+    (models, 2, 6).
     """
     filters = np.zeros((len(NOISE_MODELS), SECTIONS, 6))
     filters[:, :, 0] = filters[:, :, 3] = 1.0
@@ -47,5 +47,5 @@ def whitening_filters(rate: float) -> np.ndarray:
 
 
 def passband_gain(sections: np.ndarray) -> float:
-    """Gain of a high-pass at half the sampling rate."""
+    """Return the gain of a high-pass at half the sampling rate."""
     return float(np.prod([(b0 - b1 + b2) / (1.0 - a1 + a2) for b0, b1, b2, _, a1, a2 in sections]))

@@ -202,7 +202,7 @@ class GenericBank:
         )
 
     def whitened(self) -> np.ndarray:
-        """Whitened regressors, shape (rows.count, size)."""
+        """Return the whitened regressors, shape (rows.count, size)."""
         return np.column_stack([self._rows.whitened(s) for s in self._spectra])
 
     def cross_predicted(
@@ -286,7 +286,7 @@ def cross_score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test:
 
 
 def _tuned(matrix: np.ndarray, target: np.ndarray, index: np.ndarray) -> float:
-    """The ridge that does best on the last third of these rows when fitted to the first two."""
+    """Return ridge that does best on the last third of these rows when fitted to the first two."""
     cut = 2 * len(index) // 3
     scores = [
         float(np.mean(_score(matrix, target, index[:cut], index[cut:], ridge))) for ridge in _RIDGES
@@ -305,20 +305,20 @@ def _score(
 
 
 def _size(matrix: np.ndarray) -> np.ndarray:
-    """Root mean square of each column; 1 for empty ones."""
+    """Return the root mean square of each column; 1 for empty ones."""
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     scale[scale == 0] = 1.0
     return scale
 
 
 def _weights(known: np.ndarray, target: np.ndarray, ridge: float) -> np.ndarray:
-    """Ridge regression on columns of unit size."""
+    """Return the weights of a ridge regression on columns of unit size."""
     gram = known.T @ known / len(known)
     return np.linalg.solve(gram + ridge * np.eye(len(gram)), known.T @ target / len(known))
 
 
 def lag_windows(frequency: np.ndarray) -> list[np.ndarray]:
-    """Frequency responses of triangular windows between neighbouring lags."""
+    """Return the frequency responses of triangular windows between neighbouring lags."""
     windows = []
     lags = np.array(LAGS_S)
     for k in range(len(lags)):

@@ -92,7 +92,7 @@ class ResidualMap:
     responses: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
 
     def summary(self, place: str) -> dict[str, object]:
-        """The verdict's ``localisation``."""
+        """Return the verdict's ``localisation``."""
         after = [c for c in self.cells if c.window[0] >= 0.0]
         strong = [c for c in after if c.significant]
         peak = max((abs(c.mean) for c in strong), default=0.0)
@@ -130,7 +130,7 @@ class ResidualMap:
 
 
 def find_onsets(columns: Columns) -> Onsets:
-    """Movements of a recording."""
+    """Find the movements of a recording."""
     m = columns.motion
     speed = np.abs(m.velocity)
     fast = speed > _ONSET_SHARE * np.percentile(speed, 99.0)
@@ -250,7 +250,7 @@ def _coherences(columns: Columns, fit: Fit) -> dict[str, dict[tuple[float, float
 def _dependences(
     columns: Columns, segments: np.ndarray, lag: np.ndarray, onsets: Onsets, index: np.ndarray
 ) -> dict[str, tuple[float, float]]:
-    """Does the misfit of a response, per its size and in its direction, follow a condition?"""
+    """Test whether the misfit of a response, per size and in its direction, follows a condition."""
     if len(segments) < 20:
         return {}
     m, rows = columns.motion, columns.rows

@@ -177,7 +177,7 @@ class MissingBlock:
         return f"it is {side}{growth} to it"
 
     def term_values(self, mean_angle: float) -> dict[str, float]:
-        """The block as values of the term ``missing_block``, so that a model file holds it.
+        """Return the block as values of the term ``missing_block``, so that a model file holds it.
 
         What the lag window before the movement holds goes to the movement's beginning: a
         simulation cannot answer a movement to come.
@@ -206,7 +206,7 @@ class MissingBlock:
         return values
 
     def content(self) -> dict[str, Any]:
-        """Plain data for ``verdict.json``."""
+        """Return plain data for ``verdict.json``."""
         low, middle, high = (row.tolist() for row in self.response)
         bottom, curve, top = (row.tolist() for row in self.curve)
         return {
@@ -255,8 +255,8 @@ class _Products:
 
 
 def missing_block(fitter: Fitter, fit: Fit, onsets: Onsets, seed: int = 0) -> MissingBlock | None:
-    """The block that best predicts the whitened residual of a fit; None for a recording of less
-    than six stretches.
+    """Return the block that best predicts the whitened residual of a fit; None for a recording of
+    less than six stretches.
 
     Parameters
     ----------
@@ -358,7 +358,7 @@ def _describe(
 
 
 def _stretches(fitter: Fitter) -> list[np.ndarray]:
-    """Rows of each stretch of 5 s without its guard; empty ones left out."""
+    """Return the rows of each stretch of 5 s without its guard; empty ones left out."""
     rows = fitter.rows
     first, second = interleaved(rows)
     number = (rows.time / STRETCH_S).astype(int)
@@ -367,7 +367,7 @@ def _stretches(fitter: Fitter) -> list[np.ndarray]:
 
 
 def _levels(signal: np.ndarray) -> np.ndarray:
-    """Knots of the static curve, zero included, ascending."""
+    """Return the knots of the static curve, zero included, ascending."""
     knots = [0.0]
     for sign in (1.0, -1.0):
         size = sign * signal
@@ -378,8 +378,8 @@ def _levels(signal: np.ndarray) -> np.ndarray:
 
 
 def _spectra(fitter: Fitter, signal: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
-    """Spectra of every hinge through every lag window, lags outermost; the hinge at zero is left
-    out (f(0) = 0).
+    """Return the spectra of every hinge through every lag window, lags outermost; the hinge at zero
+    is left out (f(0) = 0).
     """
     rows = fitter.rows
     zero = int(np.argmin(np.abs(levels)))
@@ -392,8 +392,8 @@ def _spectra(fitter: Fitter, signal: np.ndarray, levels: np.ndarray) -> list[np.
 
 
 def _rank_one(products: _Products, chosen: np.ndarray, hinges: int, ridge: float) -> np.ndarray:
-    """Weights of shape (p,) of rank one: alternating ridge regression of lags and hinges on the
-    chosen stretches.
+    """Return the weights of shape (p,) of rank one: alternating ridge regression of lags and hinges
+    on the chosen stretches.
     """
     count = float(products.count[chosen].sum())
     gram, right = (
@@ -427,8 +427,8 @@ def _score(products: _Products, weights: np.ndarray, chosen: np.ndarray) -> floa
 
 
 def _tuned_ridge(products: _Products, train: np.ndarray, hinges: int) -> float:
-    """The ridge that does best on the last third of the training stretches when fitted to the first
-    two.
+    """Return the ridge that does best on the last third of the training stretches when fitted to
+    the first two.
     """
     cut = max(1, 2 * len(train) // 3)
     scores = [
@@ -449,7 +449,7 @@ def _predicted(products: _Products, hinges: int) -> float:
 
 
 def _simplest(shares: dict[str, float]) -> str:
-    """The input that predicts most; an earlier (one-sided) one when it does nearly as well."""
+    """Return input that predicts most; an earlier (one-sided) one when it does nearly as well."""
     best = max(shares.values())
     return next(
         name for name, share in shares.items() if share >= best - _MIN_RICHER_GAIN * abs(best)
@@ -457,8 +457,8 @@ def _simplest(shares: dict[str, float]) -> str:
 
 
 def _factors(weights: np.ndarray, hinges: int, zero: int) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse response [N.m/s] at the lags and curve at all levels, of size 1 and rising towards
-    positive input where it acts there.
+    """Return the impulse response [N.m/s] at the lags and curve at all levels, of size 1 and rising
+    towards positive input where it acts there.
     """
     u, s, v = np.linalg.svd(weights.reshape(-1, hinges), full_matrices=False)
     top = v[0][int(np.argmax(np.abs(v[0])))]
@@ -472,7 +472,9 @@ def _factors(weights: np.ndarray, hinges: int, zero: int) -> tuple[np.ndarray, n
 
 
 def _peak(fitter: Fitter, torque: np.ndarray, onsets: Onsets) -> tuple[float, float, str]:
-    """Largest mean torque [N.m] after movements, its time [s] and the movements' direction."""
+    """Return the largest mean torque [N.m] after movements, its time [s] and the movements'
+    direction.
+    """
     rate = fitter.rows.rate
     reach = np.arange(int(_AFTER_S * rate))
     best = (0.0, 0.0, "dorsiflexion")

@@ -114,7 +114,7 @@ class Variability:
         return found
 
     def content(self) -> dict[str, Any]:
-        """The verdict's ``variability``."""
+        """Return the verdict's ``variability``."""
         found: dict[str, Any] = {"slow_torque": {"rms[N.m]": round(self.slow_torque, 4)}}
         if self.tremor is not None:
             found["tremor"] = {
@@ -204,7 +204,9 @@ def _stretch_times(fitter: Fitter) -> np.ndarray:
 
 
 def _since_movement(fitter: Fitter) -> np.ndarray:
-    """Time of each row since the plate moved last [s]; infinite before the first movement."""
+    """Return the time of each row since the plate moved last [s]; infinite before the first
+    movement.
+    """
     motion, rows = fitter.motion, fitter.rows
     speed = np.abs(motion.velocity)
     moving = np.flatnonzero(speed > _STRETCH_SHARE * np.percentile(speed, 99.5))

@@ -22,7 +22,7 @@ DRAWS = 200
 def bootstrap_changes(
     derivatives: np.ndarray, residual: np.ndarray, used: np.ndarray, rate: float, seed: int = 0
 ) -> np.ndarray:
-    """Changes of the parameters from draw to draw of stretches.
+    """Return the changes of the parameters from draw to draw of stretches.
 
     Parameters
     ----------

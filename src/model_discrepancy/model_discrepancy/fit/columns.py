@@ -67,7 +67,9 @@ class Columns:
         }
 
     def spectra(self, values: Values) -> dict[Column, np.ndarray]:
-        """Spectrum of each column of the model with these terms and values, by (term, symbol)."""
+        """Return the spectrum of each column of the model with these terms and values, by (term,
+        symbol).
+        """
         terms = sorted(
             (term_library()[name]() for name in values), key=lambda term: PATH.index(term.place)
         )
@@ -108,7 +110,7 @@ class Columns:
     def _sensed(
         self, term: Term, terms: Sequence[Term], values: Values, own: Mapping[str, np.ndarray]
     ) -> Mapping[str, np.ndarray]:
-        """Columns of one term as the torque sensor reports them."""
+        """Return the columns of one term as the torque sensor reports them."""
         key = (
             "filter",
             term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE,
@@ -164,8 +166,8 @@ class Columns:
         return signals
 
     def _move_foot(self, signals: Signals, fixation: CompliantCoupling, values: Values) -> None:
-        """Foot motion behind a compliant fixation: the plate's, filtered, or integrated where the
-        fixation is not linear.
+        """Return the foot motion behind a compliant fixation: the plate's, filtered, or integrated
+        where the fixation is not linear.
         """
         m = self.motion
         if not fixation.linear:
@@ -209,7 +211,7 @@ def transmission(frequency: np.ndarray, fixation: CompliantCoupling, values: Val
 
 
 def _foot_impedance(values: Values) -> tuple[float, float, float]:
-    """Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
+    """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
     # A joint need not have all three: an axis of a machine has no stiffness.
     inertia, viscosity, stiffness = (
         values.get(name, {}).get(symbol, 0.0)

@@ -84,7 +84,7 @@ class Fit:
 
 
 def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
-    """The nonlinear fitted parameters of these terms, with the term's name."""
+    """Return the nonlinear fitted parameters of these terms, with the term's name."""
     return [
         (name, p)
         for name in names
@@ -110,14 +110,14 @@ def searched(names: Sequence[str]) -> list[tuple[str, Parameter]]:
 
 
 def to_unit(parameter: Parameter, value: float) -> float:
-    """A parameter on the scale 0...1 of its range."""
+    """Return a parameter on the scale 0...1 of its range."""
     if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
         return float(np.log(value / parameter.lower) / np.log(parameter.upper / parameter.lower))
     return (value - parameter.lower) / (parameter.upper - parameter.lower)
 
 
 def from_unit(parameter: Parameter, unit: float) -> float:
-    """Inverse of `to_unit`; values outside 0...1 are brought to the bounds."""
+    """Invert `to_unit`; values outside 0...1 are brought to the bounds."""
     unit = min(max(unit, 0.0), 1.0)
     if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
         return float(parameter.lower * (parameter.upper / parameter.lower) ** unit)
@@ -149,7 +149,9 @@ class Fitter:
 
     @classmethod
     def of(cls, motion: Motion, limit: float = LOW_PASS_HZ, held: Start | None = None) -> Fitter:
-        """The problem of one recording: its columns and rows up to a limit [Hz], not whitened."""
+        """Build the problem of one recording: its columns and rows up to a limit [Hz], not
+        whitened.
+        """
         return cls(Columns(motion, Rows(len(motion.position), motion.rate, limit)), held=held)
 
     def unwhitened(self) -> Fitter:
@@ -183,8 +185,8 @@ class Fitter:
         self._whitened: OrderedDict[int, tuple[np.ndarray, np.ndarray]] = OrderedDict()
 
     def whitened(self, spectra: Iterable[np.ndarray]) -> np.ndarray:
-        """Whitened rows of these spectra, shape (count, size); remembered as long as `Columns`
-        gives out the same spectra.
+        """Return the whitened rows of these spectra, shape (count, size); remembered as long as
+        `Columns` gives out the same spectra.
         """
         rows = []
         for spectrum in spectra:
@@ -261,8 +263,8 @@ class Fitter:
         return self.solve(values, mask)
 
     def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:
-        """The fit with these values of what is searched for; only the other, linear parameters are
-        solved for.
+        """Return the fit with these values of what is searched for; only the other, linear
+        parameters are solved for.
         """
         mask = self.rows.used if mask is None else mask & self.rows.used
         spectra = self.columns.spectra(values)
@@ -295,7 +297,7 @@ class Fitter:
         )
 
     def evaluate(self, values: Start) -> Fit:
-        """The model with all of these values, linear ones too, without fitting anything."""
+        """Evaluate the model with these values, linear ones too, without fitting anything."""
         left = self.columns.target - sum(
             values[name][symbol] * s for (name, symbol), s in self.columns.spectra(values).items()
         )
@@ -310,8 +312,8 @@ class Fitter:
         )
 
     def derivatives(self, fit: Fit, plain: bool = False) -> tuple[np.ndarray, list[Column]]:
-        """Columns and derivatives by the nonlinear parameters per unit of the scaled range, shape
-        (count, size), whitened or plain.
+        """Return the columns and derivatives by the nonlinear parameters per unit of the scaled
+        range, shape (count, size), whitened or plain.
         """
         spectra = self.columns.spectra(fit.values)
         amplitudes = {(n, symbol): fit.values[n][symbol] for n, symbol in spectra}
@@ -355,8 +357,8 @@ class Fitter:
         here: Spectra,
         plain: bool = False,
     ) -> np.ndarray:
-        """Derivative of the model torque, whitened or plain, by a searched parameter per unit of
-        its scaled range, shape (count,).
+        """Return the derivative of the model torque, whitened or plain, by a searched parameter per
+        unit of its scaled range, shape (count,).
 
         One-sided difference.
 
@@ -474,14 +476,14 @@ class _Projection:
 def _moved(
     values: Start, name: str, parameter: Parameter, unit: float
 ) -> dict[str, dict[str, float]]:
-    """The values with one parameter at another place of its scaled range."""
+    """Return the values with one parameter at another place of its scaled range."""
     moved = {n: dict(v) for n, v in values.items()}
     moved[name][parameter.symbol] = from_unit(parameter, unit)
     return moved
 
 
 def orthonormal(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the columns' span, shape (n, rank)."""
+    """Return the orthonormal basis of the columns' span, shape (n, rank)."""
     scale = np.linalg.norm(matrix, axis=0)
     kept = matrix[:, scale > 0] / scale[scale > 0]
     eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
@@ -492,7 +494,7 @@ def orthonormal(matrix: np.ndarray) -> np.ndarray:
 def bounded(
     matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Least-squares amplitudes within ranges, each of shape (p,)."""
+    """Return the least-squares amplitudes within ranges, each of shape (p,)."""
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0] = 1.0
     scaled = matrix / scale
@@ -514,14 +516,14 @@ def ranges(columns: Iterable[Column]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stretch(parameter: Parameter, value: float) -> float:
-    """Derivative of a parameter by its scaled value."""
+    """Return the derivative of a parameter by its scaled value."""
     unit = to_unit(parameter, value)
     low, high = max(unit - _STEP, 0.0), min(unit + _STEP, 1.0)
     return (from_unit(parameter, high) - from_unit(parameter, low)) / (high - low)
 
 
 def _bounds(values: Start) -> tuple[str, ...]:
-    """Names of fitted parameters at a bound of their range."""
+    """Return the names of fitted parameters at a bound of their range."""
     found = []
     for name, given in values.items():
         for p in term_library()[name].parameters:

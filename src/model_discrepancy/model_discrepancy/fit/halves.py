@@ -14,7 +14,7 @@ GUARD_S = 0.5
 
 
 def interleaved(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of alternating stretches of 5 s, each bool of shape (rows.count,)."""
+    """Return the masks of alternating stretches of 5 s, each bool of shape (rows.count,)."""
     place = rows.time / STRETCH_S
     inside = (place % 1.0) * STRETCH_S >= GUARD_S
     odd = place.astype(int) % 2 == 1
@@ -22,7 +22,7 @@ def interleaved(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_and_second(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of the first and the second half in time, each bool of shape (rows.count,)."""
+    """Return masks of the first and the second half in time, each bool of shape (rows.count,)."""
     middle = 0.5 * (rows.time[rows.used][0] + rows.time[rows.used][-1])
     return rows.used & (rows.time < middle - 0.5 * GUARD_S), rows.used & (
         rows.time > middle + 0.5 * GUARD_S

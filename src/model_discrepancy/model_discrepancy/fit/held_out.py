@@ -64,7 +64,7 @@ def held_out(problem: Fitter, fit: Fit, evaluations: int = 15) -> HeldOut:
 
 
 def vaf(torque: np.ndarray, residual: np.ndarray) -> float:
-    """Variance accounted for [%] (van 't Veld et al. 2018, equation 1)."""
+    """Return the variance accounted for [%] (van 't Veld et al. 2018, equation 1)."""
     return 100.0 * (1.0 - float(np.var(residual)) / float(np.var(torque)))
 
 

@@ -86,7 +86,7 @@ class Rows:
         return int(self.used.sum() * min(2.0 * self.limit / self.rate, 1.0))
 
     def spectrum(self, column: np.ndarray) -> np.ndarray:
-        """Spectrum of a column (n,) up to half the row rate."""
+        """Return the spectrum of a column (n,) up to half the row rate."""
         return rfft(column - column.mean(), self._length)[: len(self.frequency)]
 
     def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
@@ -100,15 +100,15 @@ class Rows:
         return irfft(whole, self._length)[: self._samples]
 
     def plain(self, spectrum: np.ndarray) -> np.ndarray:
-        """Band-passed rows, shape (count,)."""
+        """Return the band-passed rows, shape (count,)."""
         return self.filtered(spectrum, self.band)
 
     def filtered(self, spectrum: np.ndarray, gain: np.ndarray) -> np.ndarray:
-        """Rows behind a filter of this gain at each of `frequency`, shape (count,)."""
+        """Return the rows behind a filter of this gain at each of `frequency`, shape (count,)."""
         return irfft(spectrum * gain, self._short)[: self.count] * self._scale
 
     def whitened(self, spectrum: np.ndarray) -> np.ndarray:
-        """Band-passed and whitened rows, shape (count,)."""
+        """Return the band-passed and whitened rows, shape (count,)."""
         return self.filtered(spectrum, self._whitening)
 
     def whiten_by(self, residual: np.ndarray) -> None:
@@ -129,12 +129,12 @@ class Rows:
         )
 
     def gain(self) -> np.ndarray:
-        """Magnitude of the whitening at each of `frequency`."""
+        """Return the magnitude of the whitening at each of `frequency`."""
         return np.abs(self._whitening)
 
 
 def autoregression(series: np.ndarray, order: int) -> np.ndarray:
-    """Prediction-error filter by Yule-Walker, scaled to unit variance of its output.
+    """Return the prediction-error filter by Yule-Walker, scaled to unit variance of its output.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class Finding:
 
 
 def channel_findings(recording: Recording, servo: Servo | None = None) -> list[Finding]:
-    """Findings from velocity against position, and of both against the command.
+    """Return the findings from velocity against position, and of both against the command.
 
     A servo that does not reach its command, or gives way under load, is a property of the rig and
     no finding. A channel is accused only where two others agree against it: position where command
@@ -82,7 +82,9 @@ def channel_findings(recording: Recording, servo: Servo | None = None) -> list[F
 
 
 def trusted(recording: Recording, findings: list[Finding]) -> Recording:
-    """The recording with its position in true radians, and without a velocity that disagrees."""
+    """Return the recording with its position in true radians, and without a velocity that
+    disagrees.
+    """
     for finding in findings:
         if finding.name == BACKLASH:
             recording = replace(recording, position=motion_without_backlash(recording))
@@ -128,8 +130,8 @@ def _disagreement(gain: float, error: float, servo: Servo | None) -> Finding:
 def _gain_and_lag(
     x: np.ndarray, y: np.ndarray, rate: float, derivative: bool
 ) -> tuple[float, float, float, float]:
-    """Gain and lag of y against x (or its derivative) from the cross-spectrum in 1-25 Hz, with
-    standard errors over ten parts.
+    """Return the gain and lag of y against x (or its derivative) from the cross-spectrum in 1-25
+    Hz, with standard errors over ten parts.
     """
     parts = np.array_split(np.arange(len(x)), 10)
     gains, lags = [], []

@@ -50,8 +50,8 @@ class FollowingResponse:
 
 
 def noise_levels(recording: Recording) -> dict[str, float]:
-    """Standard deviation of each channel's white noise, by ``position[rad]`` and so on, from the
-    flat part of its spectrum.
+    """Return the standard deviation of each channel's white noise, by ``position[rad]`` and so on,
+    from the flat part of its spectrum.
     """
     channels = {"position[rad]": recording.position, "torque[N.m]": recording.torque}
     if recording.velocity is not None:

@@ -88,7 +88,7 @@ def _quiet(velocity: np.ndarray, rate: float) -> np.ndarray:
 def _envelope(
     recording: Recording, muscle: str, quiet: np.ndarray, rate: float, count: int
 ) -> np.ndarray:
-    """Smoothed rectified EMG [V] at the model's rate, shape (count,)."""
+    """Return the smoothed rectified EMG [V] at the model's rate, shape (count,)."""
     raw = np.nan_to_num(recording.emg[muscle])
     artefacts = butter(2, ARTEFACT_HZ, "highpass", fs=recording.rate, output="sos")
     rectified = np.abs(sosfiltfilt(artefacts, raw))
@@ -99,7 +99,7 @@ def _envelope(
 
 
 def _low_pass(signal: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
-    """Zero-phase low-pass, second order, along the first axis."""
+    """Apply a zero-phase low-pass of second order along the first axis."""
     return np.asarray(
         sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), signal, axis=0), dtype=float
     )

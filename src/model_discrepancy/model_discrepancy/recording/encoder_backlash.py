@@ -26,7 +26,9 @@ LEAST_CUT = 0.5
 
 
 def motion_without_backlash(recording: Recording) -> np.ndarray:
-    """Position [rad], shape (n,): slowly the measured one, otherwise the integrated velocity."""
+    """Return the position [rad], shape (n,): slowly the measured one, otherwise the integrated
+    velocity.
+    """
     assert recording.velocity is not None
     travelled = cumulative_trapezoid(recording.velocity, dx=1.0 / recording.rate, initial=0.0)
     return (
@@ -58,7 +60,7 @@ def encoder_gap(recording: Recording) -> tuple[float, float] | None:
 
 
 def _best_gap(moved: np.ndarray, read: np.ndarray, rate: float) -> tuple[float, float]:
-    """The gap that brings position nearest to the reading, and the variance that it leaves."""
+    """Return gap that brings position nearest to the reading, and the variance that it leaves."""
 
     def apart(gap: float) -> float:
         return float(np.var(read - _fast(BacklashOperator().run(moved, gap), rate)))

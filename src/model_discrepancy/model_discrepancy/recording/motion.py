@@ -66,7 +66,7 @@ class Motion:
     noise: tuple[float, float] = (0.0, math.inf)
 
     def position_noise(self, frequency: np.ndarray) -> np.ndarray:
-        """Power density of the error of `position` [rad^2/Hz] at each frequency [Hz]."""
+        """Return the power density of the error of `position` [rad^2/Hz] at each frequency [Hz]."""
         position, velocity = self.noise
         return position / (1.0 + position * (2.0 * np.pi * frequency) ** 2 / velocity)
 
@@ -78,7 +78,7 @@ class Motion:
     def undisturbed(
         self, compliance: Compliance, disturbance: np.ndarray, joint: tuple[float, float, float]
     ) -> Motion:
-        """The movement as it would have been without a torque that no movement causes.
+        """Return the movement as it would have been without a torque that no movement causes.
 
         The torque that such a movement would have made differs too: compliance C and joint
         impedance Z are in a loop, which moves the plate by ``C / (1 + C Z)``.
@@ -107,12 +107,12 @@ class Motion:
 
 
 def motion_step(recording: Recording) -> int:
-    """Samples of the recording for one sample at the model's rate."""
+    """Return how many samples of the recording make one sample at the model's rate."""
     return max(1, int(recording.rate // MODEL_RATE_HZ))
 
 
 def motion_of(recording: Recording, servo: Servo | None = None) -> Motion:
-    """Filtered motion and torque of a recording at the model's rate.
+    """Return the filtered motion and torque of a recording at the model's rate.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def motion_of(recording: Recording, servo: Servo | None = None) -> Motion:
 
 
 def _merge(position: Spectrum, velocity: Spectrum, s: np.ndarray) -> np.ndarray:
-    """Spectrum of position from both channels; at zero frequency position alone."""
+    """Return the spectrum of position from both channels; at zero frequency position alone."""
     noise_x = noise_floor(position.values, position.frequency)
     noise_v = noise_floor(velocity.values, position.frequency)
     # Velocity v = s x tells x with noise noise_v / |s|^2.

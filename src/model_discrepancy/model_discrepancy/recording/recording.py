@@ -101,7 +101,8 @@ class Recording:
 
     @classmethod
     def from_bag(cls, path: str | Path) -> Recording:
-        """The trial in a bag: ``/ankle/samples``, and reference and EMG where they were recorded.
+        """Read the trial in a bag: ``/ankle/samples``, and reference and EMG where they were
+        recorded.
 
         Columns and units are those of the joint in force.
 
@@ -161,7 +162,9 @@ class Recording:
 def _on_grid(
     clock: np.ndarray, values: np.ndarray, rate: float, faults: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples on an equally spaced clock; gaps are bridged linearly, long ones are a fault."""
+    """Return the samples on an equally spaced clock; gaps are bridged linearly, long ones are a
+    fault.
+    """
     steps = np.diff(clock)
     backwards = int(np.sum(steps <= 0))
     if backwards:
@@ -188,8 +191,8 @@ def _on_grid(
 def _other_clock(
     bag: BagReader, topic: str, required: tuple[str, ...] | None, grid: np.ndarray, notes: list[str]
 ) -> dict[str, np.ndarray]:
-    """Columns of another topic, interpolated to the samples' clock, by name without unit; empty
-    where it is missing.
+    """Return the columns of another topic, interpolated to the samples' clock, by name without
+    unit; empty where it is missing.
     """
     if topic not in bag.topics or not bag.topics[topic].count:
         return {}

@@ -161,7 +161,7 @@ def _lost_torque(recording: Recording) -> list[str]:
 
 
 def _relation_faults(recording: Recording) -> list[str]:
-    """Sign, unit and clock of torque against position, from the intrinsic model in 3-40 Hz."""
+    """Check sign, unit and clock of torque against position by the intrinsic model in 3-40 Hz."""
     step = max(1, int(recording.rate // 250.0))
     rate = recording.rate
     x = band(recording.position, rate, 3.0, 40.0)
@@ -224,7 +224,7 @@ def _relation_faults(recording: Recording) -> list[str]:
 
 
 def _lagging_vaf(columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float) -> float:
-    """Best VAF of inertia, viscosity and stiffness behind a first-order filter."""
+    """Return the best VAF of inertia, viscosity and stiffness behind a first-order filter."""
     vafs = []
     for lag in _LAGS_S:
         lagging = _relaxed(columns, lag, rate)[inner]
@@ -236,8 +236,8 @@ def _lagging_vaf(columns: np.ndarray, torque: np.ndarray, inner: slice, rate: fl
 def _ringing_vaf(
     columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float, skew: float
 ) -> float:
-    """Best VAF of a joint with reflexes of both muscles behind a resonance: what rings, or answers
-    late, is shifted in time as little as clocks that are.
+    """Return the best VAF of a joint with reflexes of both muscles behind a resonance: what rings,
+    or answers late, is shifted in time as little as clocks that are.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _ringing_vaf(
 
 
 def _resonating(signals: np.ndarray, frequency: float, damping: float, rate: float) -> np.ndarray:
-    """Signals (n, columns) behind a second-order mode with unit gain at rest."""
+    """Return the signals (n, columns) behind a second-order mode with unit gain at rest."""
     omega = 2.0 * np.pi * frequency
     b, a = bilinear([omega**2], [1.0, 2.0 * damping * omega, omega**2], fs=rate)
     return np.asarray(lfilter(b, a, signals, axis=0))
@@ -291,13 +291,13 @@ def _viscoelastic_inertia(
 
 
 def _relaxed(signals: np.ndarray, time: float, rate: float) -> np.ndarray:
-    """Signals (n, columns) behind a first-order filter with this time constant [s]."""
+    """Return the signals (n, columns) behind a first-order filter with this time constant [s]."""
     share = np.exp(-1.0 / (rate * time))
     return lfilter([1.0 - share], [1.0, -share], signals, axis=0)
 
 
 def band(signal: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:
-    """Zero-phase band-pass, second order, between two frequencies [Hz]."""
+    """Apply a zero-phase band-pass of second order between two frequencies [Hz]."""
     return sosfiltfilt(butter(2, [low, high], "bandpass", fs=rate, output="sos"), signal)
 
 
@@ -310,13 +310,13 @@ def _best_lag(later: np.ndarray, earlier: np.ndarray, rate: float) -> tuple[floa
 
 
 def _longest_run(flags: np.ndarray) -> int:
-    """Length of the longest run of True."""
+    """Return the length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
 
 
 def _runs_at(flags: np.ndarray, least: int) -> int:
-    """Samples in runs of True of at least this length."""
+    """Return the samples in runs of True of at least this length."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     lengths = edges[1::2] - edges[::2] if len(edges) else np.zeros(0)
     return int(np.sum(lengths[lengths >= least]))

@@ -71,7 +71,7 @@ class Compliance:
         return value > 3.0 * error
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
-        """Compliance at each frequency [Hz], complex [rad/N.m]."""
+        """Return the compliance at each frequency [Hz], complex [rad/N.m]."""
         return compliance_response(self.weights, frequency, self.rate)
 
 
@@ -108,7 +108,7 @@ class Servo:
 
 
 def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float) -> np.ndarray:
-    """Frequency response of a sum of low-passes with `COMPLIANCE_POLES_S`.
+    """Return the frequency response of a sum of low-passes with `COMPLIANCE_POLES_S`.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float)
 
 
 def identify_servo(recording: Recording, step: int) -> Servo | None:
-    """The servo of a recording; None where no command was recorded or it does not move.
+    """Identify the servo of a recording; None where no command was recorded or it does not move.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
 
 
 def _fitted(x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: float) -> Servo | None:
-    """Least squares with standard errors; None where the recording is too short for it."""
+    """Solve least squares with standard errors; None where the recording is too short for it."""
     columns = np.column_stack([following, giving])
     inner = np.zeros(len(x), dtype=bool)
     inner[int(_SKIP_S * rate) : -int(0.5 * rate)] = True
@@ -231,7 +231,8 @@ def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
 def held_compliance(
     position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, rate: float
 ) -> Compliance | None:
-    """The compliance where no command was recorded, from the moments at which it stands still.
+    """Return the compliance where no command was recorded, from the moments at which it stands
+    still.
 
     While the command is held, whatever the position does is what torque makes of it.
 
@@ -271,8 +272,8 @@ def held_compliance(
 
 
 def _held_products(position: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
-    """Torque times position and torque squared during one hold, without level and slope: a servo
-    settles slowly.
+    """Return the torque times position and torque squared during one hold, without level and slope:
+    a servo settles slowly.
     """
     time = np.linspace(-1.0, 1.0, len(position))
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(time)), time]))

@@ -16,7 +16,7 @@ _EXTENSION_S = 2.0
 
 
 def low_pass(frequency: np.ndarray, cutoff: float, order: int) -> np.ndarray:
-    """Gain of the zero-phase low-pass at each frequency [Hz]; half at the cutoff."""
+    """Return the gain of the zero-phase low-pass at each frequency [Hz]; half at the cutoff."""
     return 1.0 / (1.0 + (frequency / cutoff) ** order)
 
 
@@ -40,21 +40,21 @@ class Spectrum:
         self._samples = math.ceil(len(signal) / step)
 
     def read(self, gain: np.ndarray) -> np.ndarray:
-        """Filtered signal at the lower rate."""
+        """Return the filtered signal at the lower rate."""
         short = self._length // self._step
         part = (self.values * gain)[: short // 2 + 1]
         start = self._edge // self._step
         return irfft(part, short)[start : start + self._samples] / self._step
 
     def anti_alias(self) -> np.ndarray:
-        """Gain of the zero-phase low-pass that the lower rate needs, at each frequency."""
+        """Return gain of the zero-phase low-pass that the lower rate needs, at each frequency."""
         highest = self.frequency[-1] / self._step
         return low_pass(self.frequency, 2.0 * _ANTI_ALIAS * highest, _ANTI_ALIAS_ORDER)
 
 
 def signal_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """Wiener gain: the share of a channel's power at each frequency that is movement, not noise,
-    0...1.
+    """Return the Wiener gain: the share of a channel's power at each frequency that is movement,
+    not noise, 0...1.
 
     Fitting with the movement that is expected, given what was read, keeps noise from biasing the
     parameters (regression calibration, Carroll et al. 2006, Measurement Error in Nonlinear Models,
@@ -73,7 +73,9 @@ def signal_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
 
 
 def white_density(signal: np.ndarray, rate: float) -> float:
-    """Power density of a signal's flat noise [unit^2/Hz], from 50 % to 80 % of half its rate."""
+    """Return the power density of a signal's flat noise [unit^2/Hz], from 50 % to 80 % of half its
+    rate.
+    """
     values = rfft((signal - signal.mean()) * np.hanning(len(signal)))
     floor = noise_floor(values, rfftfreq(len(signal), 1.0 / rate))
     return 2.0 * floor / (rate * float(np.sum(np.hanning(len(signal)) ** 2)))
@@ -89,8 +91,8 @@ def clear_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
 
 
 def noise_floor(spectrum: np.ndarray, frequency: np.ndarray) -> float:
-    """Power of the flat noise in a spectrum (per bin): the median between 50 % and 80 % of the
-    highest frequency.
+    """Return the power of the flat noise in a spectrum (per bin): the median between 50 % and 80 %
+    of the highest frequency.
     """
     top = frequency[-1]
     band = (frequency > 0.5 * top) & (frequency < 0.8 * top)

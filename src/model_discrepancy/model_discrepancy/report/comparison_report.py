@@ -205,7 +205,7 @@ def _rig_rows(sides: tuple[Side, Side]) -> list[list[str]]:
 
 
 def _following(sides: tuple[Side, Side]) -> str:
-    """Gain and phase from reference to position."""
+    """Draw gain and phase from reference to position."""
     figure = Figure(figsize=(10, 2.8))
     left, right = figure.subplots(1, 2)
     for side, color, label in zip(

@@ -10,7 +10,7 @@ from model_discrepancy.fit.fitter import Fit
 
 
 def to_model(values: Mapping[str, Mapping[str, float]], title: str) -> Model:
-    """The model of these values, each within its range.
+    """Return the model of these values, each within its range.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def _inside(name: str, symbol: str, value: float) -> float:
 
 
 def fitted_model(fit: Fit, title: str) -> Model:
-    """A fit's model with its standard errors."""
+    """Return a fit's model with its standard errors."""
     model = to_model(fit.values, title)
     for entry in model.entries:
         entry.standard_errors = dict(fit.errors.get(entry.term.name, {}))

@@ -34,7 +34,7 @@ border-bottom:1px solid #ddd;text-align:left}"""
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence."""
+    """Return the verdict in one sentence."""
     verdict = diagnosis.verdict
     fit = verdict.fit
     if verdict.verdict == "bad_recording":
@@ -61,7 +61,9 @@ def headline(diagnosis: Diagnosis) -> str:
 
 
 def _stated(effect: dict[str, Any]) -> str:
-    """The name, or the family where its members could not be told apart, with its probability."""
+    """Return the name, or the family where its members could not be told apart, with its
+    probability.
+    """
     by_name = effect["stated"] == effect["name"]
     chance = effect["probability"] if by_name else effect["family_probability"]
     word = effect["stated"].replace("_", " ")
@@ -114,7 +116,7 @@ def what_next(diagnosis: Diagnosis) -> list[str]:
 
 
 def _probe(name: str) -> str:
-    """A recording that shows the missing block better."""
+    """Describe a recording that shows the missing block better."""
     if name == "position":
         way = "steps of several sizes, held for two seconds and more, from several positions"
     elif name == "acceleration":
@@ -226,7 +228,7 @@ def _sections(d: Diagnosis) -> list[str]:
 
 
 def _flat(found: dict[str, dict[str, Any]]) -> list[list[str]]:
-    """Variability as rows of a table: what, and its numbers with standard errors."""
+    """Return the variability as rows of a table: what, and its numbers with standard errors."""
     rows = []
     for name, entry in found.items():
         for key, value in entry.items():
@@ -315,17 +317,17 @@ def _parameters(table: dict[str, dict[str, Any]]) -> str:
 
 
 def image(data: str) -> str:
-    """A picture in base64 PNG as an element."""
+    """Return a picture in base64 PNG as an element."""
     return f"<img alt='' src='data:image/png;base64,{data}'>"
 
 
 def html_list(lines: list[str]) -> str:
-    """Plain sentences as a list."""
+    """Return plain sentences as a list."""
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
 
 
 def html_table(head: list[str], rows: list[list[str]]) -> str:
-    """Plain texts as a table."""
+    """Return plain texts as a table."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows

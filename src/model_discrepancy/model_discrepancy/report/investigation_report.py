@@ -71,7 +71,7 @@ def _plain(text: str) -> str:
 
 
 def _excess_picture(sets: list[OpenSet]) -> Figure:
-    """Error of each name beyond the best of its set, by recording."""
+    """Draw the error of each name beyond the best of its set, by recording."""
     figure = Figure(figsize=(4.5 * len(sets), 3.0), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(sets)))
     for axis, one in zip(axes, sets, strict=True):

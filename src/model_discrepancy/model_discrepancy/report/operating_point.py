@@ -43,7 +43,7 @@ def operating_point(motion: Motion, onsets: Onsets) -> OperatingPoint:
 
 
 def stated_impedance(fit: Fit, at: OperatingPoint) -> dict[str, tuple[float, float | None]]:
-    """Impedance of a fitted model with standard errors.
+    """Return the impedance of a fitted model with standard errors.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _GREY, _BLUE, _RED = "0.35", "#1f6fb4", "#c8372d"
 
 
 def encoded(figure: Figure) -> str:
-    """The figure as base64 PNG."""
+    """Return the figure as base64 PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110, bbox_inches="tight")
     return base64.b64encode(buffer.getvalue()).decode()
@@ -95,7 +95,7 @@ def _mean_responses(
 
 
 def path_diagram(marked: set[str]) -> str:
-    """The signal path with the guilty blocks in red."""
+    """Draw the signal path with the guilty blocks in red."""
     figure = Figure(figsize=(10, 1.5))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
@@ -263,7 +263,7 @@ def dependence_picture(base: ResidualMap) -> str:
 
 
 def block_picture(block: MissingBlock) -> str:
-    """Static curve and impulse response of the missing block with their 95 % bands."""
+    """Draw static curve and impulse response of the missing block with their 95 % bands."""
     figure = Figure(figsize=(9, 3.2))
     left, right = figure.subplots(1, 2)
     for axes, x, (low, middle, high) in (

@@ -70,7 +70,7 @@ def _line(effect: SharedEffect) -> str:
 
 
 def _values_picture(effect: SharedEffect, names: list[str]) -> Figure:
-    """Each parameter of a term with its error, recording by recording."""
+    """Draw each parameter of a term with its error, recording by recording."""
     figure = Figure(figsize=(3.2 * max(len(effect.values), 2), 2.6), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(effect.values)))
     for axis, (key, pairs) in zip(axes, effect.values.items(), strict=True):

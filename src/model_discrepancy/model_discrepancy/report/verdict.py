@@ -112,8 +112,8 @@ def kind(
     unusual: list[str],
     scores: Scores,
 ) -> tuple[str, float]:
-    """Verdict, and the share of the predictable mismatch that the effects close (NaN without a
-    mismatch).
+    """Return the verdict, and the share of the predictable mismatch that the effects close (NaN
+    without a mismatch).
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ class Size:
 
 
 def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
-    """Size of one term of a fitted model: prediction with it minus prediction without it, all else
-    equal.
+    """Return the size of one term of a fitted model: prediction with it minus prediction without
+    it, all else equal.
     """
     torque = _added(fitter, final, name)
     rows = fitter.rows
@@ -76,7 +76,7 @@ def _added(fitter: Fitter, final: Fit, name: str) -> np.ndarray:
 
 
 def sentence_of(name: str, values: Values, size: Size) -> str:
-    """The term's sentence for these values, with its number."""
+    """Return the term's sentence for these values, with its number."""
     word = "adds" if size.peak >= 0 else "takes away"
     return (
         f"{term_library()[name].sentence_for(values)} In this recording it {word} up to "

@@ -158,7 +158,7 @@ def thresholds(gains: Mapping[str, np.ndarray]) -> dict[str, float]:
 
 
 def exceeded_by_chance(largest: np.ndarray, probability: float = FALSE_ALARM) -> float:
-    """Value that maxima like these exceed with this probability.
+    """Return the value that maxima like these exceed with this probability.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def screen(
     null: Null | None = None,
     activation_of: Callable[[int], np.ndarray] | None = None,
 ) -> list[Screened]:
-    """Candidates, the most promising first.
+    """Rank the candidates, the most promising first.
 
     Parameters
     ----------
@@ -138,17 +138,18 @@ def moves_foot(name: str) -> bool:
 
 
 def with_term(terms: Sequence[str], name: str) -> list[str]:
-    """The terms with one more and its companions."""
+    """Return the terms with one more and its companions."""
     return [*terms, *(n for n in (name, *term_library()[name].companions) if n not in terms)]
 
 
 def without_term(terms: Sequence[str], name: str) -> list[str]:
-    """The terms without this one and its companions."""
+    """Return the terms without this one and its companions."""
     return [n for n in terms if n != name and n not in term_library()[name].companions]
 
 
 def grid(name: str, duration: float) -> list[Point]:
-    """Points of the candidate's nonlinear parameters, evenly spread over their (scaled) ranges.
+    """Return the points of the candidate's nonlinear parameters, evenly spread over their (scaled)
+    ranges.
 
     Parameters
     ----------

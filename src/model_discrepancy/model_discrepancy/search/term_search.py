@@ -174,7 +174,7 @@ class Found:
 
 
 def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS) -> Fit:
-    """The base model from several starts; leaves the fitter whitened by its residual."""
+    """Return the base model from several starts; leaves the fitter whitened by its residual."""
     best = min(
         (fitter.fit(terms, {"reflex": dict(start)}, evaluations=15) for start in BASE_STARTS),
         key=lambda fit: fit.score,
@@ -190,8 +190,8 @@ def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS) -> Fit:
 
 
 def align(fitter: Fitter, fit: Fit) -> Fit:
-    """The fit with its channels aligned, where they are apart by less than half a sample: too
-    little to be a finding, enough to be seen.
+    """Return the fit with its channels aligned, where they are apart by less than half a sample:
+    too little to be a finding, enough to be seen.
     """
     if ALIGNMENT in fit.terms:
         return fit
@@ -225,14 +225,14 @@ class _Grids:
         self._best: dict[str, list[Point]] = {}
 
     def points(self, fit: Fit) -> dict[str, list[Point]]:
-        """For a further term: the whole grid at first, its better half later."""
+        """Return, for a further term, the whole grid at first, its better half later."""
         return {
             name: self._kept.get(name) or grid(name, self._duration)
             for name in candidates(fit, self._library)
         }
 
     def best(self, fit: Fit) -> dict[str, list[Point]]:
-        """For a rival: the points that were once the best."""
+        """Return, for a rival, the points that were once the best."""
         return {
             name: self._best.get(name) or grid(name, self._duration)
             for name in candidates(fit, self._library)
@@ -304,7 +304,7 @@ def _add_terms(
     yardstick: np.ndarray,
     progress: Progress,
 ) -> Fit:
-    """The model with as many further terms as are worth it; they are noted in `found`."""
+    """Return the model with as many further terms as are worth it; they are noted in `found`."""
     while len(found.effects) < MOST_TERMS:
         progress(f"looking for term {len(found.effects) + 1}: screening")
         # The library is tried on the noise once: later models imitate no less of it.
@@ -326,8 +326,8 @@ def _add_terms(
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
-    """The best on unseen rows; among those that do about as well, the one that predicts the plain
-    torque best.
+    """Choose the best on unseen rows; among those that do about as well, the one that predicts the
+    plain torque best.
     """
     good = [t for t in good if not _needless(t, good)]
     largest = max(min(t.held_out) for t in good)
@@ -351,8 +351,8 @@ def _needless(general: Trial, good: Sequence[Trial]) -> bool:
 
 
 def _errors(fit: Fit, yardstick: np.ndarray) -> np.ndarray:
-    """Sums of squares of the residual torque over the fitted rows: under a fixed whitening (its
-    gain), and plain; shape (2,).
+    """Return the sums of squares of the residual torque over the fitted rows: under a fixed
+    whitening (its gain), and plain; shape (2,).
     """
     return np.array(
         [
@@ -394,7 +394,7 @@ def _step(
     null: Null,
     progress: Progress,
 ) -> list[Trial]:
-    """The most promising candidates, refitted and scored on unseen rows, best first."""
+    """Return the most promising candidates, refitted and scored on unseen rows, best first."""
     by_chance = {s.name: null.threshold(s.name) for s in screened}
     promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
     trials = []
@@ -422,7 +422,7 @@ def _step(
 
 
 def _judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Trial:
-    """The trial with its gain on unseen rows and the torque that it changes."""
+    """Return the trial with its gain on unseen rows and the torque that it changes."""
     held_out = halves_gain(halves_errors(fitter, current), halves_errors(fitter, trial.fit))
     used = fitter.rows.used
     changed = np.var((trial.fit.plain - current.plain)[used]) / np.var(fitter.plain_target[used])
@@ -436,7 +436,7 @@ def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int
 
 
 def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
-    """BIC of the new fit minus that of the old one."""
+    """Return the BIC of the new fit minus that of the old one."""
     n = fitter.rows.independent
     return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))
 
@@ -516,7 +516,7 @@ def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None
 
 
 def _rivals(fitter: Fitter, found: Found, grids: _Grids, progress: Progress) -> None:
-    """For every effect: which other terms would do as well."""
+    """Find, for every effect, which other terms would do as well."""
     final = found.final
     for effect in found.effects:
         name, without = effect.trial.name, effect.without

@@ -54,7 +54,7 @@ class Candidate:
     levels: bool = False
 
     def reference(self, duration: float, rate: float = 2048.0) -> np.ndarray:
-        """Position, velocity and acceleration [rad, rad/s, rad/s^2], shape (n, 3).
+        """Return the position, velocity and acceleration [rad, rad/s, rad/s^2], shape (n, 3).
 
         Raises
         ------
@@ -133,7 +133,7 @@ def _all(movement: float, levels: bool) -> Iterator[Candidate]:
 
 
 def _movements(reach: float) -> Iterator[tuple[str, dict[str, Value]]]:
-    """Perturbations over a range of `reach` [rad]."""
+    """Return the perturbations over a range of `reach` [rad]."""
     one_sided: dict[str, Value] = {"amplitude": round(reach, 4), "direction": "dorsiflexing"}
     both: dict[str, Value] = {"amplitude": round(0.5 * reach, 4), "direction": "both"}
     size = f"over {1000 * reach:.0f} mrad"

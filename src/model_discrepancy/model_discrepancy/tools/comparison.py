@@ -165,7 +165,7 @@ class Comparison:
         )
 
     def content(self) -> dict[str, Any]:
-        """Plain data for ``compare.json``."""
+        """Return plain data for ``compare.json``."""
         plain: dict[str, Any] = {
             "verdict": self.verdict,
             "headline": self.headline,
@@ -334,8 +334,8 @@ def _cropped(motion: Motion, begin: int, end: int) -> Motion:
 
 
 def _subtracted(simulated: Motion, recorded: Motion, second: Side) -> tuple[Fitter, np.ndarray]:
-    """A fitter over what both bags share, whitened as the recorded bag, and the spectrum of the
-    torque difference.
+    """Return a fitter over what both bags share, whitened as the recorded bag, and the spectrum of
+    the torque difference.
     """
     rows = Rows(len(recorded.position), recorded.rate)
     # The residual's spectrum is that of the whole bag; which seconds of it are taken does not
@@ -363,8 +363,8 @@ def _described(first: Side, fitter: Fitter) -> np.ndarray:
 
 
 def _extrapolation(first: Side, second: Side) -> list[str]:
-    """A note for each quantity in which the recorded movement goes beyond what the description was
-    learnt from.
+    """Return a note for each quantity in which the recorded movement goes beyond what the
+    description was learnt from.
     """
     notes = []
     for name, unit in (("position", "rad"), ("velocity", "rad/s")):
@@ -427,8 +427,8 @@ def _parameters(name: str, simulated: Fit, recorded: Fit) -> dict[str, tuple[flo
 
 
 def base_parameters(sides: tuple[Side, Side]) -> dict[str, list[tuple[float, float]]]:
-    """Value and standard error of each parameter of the paper's model alone, simulated and
-    recorded, by symbol with unit.
+    """Return the value and standard error of each parameter of the paper's model alone, simulated
+    and recorded, by symbol with unit.
     """
     table = {}
     for name in sides[0].base.terms:
@@ -491,7 +491,7 @@ def _conclude(result: Comparison, second: Side) -> None:
 
 
 def _in_words(c: Contribution) -> str:
-    """A contribution with the parameter that differs most."""
+    """Return a contribution with the parameter that differs most."""
     name = f"{c.name.replace('_', ' ')} ({c.place}; {c.torque:.2f} N.m rms)"
     if c.only:
         return f"{name}, which only the {c.only} one has"

@@ -169,7 +169,7 @@ class Design:
 def design_experiment(
     verdict: str | Path, progress: Callable[[str], None] = lambda _: None
 ) -> Design:
-    """The ranking of candidate perturbations for a verdict.
+    """Return the ranking of candidate perturbations for a verdict.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def design_experiment(
 
 
 def rival_sets(content: dict[str, Any], model_file: Path) -> list[RivalSet]:
-    """The sets of a verdict's content with more than one member."""
+    """Return the sets of a verdict's content with more than one member."""
     chosen: Values = {
         e.term.name: {s: float(v) for s, v in e.values.items()}
         for e in Model.load(model_file).entries
@@ -229,7 +229,7 @@ def rank(
     conditions: dict[str, Any],
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Proposal]:
-    """Candidates by the misfit of their worst pair, best first; those refitted in full lead.
+    """Rank candidates by the misfit of their worst pair, best first; those refitted in full lead.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def rank(
 def _ranked(
     tried: list[tuple[Candidate, dict[Pair, float], bool]], conditions: dict[str, Any]
 ) -> list[Proposal]:
-    """Proposals by their worst pair, best first; pairs that no candidate decides do not count
+    """Rank proposals by their worst pair, best first; pairs that no candidate decides do not count
     unless there are no others.
     """
     if not tried:
@@ -287,7 +287,7 @@ def _by_activation(values: Values) -> bool:
 def _excesses(
     candidate: Candidate, sets: list[RivalSet], conditions: dict[str, Any], refit: bool
 ) -> dict[Pair, float]:
-    """Expected excess of whitened error of the wrong model of each pair (true, wrong)."""
+    """Return expected excess of whitened error of the wrong model of each pair (true, wrong)."""
     motion = candidate.motion(SIMULATED_S, float(conditions["background_torque[N.m]"]))
     rows = Rows(len(motion.position), motion.rate)
     rows.whiten_with(np.array(conditions["whitening[1/N.m]"]))
@@ -328,7 +328,7 @@ def _misfit(fitter: Fitter, wrong: Values, refit: bool) -> float:
 
 
 def _picture(design: Design) -> Figure:
-    """The proposed movement, and the worst pair's excess of each candidate."""
+    """Draw the proposed movement, and the worst pair's excess of each candidate."""
     figure = Figure(figsize=(11, 4.2))
     left, right = figure.subplots(1, 2)
     best = design.proposals[0].candidate

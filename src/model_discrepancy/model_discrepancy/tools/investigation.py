@@ -131,7 +131,7 @@ class Investigation:
         return [known.get(e["name"], e["name"]) for e in self.first.verdict.effects]
 
     def content(self) -> dict[str, Any]:
-        """Plain data of ``investigation.json``."""
+        """Return plain data of ``investigation.json``."""
         return {
             "verdict": self.first.verdict.verdict,
             "names": self.names,
@@ -251,7 +251,7 @@ def _next_round(
 
 
 def _design(story: Investigation, folder: Path, number: int, progress: Progress) -> Design:
-    """The design that tells the names apart that are left, written to a folder of its own."""
+    """Return design that tells the names apart that are left, written to a folder of its own."""
     sets = [
         RivalSet(
             {name: one.models[name] for name in one.left},

@@ -125,7 +125,7 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
 
 
 def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
-    """Torque [N.m] of a model on a movement, shape (n,), at the motion's rate."""
+    """Return the torque [N.m] of a model on a movement, shape (n,), at the motion's rate."""
     channels = (motion.position, motion.velocity, motion.acceleration, motion.activation)
     return model.torque(Signals(motion.rate, *(c.copy() for c in channels)))
 
@@ -160,7 +160,7 @@ def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
 
 
 def _write_bag(recording: Recording, torque: np.ndarray, path: Path) -> None:
-    """The recording's movement with another torque, as a bag."""
+    """Write the recording's movement with another torque, as a bag."""
     joint = joint_in_force()
     columns = {
         "t[s]": recording.start + recording.time,

@@ -153,7 +153,7 @@ class Together:
         return "explained" if self.effects else "no_mismatch"
 
     def content(self) -> dict[str, Any]:
-        """Plain data of ``verdict.json``."""
+        """Return plain data of ``verdict.json``."""
         return {
             "verdict": self.verdict,
             "joint": joint_in_force().name,
@@ -303,8 +303,8 @@ def _joint_chance(members: Sequence[Member]) -> dict[str, float]:
 def _best_step(
     found: Together, screened: list[dict[str, Screened]], progress: Progress
 ) -> tuple[str, list[Fit], float] | None:
-    """The term that gains most in all recordings together, with its fits; None where none is worth
-    it.
+    """Find the term that gains most in all recordings together, with its fits; None where none is
+    worth it.
     """
     members = found.members
     scores = np.array([m.fit.score for m in members])
@@ -419,7 +419,9 @@ def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect
 
 
 def _pooled(effect: SharedEffect) -> dict[str, float]:
-    """Values by symbol: means of the recordings, weighted by their errors; conventions typical."""
+    """Return the values by symbol: means of the recordings, weighted by their errors; conventions
+    typical.
+    """
     pooled = {p.symbol: p.default for p in term_library()[effect.name].parameters}
     for p in term_library()[effect.name].parameters:
         pairs = np.array(effect.values.get(p.key, []), dtype=float)

@@ -49,7 +49,7 @@ class SimulatedConduct:
 
 
 def _levels(duration: float) -> Scenario:
-    """The torque levels of a task, one after the other."""
+    """Return the torque levels of a task, one after the other."""
     changes = [
         {
             "at[s]": LEVEL_S * k,

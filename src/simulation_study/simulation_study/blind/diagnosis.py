@@ -101,7 +101,7 @@ def is_diagnosed(folder: Path) -> bool:
 
 
 def read_verdict(folder: Path) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
-    """``verdict.json`` and ``model.yaml`` of a diagnosed case; None for what is missing or
+    """Read ``verdict.json`` and ``model.yaml`` of a diagnosed case; None for what is missing or
     unreadable.
     """
     verdict: dict[str, Any] | None = None

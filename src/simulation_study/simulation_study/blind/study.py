@@ -57,8 +57,8 @@ class StudyError(RuntimeError):
 
 @contextmanager
 def _cluster(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """Dask workers: those of a running scheduler, or processes on this machine that end with the
-    block.
+    """Give Dask workers: those of a running scheduler, or processes on this machine that end with
+    the block.
     """
     if scheduler is not None:
         with Client(scheduler) as client:

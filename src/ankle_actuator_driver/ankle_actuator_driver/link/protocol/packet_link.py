@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import secrets
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -81,9 +82,9 @@ class PacketLink(RigLink):
         self._sender: Sender | None = self.make_sender()
         self._alive_at = -math.inf
 
+    @abstractmethod
     def open_line(self, values: Mapping[str, Value]) -> Transport:
         """Open the transport."""
-        raise NotImplementedError
 
     def make_sender(self) -> Sender:
         """Make what sends the packets."""
