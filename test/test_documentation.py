@@ -46,9 +46,9 @@ def test_the_tutorial_from_a_csv_runs_literally(tmp_path):
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     # The public trials need the internet; `test_human_trials` fetches them from a local server.
     lines = [line for line in commands(page) if "trials" not in line and "trial_" not in line]
-    assert len(lines) == 5
     for line in lines:
         run(line, tmp_path, 900)
+    # Written by the last command; nothing else would notice that the filter took all of them.
     assert (tmp_path / "diagnosis" / "report.html").exists()
 
 
