@@ -45,10 +45,14 @@ class Expectation:
         [ln rad/s], ln of its damping [1], its delay [s]; shape (7,).
     deviation
         Standard deviation of each about its mean, shape (7,); infinite where nothing is known.
+    models_reflex
+        Whether the shape of the reflex is known: estimators that use it then take samples with its
+        torque.
     """
 
     mean: np.ndarray
     deviation: np.ndarray
+    models_reflex: bool = False
 
 
 class Estimator(ABC):
@@ -84,6 +88,11 @@ class Estimator(ABC):
     none came.
     """
 
+    uses_modelled_reflex: ClassVar[bool] = False
+    """Says whether samples carry, behind the reference, the torque [N.m] of a reflex with unit gain
+    along the motion and along that of the reference, once `expect` has announced it.
+    """
+
     def __init__(
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
     ) -> None:
@@ -94,14 +103,15 @@ class Estimator(ABC):
             )
         self.rate = rate
         self.measured_velocity = measured_velocity
+        self.modelled_reflex = False
         self.settings = self.settings_type() if settings is None else settings
 
     @property
     def sample_columns(self) -> int:
-        """Columns of the samples: t, position, velocity where it is measured, torque, and the
-        reference where the estimator uses it.
+        """Columns of the samples: t, position, velocity where it is measured, torque, the
+        reference where the estimator uses it, and both torques of a modelled reflex.
         """
-        return 3 + self.measured_velocity + self.uses_reference
+        return 3 + self.measured_velocity + self.uses_reference + 2 * self.modelled_reflex
 
     @abstractmethod
     def process(self, samples: np.ndarray) -> np.ndarray:
@@ -111,7 +121,7 @@ class Estimator(ABC):
         ----------
         samples
             Shape (n, `sample_columns`): t [s], position [rad], velocity [rad/s] where measured,
-            torque [N.m], reference position [rad] where used.
+            torque [N.m], reference position [rad] where used, torques of a modelled reflex [N.m].
 
         Returns
         -------

@@ -19,6 +19,9 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.model import Entry, Model
 
+TORQUES = ("held", "reflex", "commanded")
+"""Torques on the foot: of the held terms, of a modelled reflex, and of one along the motion of the
+reference."""
 LARGEST_CORE_STIFFNESS = 1000.0
 """[N.m/rad] No ankle is stiffer, whatever an estimate says."""
 
@@ -46,7 +49,8 @@ class Straps:
         self._stiffness = float(model.entry("stiffness").values["K"])
         self._measured = measured_velocity
         self._position, self._velocity = SecondOrder(rate), SecondOrder(rate)
-        self._reference, self._torque = SecondOrder(rate), SecondOrder(rate)
+        self._reference = SecondOrder(rate)
+        self._torques = {name: SecondOrder(rate) for name in TORQUES}
         self._middle = np.nan
 
     @property
@@ -78,9 +82,17 @@ class Straps:
         commanded = self._through(self._reference, reference - self._middle)[0]
         return position + self._middle, rate, commanded + self._middle
 
-    def at_plate(self, torque: np.ndarray) -> np.ndarray:
-        """Return what reaches the plate of a torque on the foot [N.m], shape (n,)."""
-        return self._through(self._torque, torque)[0]
+    def at_plate(self, name: str, torque: np.ndarray) -> np.ndarray:
+        """Return what reaches the plate of a torque on the foot [N.m], shape (n,).
+
+        Parameters
+        ----------
+        name
+            One of `TORQUES`: each has a state of its own.
+        torque
+            On the foot [N.m], shape (n,).
+        """
+        return self._through(self._torques[name], torque)[0]
 
     def _through(self, state: SecondOrder, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         total = self._stiffness + self._k

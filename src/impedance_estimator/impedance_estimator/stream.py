@@ -16,7 +16,8 @@ from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_interfaces.units import split_column
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
-from impedance_estimator.known_physics import KnownPhysics, KnownPhysicsStream
+from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.known_physics_run import KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
 from impedance_estimator.rig_watch import RigWatch
 from impedance_estimator.settings import EstimatorSettings
@@ -214,8 +215,10 @@ class EstimateStream:
             f"{'measured' if self._measured_velocity else 'from position'}"
         )
         if self.known is not None:
-            self._physics = KnownPhysicsStream(self.known, rate, bool(self._measured_velocity))
             self.estimator.expect(self.known.expectation())
+            self._physics = KnownPhysicsStream(
+                self.known, rate, bool(self._measured_velocity), self.estimator.modelled_reflex
+            )
             if self.known.rig is not None:
                 self._rig_watch = RigWatch(self.known.rig, rate, bool(self._measured_velocity))
             parts.notes.append(f"known physics: {self.known.describe()}")

@@ -153,6 +153,10 @@ def linearise(p: Plan, s: State) -> None:
             )
         gain = s.solution[3]
         c.gain = gain if abs(gain) > LEAST_GAIN else LEAST_GAIN
+    if p.modelled_reflex:
+        s.tangent[0, 0] = 1.0
+        _combine_unknowns(s)
+        return
     reflex_shapes.shape_coordinates(s.eta[0], p.basis, p.lags, s.shape_work, s.tangent)
     for j in range(s.tangent.shape[0]):
         for k in range(SHAPES):
@@ -254,7 +258,7 @@ def detect_change(p: Plan, s: State) -> None:
         s.held[:] = s.output[0]
     for i in range(GAINS):
         s.prior[0, i] = s.solution[i]
-        s.prior[1, i] = CHANGE_DEVIATIONS[i]
+        s.prior[1, i] = min(CHANGE_DEVIATIONS[i], s.initial[1, i])
     for k in range(SHAPES):
         s.eta[1, k] = s.eta[0, k] + s.solution[GAINS + k]
         known = 2.0 * c.variance * s.covariance[GAINS + k, GAINS + k] + SHAPE_DRIFT[k] ** 2

@@ -133,13 +133,15 @@ def eliminated(explained_sums: np.ndarray, terms: tuple[int, ...], variance: flo
     """Γ, shape (EXTRAS, n - EXTRAS + 1); rows of terms that are left out are zero."""
     base = len(explained_sums) - EXTRAS
     chosen = list(terms)
+    gamma = np.zeros((EXTRAS, base + 1))
+    if not chosen:
+        return gamma
     rows = [base + extra for extra in chosen]
     prior = variance / np.array([EXTRA_WIDTHS.get(extra, TAP_WIDTH) for extra in chosen]) ** 2
     normal = explained_sums[np.ix_(rows, rows)] + np.diag(prior)
     scale = 1.0 / np.sqrt(np.diag(normal))
     factor = linalg.cho_factor(normal * scale[:, None] * scale, check_finite=False)
     right = explained_sums[np.ix_(rows, [*range(base), -1])]
-    gamma = np.zeros((EXTRAS, base + 1))
     gamma[chosen] = scale[:, None] * linalg.cho_solve(factor, scale[:, None] * right)
     return gamma
 
@@ -217,15 +219,18 @@ def clean_motion(p: Plan, s: State) -> None:
             and c["length"] >= MIN_SCATTER_LENGTH * p.second
             and c["blocks"] % (REVIEW_PERIOD * p.second) == 0
         )
-        gamma = eliminated(sums, ALL_TAPS, variance)
+        # What lies between joint and sensors is undone where a calibration tells it.
+        gamma = eliminated(sums, () if p.modelled_reflex else ALL_TAPS, variance)
         if review:
-            s.signs[0], s.signs[2] = _unmodelled(s, memory, projection, sums)
+            s.signs[0], s.signs[2] = _unmodelled(
+                s, memory, projection, sums, () if p.modelled_reflex else SKEW
+            )
     except linalg.LinAlgError:
         # Too few data: what was found before stays in use.
         return
     s.nuisance.gamma[:] = gamma
     s.nuisance.combine[:] = combination(projection, gamma)
-    if known:
+    if known and not p.modelled_reflex:
         _state_delay(p, s)
     if review:
         s.signs[1] = _halves_apart(p, s)
@@ -233,10 +238,10 @@ def clean_motion(p: Plan, s: State) -> None:
 
 
 def _unmodelled(
-    s: State, memory: Memory, projection: np.ndarray, sums: np.ndarray
+    s: State, memory: Memory, projection: np.ndarray, sums: np.ndarray, usual: tuple[int, ...]
 ) -> tuple[float, float]:
     """Return how much more likely (ln L) the memory is with a wider intrinsic response than that of
-    I, B and K behind a delay; and with the best of `STRUCTURES`, over its limit.
+    I, B, K and the usual nuisance terms; and with the best of `STRUCTURES`, over its limit.
     """
     variance = float(s.counters[0]["variance"])
 
@@ -245,13 +250,13 @@ def _unmodelled(
         normal = normal_equations(s, memory, combine)
         return solve(s, normal, memory.samples, variance).evidence
 
-    plain = evidence(SKEW)
+    plain = evidence(usual)
     wider = evidence(ALL_TAPS) - plain
     # In a closed loop without a reference, torque that yields and relaxes with the motion is not
     # told apart from a servo that gives way.
     if not s.counters[0]["referenced"]:
         return wider, 0.0
-    gains = [evidence(SKEW + structure) - plain for structure in STRUCTURES]
+    gains = [evidence(usual + structure) - plain for structure in STRUCTURES]
     return wider, float(np.max(np.array(gains) / STRUCTURE_GAINS))
 
 

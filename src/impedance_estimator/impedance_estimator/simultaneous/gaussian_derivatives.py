@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 
 KERNEL_HALF_WIDTH = 4.5
 """The kernel ends at so many standard deviations, where the Gaussian has fallen to 4e-5."""
@@ -55,3 +56,25 @@ def gaussian_derivatives(sigma: float, rate: float) -> np.ndarray:
     second -= value * second.sum()
     second /= 0.5 * np.sum(second * t**2)
     return np.stack([value, first, second])
+
+
+@njit(cache=True)
+def weighted_stretches(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """Return Σ kernel times each stretch of a signal, one sum after the other, so that the result
+    does not depend on how the signal is divided; shape (n - m + 1,).
+
+    Parameters
+    ----------
+    values
+        Shape (n,).
+    kernel
+        Shape (m,), its last weight for the newest sample.
+    """
+    size = kernel.shape[0]
+    out = np.empty(values.shape[0] - size + 1)
+    for i in range(out.shape[0]):
+        total = 0.0
+        for k in range(size):
+            total += kernel[k] * values[i + k]
+        out[i] = total
+    return out

@@ -130,6 +130,8 @@ def _compile(source: int) -> tuple[Any, Any]:
                 t, x, torque = samples[i, 0], samples[i, 1], samples[i, last]
                 reference = samples[i, last + 1]
                 v = samples[i, 2] if p.measured_velocity else 0.0
+                reflex = samples[i, last + 2] if p.modelled_reflex else 0.0
+                commanded_reflex = samples[i, last + 3] if p.modelled_reflex else 0.0
                 validity.watch_rate(s.clock, p.rate, t)
                 k.row_time = t if np.isfinite(t) else k.row_time + 1.0 / p.rate
                 what = validity.judge_sample(s.clock, p.rate, p.memory, t, x, v, torque)
@@ -142,12 +144,14 @@ def _compile(source: int) -> tuple[Any, Any]:
                     k.pending = validity.REFERENCE
                     what = validity.RESTART_PATH
                 if what == validity.RESTART_ALL or what == validity.RESTART_PATH:
-                    restart_path(p, s, x, v, torque, reference)
+                    restart_path(p, s, x, v, torque, reference, reflex, commanded_reflex)
                 if what != validity.DROP:
                     c.index += 1
                     remember(s.raw[0], c.index, x)
                     remember(s.raw[1], c.index, v)
                     remember(s.raw[2], c.index, torque)
+                    remember(s.raw[4], c.index, reflex)
+                    remember(s.raw[5], c.index, commanded_reflex)
                     smooth, rectified = rectified_velocity(p, s, c.index)
                     remember(s.rectified[0], c.index, rectified)
                     if c.referenced:

@@ -26,12 +26,23 @@ from impedance_estimator.simultaneous.state import Plan, State
 
 
 @part
-def restart_path(p: Plan, s: State, x: float, v: float, torque: float, reference: float) -> None:
+def restart_path(
+    p: Plan,
+    s: State,
+    x: float,
+    v: float,
+    torque: float,
+    reference: float,
+    reflex: float,
+    commanded_reflex: float,
+) -> None:
     """Fill all histories with the first good sample."""
     c = s.counters[0]
     c.referenced = np.isfinite(reference)
     s.raw[0], s.raw[1], s.raw[2] = x, v if p.measured_velocity else 0.0, torque
     s.raw[3] = reference if c.referenced else 0.0
+    s.raw[4] = reflex
+    s.raw[5] = commanded_reflex if c.referenced else 0.0
     s.actuator[0], s.actuator[1] = s.raw[3, 0], 0.0
     s.rectified[:] = 0.0
     s.slow_rectified[:] = 0.0
@@ -47,6 +58,10 @@ def restart_path(p: Plan, s: State, x: float, v: float, torque: float, reference
     for k in range(s.past.shape[0]):
         s.past[k, 0, 0], s.past[k, 1, 0] = x, s.raw[3, 0]
         s.past[k, 0, -1] = torque
+        if p.modelled_reflex:
+            s.past[k, 0, INTRINSIC], s.past[k, 1, INTRINSIC] = s.raw[4, 0], s.raw[5, 0]
+    if p.modelled_reflex:
+        s.signals[INTRINSIC], s.signals[size + 1 + INTRINSIC] = s.raw[4, 0], s.raw[5, 0]
     for model in range(s.filters.shape[0]):
         s.whitened[:] = s.signals
         settle_filter(p.whitening[model], s.filters[model], s.whitened)
@@ -144,9 +159,12 @@ def decimated_signals(p: Plan, s: State, index: int) -> None:
         else:
             u[1] = weighted(x, index, n, p.kernels[1])
             u[2] = weighted(x, index, n, p.kernels[2])
-        stretches = s.slow_rectified[motion]
-        remember(stretches, slow, weighted(s.rectified[motion], index, 0, p.kernels[0]))
-        _reflex_signals(p, stretches, slow, u)
+        if p.modelled_reflex:
+            u[INTRINSIC] = weighted(s.raw[4 + motion], index, n, p.kernels[0])
+        else:
+            stretches = s.slow_rectified[motion]
+            remember(stretches, slow, weighted(s.rectified[motion], index, 0, p.kernels[0]))
+            _reflex_signals(p, stretches, slow, u)
         _slow_signals(p, s.slow_states[motion], c.centred, u)
     now[0, -1] = weighted(s.raw[2], index, n, p.kernels[0])
     c.centred += 1

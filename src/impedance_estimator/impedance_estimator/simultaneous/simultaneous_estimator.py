@@ -50,6 +50,7 @@ class Simultaneous(Estimator):
     )
     settings_type = SimultaneousSettings
     uses_reference = True
+    uses_modelled_reflex = True
 
     def __init__(
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
@@ -60,10 +61,7 @@ class Simultaneous(Estimator):
                 f"settings of type {type(self.settings).__name__} do not fit algorithm "
                 "'simultaneous'; expected SimultaneousSettings"
             )
-        self._plan = self._make_plan(self.settings)
-        self._samples = np.empty((CHUNK, self.sample_columns))
-        self._rows = np.empty((CHUNK // self._plan.estimate_every + 1, ESTIMATES))
-        self._torques = np.empty((CHUNK // self._plan.decimation + 1, 4))
+        self._simultaneous_settings = self.settings
         self._torque_parts: list[np.ndarray] = []
         self._consumed = 0
         self._initial = np.array(
@@ -72,6 +70,14 @@ class Simultaneous(Estimator):
                 [*INITIAL_DEVIATIONS, *reflex_shapes.PRIOR_DEVIATION],
             ]
         )
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Make plan, buffers and a state at rest."""
+        self._plan = self._make_plan(self._simultaneous_settings)
+        self._samples = np.empty((CHUNK, self.sample_columns))
+        self._rows = np.empty((CHUNK // self._plan.estimate_every + 1, ESTIMATES))
+        self._torques = np.empty((CHUNK // self._plan.decimation + 1, 4))
         self.reset()
 
     def expect(self, expectation: Expectation) -> None:
@@ -81,7 +87,8 @@ class Simultaneous(Estimator):
         self._initial[0, GAINS:] = np.clip(
             self._initial[0, GAINS:], reflex_shapes.LOWEST_SHAPE, reflex_shapes.HIGHEST_SHAPE
         )
-        self.reset()
+        self.modelled_reflex = expectation.models_reflex
+        self._prepare()
 
     def _make_plan(self, s: SimultaneousSettings) -> Plan:
         rate = self.rate
@@ -94,6 +101,9 @@ class Simultaneous(Estimator):
         slow = rate / every
         count = round(s.basis_functions)
         functions = reflex_shapes.basis(1.0 / slow, count)
+        if self.modelled_reflex:
+            lags = np.arange(functions.shape[1]) / slow
+            functions = reflex_shapes.shape(self._initial[0, GAINS:], lags)[None]
         whitening = voluntary_torque_noise.whitening_filters(slow)
         block_samples = round(BLOCK * slow)
         lengths = memory_lengths(s.memory, block_samples / slow, s.change_detection == "on")
@@ -102,6 +112,7 @@ class Simultaneous(Estimator):
         return Plan(
             rate=rate,
             measured_velocity=self.measured_velocity,
+            modelled_reflex=self.modelled_reflex,
             kernels=kernels,
             rest_velocity=s.rest_velocity,
             decimation=every,
@@ -146,9 +157,9 @@ class Simultaneous(Estimator):
                 combine=np.eye(size, motion),
                 unknowns=np.zeros((PARAMETERS + 1, motion)),
                 coefficients=np.zeros(nuisance.EXTRAS),
-                work=np.zeros((size + motion, motion)),
+                work=np.zeros((max(size, PARAMETERS + 1) + motion, motion)),
             ),
-            raw=np.zeros((4, 2 * (3 * n + 1))),
+            raw=np.zeros((6, 2 * (3 * n + 1))),
             rectified=np.zeros((2, 2 * (2 * n + 1))),
             slow_rectified=np.zeros((2, 2 * lags)),
             actuator=np.zeros(2),

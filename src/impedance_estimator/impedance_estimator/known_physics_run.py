@@ -1,0 +1,521 @@
+"""Samples are corrected by what is known of rig and subject, and estimates completed with it.
+
+The path from the sensors back to the joint is that of `known_physics`. The simultaneous estimator
+also gets the torque of the calibrated reflex, along the motion and along the motion that the
+reference commands, as regressors: it then follows how large the reflex is, not its shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
+from ankle_physics.model import PLATE, Entry, Model, ModelRun
+from ankle_physics.rig_file import LONGEST_DELAY
+from ankle_physics.signals import Signals
+from ankle_physics.term import Place
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.known_physics import (
+    ACTIVATION_TIME,
+    REFLEX_WITH_GAIN,
+    SUPPORTED_TERMS,
+    KnownPhysics,
+    shaping_terms,
+)
+from impedance_estimator.simultaneous.gaussian_derivatives import (
+    gaussian_derivatives,
+    weighted_stretches,
+)
+from impedance_estimator.simultaneous.nuisance import (
+    REFERENCE_FILTER_DAMPING,
+    REFERENCE_FILTER_HZ,
+)
+from impedance_estimator.straps import Straps
+
+SENSORS = (Place.TORQUE_SENSOR,)
+WARM_UP = 0.1
+"""The terms rest so long [s] before the first sample and after each gap: longer than every delay
+and sensor's lag.
+"""
+LONGEST_STEP = 1.5
+"""A step longer than so many sample intervals starts a new stretch."""
+OPERATING_POINT_TIME = 10.0
+"""Position and torque are averaged over so long [s]: half the estimator's memory."""
+OPERATING_POINT_STEP = np.array([0.005, 0.5])
+"""Position [rad] and torque [N.m] must change by so much for the reflex gain of the held terms to
+be stated anew: a gain that follows them changes by some per cent."""
+LEAST_PROJECTION = 0.2
+"""A shape of which the plain reflex shows less cannot be followed; the standard error says so."""
+SMOOTHING = 0.0015
+"""[s] Standard deviation of the kernel before terms that run beside the regression: -3 dB at 88 Hz,
+above what a perturbation moves."""
+PROJECTION_TIME = 1.0
+"""[s] Slower than this the voluntary torque hides the reflex."""
+
+
+_SENSED = ("position", "velocity", "reference", "torque", "reflex", "commanded reflex")
+"""Signals that pass a torque sensor's dynamics, each with a state of its own."""
+_BEFORE_REFLEX = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
+"""Terms there change what the reflex answers."""
+
+
+class _Motion(NamedTuple):
+    """Angle [rad], velocity [rad/s], acceleration [rad/s²] of plate or foot, each of shape (n,)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+class KnownPhysicsRun:
+    """Corrects one stream of samples; keeps all states between calls.
+
+    Parameters
+    ----------
+    known
+        Rig and subject.
+    rate
+        Sampling rate [Hz].
+    measured_velocity
+        Whether samples have a velocity.
+    modelled_reflex
+        Whether the torque of the reflex is given beside the samples instead of left in them.
+    """
+
+    def __init__(
+        self,
+        known: KnownPhysics,
+        rate: float,
+        measured_velocity: bool,
+        modelled_reflex: bool = False,
+    ) -> None:
+        self._known = known
+        self._rate = rate
+        self._measured_velocity = measured_velocity
+        self._modelled_reflex = modelled_reflex
+        self._path: _Path | None = None
+        self._newest = np.nan
+
+    def correct(self, samples: np.ndarray) -> np.ndarray:
+        """Return samples as a joint alone would give them.
+
+        Parameters
+        ----------
+        samples
+            Shape (n, k): time [s], position [rad], velocity [rad/s] where measured, torque [N.m],
+            and where there is one the reference [rad].
+
+        Returns
+        -------
+        np.ndarray
+            Shape (n, k). Samples that are not finite are passed on as they are. With a modelled
+            reflex shape (n, k + 2): its torque [N.m] along the motion and along that of the
+            reference.
+        """
+        samples = np.array(samples, dtype=float)
+        out = np.pad(samples, ((0, 0), (0, 2 * self._modelled_reflex)))
+        used = 4 if self._measured_velocity else 3
+        good = np.isfinite(samples[:, :used]).all(axis=1)
+        steps = np.diff(samples[:, 0], prepend=self._newest) * self._rate
+        begins = ~(good & (np.abs(steps) < LONGEST_STEP)) | ~np.concatenate(
+            [[np.isfinite(self._newest)], good[:-1]]
+        )
+        edges = [*np.flatnonzero(begins).tolist(), len(samples)]
+        if not edges or edges[0] != 0:
+            edges.insert(0, 0)
+        for first, last in pairwise(edges):
+            if first == last or not good[first]:
+                continue
+            if begins[first] or self._path is None:
+                self._path = _Path(
+                    self._known, self._rate, self._measured_velocity, self._modelled_reflex
+                )
+                self._path.settle(samples[first])
+            out[first:last] = self._path.run(samples[first:last])
+        if len(samples):
+            self._newest = samples[-1, 0] if good[-1] else np.nan
+        return out
+
+    @property
+    def projection(self) -> float:
+        """Share of a change of the reflex that the regression sees [1]; see `_Extras`."""
+        return 1.0 if self._path is None else self._path.projection
+
+    def follow(self, stiffness: float) -> float:
+        """Take over the estimated stiffness of the joint's core [N.m/rad].
+
+        Returns
+        -------
+        float
+            Share of a slow torque on the foot that reaches the plate [1]; 1 without straps.
+        """
+        if self._path is None or self._path.straps is None:
+            return 1.0
+        self._path.straps.follow(stiffness)
+        return self._path.straps.share
+
+
+class _Path:
+    """From the sensors back to the joint, between two gaps."""
+
+    def __init__(
+        self, known: KnownPhysics, rate: float, measured_velocity: bool, modelled_reflex: bool
+    ) -> None:
+        model, rig = known.model, known.rig
+        self._rate, self._measured = rate, measured_velocity
+        self._modelled_reflex = modelled_reflex
+        self._zero = (rig.zero_position, rig.zero_torque) if rig is not None else (0.0, 0.0)
+        skew = known._value("channel_skew", "skew")
+        slow_velocity = rig.velocity_delay.value if rig is not None else 0.0
+        latest = max(skew, slow_velocity if measured_velocity else 0.0, 0.0)
+        longest = 2.0 * LONGEST_DELAY
+        self._delays = {
+            "position": (Delay(rate, longest), latest),
+            "velocity": (Delay(rate, longest), latest - slow_velocity),
+            "torque": (Delay(rate, longest), latest - skew),
+            "reference": (Delay(rate, longest), latest),
+        }
+        self._sensors = [
+            [
+                (entry, entry.term.start(rate))
+                for entry in model.entries
+                if entry.term.place in SENSORS and entry.term.name != "channel_skew"
+            ]
+            for _ in _SENSED
+        ]
+        self.straps = Straps(model, rate, measured_velocity) if known.has_straps else None
+        self._gap = model.entry("backlash") if model.has("backlash") else None
+        self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
+        self._plate_inertia = known.plate_inertia
+        self._before: np.ndarray | None = None
+        self._activation = FirstOrder(rate)
+        self._extras = _Extras(model, rate, modelled_reflex)
+        self._actuator = SecondOrder(rate)
+        self._kernels = gaussian_derivatives(max(SMOOTHING, 0.8 / rate), rate)
+        self._smoothing = self.straps is not None or self._extras.any
+
+    @property
+    def projection(self) -> float:
+        """Share of a change of the reflex that the regression sees [1]."""
+        return self._extras.projection
+
+    def settle(self, sample: np.ndarray) -> None:
+        """Start at rest with the values of a sample."""
+        still = np.tile(sample, (round(WARM_UP * self._rate), 1))
+        still[:, 0] = sample[0]
+        if self._measured:
+            still[:, 2] = 0.0
+        if not np.isfinite(sample[-1]):
+            still[:, -1] = 0.0
+        self.run(still)
+
+    def run(self, samples: np.ndarray) -> np.ndarray:
+        """Return corrected samples of a stretch without gaps."""
+        x = self._late("position", samples[:, 1] - self._zero[0])
+        torque_column = 3 if self._measured else 2
+        torque = self._late("torque", samples[:, torque_column] - self._zero[1])
+        has_reference = samples.shape[1] > torque_column + 1
+        reference = samples[:, -1] if has_reference else np.full(len(samples), np.nan)
+        known = np.isfinite(reference)
+        delayed = self._late("reference", np.where(known, reference, 0.0))
+        # Without a measured velocity it is differentiated once the channels are even.
+        v = self._late("velocity", samples[:, 2]) if self._measured else np.zeros(len(x))
+        acceleration = np.zeros(len(x))
+        if self._smoothing:
+            x, v, torque, delayed, acceleration = self._smoothed(x, v, torque, delayed)
+        plate = _Motion(x, v, acceleration)
+        foot, added = plate, np.zeros(len(x))
+        if self.straps is not None:
+            # The plate moves otherwise than the foot: its inertia cannot be taken from I.
+            added += self._plate_inertia * acceleration
+            position, velocity, delayed = self.straps.foot(x, v, delayed)
+            foot = _Motion(position, velocity, np.zeros(len(x)))
+        if self._gap is not None:
+            foot = self._behind_gap(foot)
+        reflex = np.zeros((2, len(x)))
+        if self._extras.any:
+            held, reflex = self._modelled(plate, foot, delayed, torque)
+            added += held
+        # What the sensor sees of a torque, the regression sees of the motion that goes with it.
+        out = np.pad(samples, ((0, 0), (0, 2 * self._modelled_reflex)))
+        out[:, 1] = self._sense("position", foot.position)
+        out[:, torque_column] = torque - self._sense("torque", added)
+        if self._measured:
+            out[:, 2] = self._sense("velocity", foot.velocity)
+        if has_reference:
+            out[:, samples.shape[1] - 1] = np.where(
+                known, self._sense("reference", delayed), np.nan
+            )
+        if self._modelled_reflex:
+            out[:, -2] = self._sense("reflex", reflex[0])
+            out[:, -1] = self._sense("commanded reflex", reflex[1])
+        return out
+
+    def _late(self, name: str, values: np.ndarray) -> np.ndarray:
+        delay, seconds = self._delays[name]
+        return delay.run(values, seconds)
+
+    def _smoothed(
+        self, x: np.ndarray, v: np.ndarray, torque: np.ndarray, reference: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Return all signals and the acceleration through one kernel, late by half its length.
+
+        A reflex rectifies the velocity and friction follows its sign: both would answer noise.
+        """
+        kernels = self._kernels
+        now = np.vstack([x, v, torque, reference])
+        if self._before is None:
+            self._before = np.repeat(now[:, :1], kernels.shape[1] - 1, axis=1)
+        joined = np.concatenate([self._before, now], axis=1)
+        self._before = joined[:, -(kernels.shape[1] - 1) :]
+        position, rate, load, command = joined
+        if self._measured:
+            velocity = weighted_stretches(rate, kernels[0])
+            acceleration = weighted_stretches(rate, kernels[1])
+        else:
+            velocity = weighted_stretches(position, kernels[1])
+            acceleration = weighted_stretches(position, kernels[2])
+        return (
+            weighted_stretches(position, kernels[0]),
+            velocity,
+            weighted_stretches(load, kernels[0]),
+            weighted_stretches(command, kernels[0]),
+            acceleration,
+        )
+
+    def _sense(self, channel: str, values: np.ndarray) -> np.ndarray:
+        """Return a signal, one of `_SENSED`, through the torque sensor's dynamics."""
+        for entry, state in self._sensors[_SENSED.index(channel)]:
+            signals = Signals(self._rate, values, values, values)
+            signals.torque = values
+            entry.term.transform(signals, entry.values, state)
+            values = signals.torque
+        return values
+
+    def _behind_gap(self, motion: _Motion) -> _Motion:
+        """Return the motion of the foot that the plate takes along across a gap."""
+        assert self._gap is not None
+        signals = Signals(self._rate, *motion)
+        self._gap.term.transform(signals, self._gap.values, self._gap_state)
+        return _Motion(signals.foot_position, signals.foot_velocity, signals.foot_acceleration)
+
+    def _modelled(
+        self, plate: _Motion, foot: _Motion, reference: np.ndarray, torque: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the torque of the held terms [N.m], shape (n,), and of the reflex along the motion
+        and along that of the reference, shape (2, n).
+        """
+        activation = self._activation.run(torque, ACTIVATION_TIME)
+
+        def signals(at_plate: _Motion, at_foot: _Motion) -> Signals:
+            made = Signals(self._rate, *at_plate, activation)
+            made.move_foot(*at_foot)
+            return made
+
+        on_plate, on_foot, reflex = self._extras.torques(lambda: signals(plate, foot))
+        commanded = np.zeros(len(torque))
+        if self._modelled_reflex:
+            omega = 2.0 * np.pi * REFERENCE_FILTER_HZ
+            nominal = _Motion(
+                *self._actuator.run_with_rates(reference, omega, REFERENCE_FILTER_DAMPING)
+            )
+            commanded = self._extras.commanded_reflex(signals(nominal, nominal))
+        if self.straps is not None:
+            on_foot = self.straps.at_plate("held", on_foot)
+            reflex = self.straps.at_plate("reflex", reflex)
+            commanded = self.straps.at_plate("commanded", commanded)
+        return on_plate + on_foot, np.array([reflex, commanded])
+
+
+class _Extras:
+    """The torque that the held terms add to the joint's core."""
+
+    def __init__(self, model: Model, rate: float, modelled_reflex: bool) -> None:
+        held = [entry for entry in model.entries if _is_held(entry)]
+        reflex = [entry for entry in model.entries if entry.term.name == "reflex"]
+        self.any = bool(held) or modelled_reflex
+        self._modelled = modelled_reflex
+        self._plate = {e.term.name for e in held if e.term.place in PLATE}
+        self._shaped = not modelled_reflex and bool(shaping_terms(model)) and bool(reflex)
+        self._all = _run([*held, *(reflex if self._shaped or modelled_reflex else [])], rate)
+        self._plain = _run(reflex, rate)
+        self._commanded = _run(
+            [e for e in (*held, *reflex) if e.term.place in _BEFORE_REFLEX or _is_reflex(e)], rate
+        )
+        self._slow = FirstOrder(rate), FirstOrder(rate)
+        self._square = self._cross = 0.0
+
+    @property
+    def projection(self) -> float:
+        """How much of the plain reflex a regression finds in the shaped one [1]; 1 without a shape.
+
+        A reflex that is g times the calibrated one leaves (g - 1) times the shaped reflex beside
+        the plain one, and only this share of it shows in the regression.
+        """
+        if not self._square > 0.0:
+            return 1.0
+        return max(self._cross / self._square, LEAST_PROJECTION)
+
+    def torques(self, signals: Callable[[], Signals]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the torque [N.m] on the plate and on the foot, and that of a modelled reflex (0
+        where it is not modelled), each of shape (n,).
+
+        Parameters
+        ----------
+        signals
+            Makes the motion of plate and foot; terms change it.
+        """
+        whole = self._all.torque(signals())
+        nothing = np.zeros(len(whole))
+        parts = self._all.parts.items()
+        plate = sum((torque for name, torque in parts if name in self._plate), nothing)
+        reflex = sum((torque for name, torque in parts if name in REFLEX_WITH_GAIN), nothing)
+        if self._modelled:
+            return plate, whole - plate - reflex, reflex
+        if not self._shaped:
+            return plate, whole - plate, nothing
+        plain = self._plain.torque(signals())
+        a = plain - self._slow[0].run(plain, PROJECTION_TIME)
+        b = reflex - self._slow[1].run(reflex, PROJECTION_TIME)
+        self._square += float(a @ a)
+        self._cross += float(a @ b)
+        return plate, whole - plate - plain, nothing
+
+    def commanded_reflex(self, signals: Signals) -> np.ndarray:
+        """Return the torque of the modelled reflex along the motion of the reference [N.m].
+
+        Parameters
+        ----------
+        signals
+            That motion.
+        """
+        self._commanded.torque(signals)
+        parts = self._commanded.parts.items()
+        return sum(
+            (torque for name, torque in parts if name in REFLEX_WITH_GAIN),
+            np.zeros(len(signals.position)),
+        )
+
+
+def _is_reflex(entry: Entry) -> bool:
+    return entry.term.name in REFLEX_WITH_GAIN
+
+
+def _is_held(entry: Entry) -> bool:
+    """Whether a term runs beside the regression and its torque is subtracted."""
+    return not (
+        entry.term.name in SUPPORTED_TERMS
+        or entry.term.place in SENSORS
+        or isinstance(entry.term, CompliantCoupling)
+    )
+
+
+def _run(entries: Sequence[Entry], rate: float) -> ModelRun:
+    return Model([Entry(e.term, e.values) for e in entries]).start(rate)
+
+
+_STATED = ("K[N.m/rad]", "G[N.m.s/rad]", "I[kg.m^2]")
+
+
+class KnownPhysicsStream:
+    """Corrects samples, and states what the held terms contribute to the estimates.
+
+    Parameters
+    ----------
+    known, rate, measured_velocity, modelled_reflex
+        As for `KnownPhysicsRun`.
+    """
+
+    def __init__(
+        self,
+        known: KnownPhysics,
+        rate: float,
+        measured_velocity: bool,
+        modelled_reflex: bool = False,
+    ) -> None:
+        self._known = known
+        self._rate = rate
+        self._columns = (1, 3 if measured_velocity else 2)
+        rig = known.rig
+        self._zeros = (rig.zero_position, rig.zero_torque) if rig is not None else (0.0, 0.0)
+        self._modelled_reflex = modelled_reflex
+        self._run = KnownPhysicsRun(known, rate, measured_velocity, modelled_reflex)
+        self._nominal = known.calibrated_gain or 1.0
+        self._means = [np.nan, np.nan]
+        self._samples = 0
+        self._stiffness, self._gain = 0.0, 0.0
+        self._stated: np.ndarray = np.full(2, np.nan)
+        self._core_stiffness = np.nan
+        self._share = 1.0
+
+    def correct(self, samples: np.ndarray) -> np.ndarray:
+        """Correct samples as `KnownPhysicsRun.correct` does; position and torque are averaged on
+        the way.
+        """
+        decay = np.exp(-1.0 / (OPERATING_POINT_TIME * self._rate))
+        for k, column in enumerate(self._columns):
+            values = samples[np.isfinite(samples[:, column]), column]
+            if len(values):
+                if not np.isfinite(self._means[k]):
+                    self._means[k] = values[0]
+                out, _ = signal.lfilter(
+                    [1.0 - decay], [1.0, -decay], values, zi=[decay * self._means[k]]
+                )
+                self._means[k] = float(out[-1])
+        self._samples += len(samples)
+        corrected = self._run.correct(samples)
+        if self._modelled_reflex:
+            # Of unit gain: the estimator's own limits are in N.m.s/rad.
+            corrected[:, -2:] /= self._nominal
+        return corrected
+
+    def restate(self) -> None:
+        """State the contribution of the held terms at the present operating point, and let the foot
+        in its straps follow the stiffness.
+        """
+        position, torque = (
+            mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
+        )
+        time = self._samples / self._rate
+        if np.isfinite(position + torque):
+            self._stiffness = self._known.added_stiffness(position, torque, time)
+            moved = np.abs(np.array([position, torque]) - self._stated)
+            if not np.all(moved < OPERATING_POINT_STEP):
+                # The reflex' area is simulated, which takes a few milliseconds.
+                self._gain = self._known.added_gain(position, torque, time)
+                self._stated = np.array([position, torque])
+        self._share = self._run.follow(self._core_stiffness)
+
+    def complete(self, rows: np.ndarray) -> np.ndarray:
+        """Return estimates of the whole joint: with the held terms, without the plate.
+
+        The standard errors hold those of the calibrated session, too.
+        """
+        rows = rows.copy()
+        K, G, I = (ESTIMATE_COLUMNS.index(name) for name in _STATED)
+        error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{name}") for name in _STATED[:2])
+        if len(rows) and rows[-1, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0:
+            self._core_stiffness = float(rows[-1, K])
+        rows[:, K] += self._stiffness
+        if not self._known.has_straps:
+            rows[:, I] -= self._known.plate_inertia
+        calibrated = self._known.calibrated_gain
+        if self._modelled_reflex:
+            rows[:, [G, error_G]] *= (calibrated + self._gain) / self._nominal
+        else:
+            rows[:, [G, error_G]] /= self._share
+        if calibrated > 0.0 and not self._modelled_reflex:
+            # The whole reflex changes in proportion, and its core shows a share of the change.
+            slope = (calibrated + self._gain) / (calibrated * self._run.projection)
+            rows[:, G] = calibrated + self._gain + slope * (rows[:, G] - calibrated)
+            rows[:, error_G] *= abs(slope)
+        stiffness_error, gain_error = self._known.calibration_errors()
+        rows[:, error_K] = np.hypot(rows[:, error_K], stiffness_error)
+        rows[:, error_G] = np.hypot(rows[:, error_G], gain_error * rows[:, G])
+        return rows
