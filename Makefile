@@ -71,8 +71,9 @@ faults: setup
 	@$(BIN)/python benchmarks/live_faults.py --times 4
 
 CASES ?= 1000000
+SEED ?= 1
 bad-input: setup
-	@$(BIN)/python test/bad_input.py --cases $(CASES)
+	@$(BIN)/python test/bad_input.py --cases $(CASES) --seed $(SEED)
 
 MINUTES ?= 120
 soak: setup

@@ -8,7 +8,8 @@ key is Space, pressed in the browser in turn on the operator's page and on the s
 is read from the rig's own samples. In it are: the browser's key event, the WebSocket, the pages'
 server, the call over DDS, the driver, the UDP line, the servo cycle, the stop movement and the
 30 Hz servo. With ``--load`` two processes compute without a pause, and one writes and flushes 4 MB
-files.
+files. ``--without-browser`` stands for a page on another computer: this process sends the page's
+message, with the priority of the pages' server.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
 from ankle_bringup.up import ending_by_signal
+from ankle_node.real_time import PAGES_PRIORITY, take_priority
 from biofeedback.web.server import SEEN
 from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 
@@ -162,7 +164,7 @@ def main() -> int:
     options.add_argument("--load", action="store_true", help="keep disk and processor busy")
     given = options.parse_args()
     path = find_browser()
-    if path is None:
+    if path is None and not given.without_browser:
         raise SystemExit(MISSING)
     os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
     port = free_port()
@@ -173,6 +175,7 @@ def main() -> int:
         graph = graph.with_settings(
             [
                 "perturbation_generator.signal=multisine",
+                "rig_emulator.noise=false",  # its velocity noise would count as motion
                 "perturbation_generator.wait_for_readers=2",
                 "ankle_actuator_driver.wait_for_readers=2",
                 f"biofeedback.port={port}",
@@ -204,6 +207,8 @@ def main() -> int:
                     work = [[sys.executable, "-c", BUSY]] * 2
                     work.append([sys.executable, "-c", WRITE, f"{folder}/busy"])
                     burden = [subprocess.Popen(one, start_new_session=True) for one in work]
+                if given.without_browser:  # now, because a child inherits the priority
+                    take_priority(PAGES_PRIORITY)
                 while len(found) < given.stops:
                     run_again(rig, commander)
                     if pages:

@@ -5,7 +5,8 @@ with the error of its reader. Anything else (another exception, a hang, motion) 
     python test/bad_input.py --cases 20000 --seed 3 --only packets
     python test/bad_input.py --again "HTTP headers" 5017 --seed 3      one case, with its traceback
 
-Kinds that are cheap carry the number; files of a few hundred kilobytes get some hundred each.
+Kinds that are cheap carry the number; files of a few hundred kilobytes get some hundred each. A
+million cases take seven minutes of one core. A run of all kinds writes docs/results/bad_input.md.
 """
 
 from __future__ import annotations
@@ -69,6 +70,18 @@ from session_recorder.errors import BagError, ImportRefused
 from session_recorder.importing import propose, read_table
 from session_recorder.loss import account_of_bag
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "results" / "bad_input.md"
+HEAD = """# Bad input
+
+`make bad-input CASES={cases} SEED={seed}`: input of every kind that others write, from a seed. A
+case is *accepted* where its reader took it and everything that it then states holds (values finite
+and within bounds, no motion beyond a limit, samples complete or reported as missing), *refused*
+where the reader refused it by its own error, and *anything else* otherwise: another exception, more
+than {longest:g} s, motion, or content that is silently wrong.
+
+| input | cases | accepted | refused | anything else |
+| --- | --- | --- | --- | --- |
+"""
 Case = Callable[[np.random.Generator], bool]
 LONGEST = 20.0  # s; what takes longer hangs
 LEAST_CASES = 200  # of an expensive kind, in a run of a million
@@ -739,14 +752,26 @@ def number_of(kind: Kind, cases: int) -> int:
     return max(int(kind.share * cases), few, 5)
 
 
+def show_progress(name: str, cases: int) -> Callable[[int], None]:
+    """Return what shows the number of the present case every two seconds."""
+    shown = [time.monotonic()]
+
+    def show(index: int) -> None:
+        if time.monotonic() - shown[0] > 2.0:
+            shown[0] = time.monotonic()
+            print(f"\r{name}: {index} of {cases}   ", end="", file=sys.stderr, flush=True)
+
+    return show
+
+
 def main() -> int:
-    """Run and print a table."""
+    """Run the cases, print the table and write it into the page."""
     options = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--cases", type=int, default=1_000_000)
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--only", default="")
+    options.add_argument("--only", default="", help="kinds with these words in their name")
     options.add_argument("--again", nargs=2, metavar=("KIND", "CASE"))
     given = options.parse_args()
     if given.again:
@@ -754,30 +779,20 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as folder:
             print(kind.prepare(Path(folder))(seeded(given.seed, kind, int(given.again[1]))))
         return 0
-    problems, total = [], 0
-    print("| input | cases | accepted | refused | anything else |\n| --- | --- | --- | --- | --- |")
-    for kind in KINDS:
-        if given.only not in kind.name:
-            continue
-        cases, begin = number_of(kind, given.cases), [time.monotonic()]
-
-        def show(index: int, name: str = kind.name, cases: int = cases) -> None:
-            if time.monotonic() - begin[0] > 2.0:  # noqa: B023
-                begin[0] = time.monotonic()  # noqa: B023
-                print(f"\r{name}: {index} of {cases}   ", end="", file=sys.stderr, flush=True)
-
-        found = examine(kind, cases, given.seed, show)
+    problems, rows, total = [], [], 0
+    for kind in [kind for kind in KINDS if given.only in kind.name]:
+        cases = number_of(kind, given.cases)
+        found = examine(kind, cases, given.seed, show_progress(kind.name, cases))
         problems += found.problems
         total += cases
-        counts = found.counts
-        print(
-            f"| {kind.name} | {cases} | {counts['accepted']} | {counts['refused']} | "
-            f"{counts['failed']} |",
-            flush=True,
-        )
-    print(f"\n{total} cases, seed {given.seed}: {len(problems)} neither accepted nor refused")
-    for problem in problems[:50]:
-        print(problem)
+        counts = [found.counts[fate] for fate in ("accepted", "refused", "failed")]
+        rows.append(f"| {kind.name} | {cases} | {' | '.join(map(str, counts))} |")
+        print(rows[-1], flush=True)
+    closing = f"{total} cases, seed {given.seed}: {len(problems)} neither accepted nor refused."
+    if not given.only:
+        head = HEAD.format(cases=given.cases, seed=given.seed, longest=LONGEST)
+        PAGE.write_text(f"{head}{chr(10).join(rows)}\n\n{closing}\n")
+    print("\n".join([closing, *problems[:50]]))
     return int(bool(problems))
 
 

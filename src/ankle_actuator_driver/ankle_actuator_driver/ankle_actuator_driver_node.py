@@ -26,6 +26,7 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -169,9 +170,9 @@ class ActuatorDriverNode(ManagedNode):
         super().process_waiting(executor)
 
     def parameters_changed(self, values: dict[str, Value]) -> None:
-        """Apply changed limits from the next block on, and a soft start from the next start on.
+        """Apply changed limits at once, and a soft start from the next start on.
 
-        Limits never pass the hard ones.
+        Limits never pass the hard ones. A plate that is on its way beyond a new one is stopped.
         """
         wanted = limits_from(
             {p.name: values.get(p.name, self.value(p.name)) for p in LIMIT_PARAMETERS}
@@ -184,11 +185,11 @@ class ActuatorDriverNode(ManagedNode):
         )
 
         def apply(bridge: Bridge) -> None:
-            bridge.limits, bridge.soft_start = wanted, soft_start
-            bridge.operator_timeout, bridge.expectations = timeout, expectations
+            bridge.soft_start, bridge.operator_timeout = soft_start, timeout
+            bridge.expectations = expectations
 
         if self._session is not None:
-            self._session.change(apply)
+            self._session.change(wanted, apply)
 
     def _command(
         self, name: str, request: Trigger.Request, response: Trigger.Response
@@ -232,15 +233,14 @@ class ActuatorDriverNode(ManagedNode):
             self._session.tell_operator_alive()
 
     def _look_for_sources(self) -> None:
-        """Report to the session who publishes the reference."""
-        found = self.get_publishers_info_by_topic(
-            self.resolve_topic_name(PERTURBATION_REFERENCE.name)
-        )
-        names = [f"{entry.node_namespace.rstrip('/')}/{entry.node_name}" for entry in found]
+        """Report to the session who publishes and who reads the reference."""
+        topic = self.resolve_topic_name(PERTURBATION_REFERENCE.name)
+        names = full_names(self.get_publishers_info_by_topic(topic))
         if len(names) > 1:
             self.health("reference", ERROR, f"published by {', '.join(sorted(names))}")
         if self._session is not None:
-            self._session.tell_sources(names)
+            readers = full_names(self.get_subscriptions_info_by_topic(topic))
+            self._session.tell_sources(names, readers)
 
     def _take(self, block: Block, findings: list[Finding]) -> None:
         if self._session is not None:
@@ -300,6 +300,11 @@ class ActuatorDriverNode(ManagedNode):
             **session.link.figures(),
         }.items():
             self.count(what, value)
+
+
+def full_names(ends: list[TopicEndpointInfo]) -> list[str]:
+    """Return the full names of the nodes at the ends of a topic."""
+    return [f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends]
 
 
 def main() -> int:

@@ -18,6 +18,7 @@ import numpy as np
 
 from ankle_actuator_driver.link.rig_link import RigLink
 from ankle_actuator_driver.safety.bridge import Bridge
+from ankle_actuator_driver.safety.limits import Limits
 from ankle_actuator_driver.safety.rig import Interruption
 from ankle_actuator_driver.safety.states import CONFIRMATION, POWERED, Answer, State
 from ankle_actuator_driver.safety.watchdog import LOST_AFTER
@@ -196,9 +197,10 @@ class RigSession:
             self.bridge.reference(data[:, 0], data[:, 1:], *self._clocks())
             self._send()
 
-    def change(self, apply: Callable[[Bridge], None]) -> None:
-        """Change a property of the bridge between two looks at the line."""
+    def change(self, limits: Limits, apply: Callable[[Bridge], None]) -> None:
+        """Change the limits and other properties of the bridge between two looks at the line."""
         with self._busy:
+            self.bridge.change_limits(limits, *self._clocks())
             apply(self.bridge)
             self._send()
 
@@ -207,10 +209,10 @@ class RigSession:
         with self._busy:
             self.bridge.operator_alive(self._clocks()[0])
 
-    def tell_sources(self, names: list[str]) -> None:
-        """Note which nodes publish the reference, by full names."""
+    def tell_sources(self, names: list[str], readers: list[str]) -> None:
+        """Note which nodes publish and read the reference; see `Bridge.reference_sources`."""
         with self._busy:
-            self.bridge.reference_sources(names, self._clocks()[0])
+            self.bridge.reference_sources(names, self._clocks()[0], readers)
             self._send()
 
     def _send(self) -> None:

@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -24,7 +26,8 @@ ROOT = Path(__file__).resolve().parents[3]
 DRIVER = "src/ankle_actuator_driver/ankle_actuator_driver/"
 RIG = "src/rig_emulator/rig_emulator/"
 TESTS = "src/ankle_actuator_driver/test/"
-LONGEST = 420.0  # s for one mutant: a test that hangs without its control has noticed, too
+LONGEST = 120  # s of processor time for one mutant: a test that hangs has noticed, too
+LONGEST_WAIT = 3600.0  # s for a machine that is busy with something else
 
 
 class Mutant(NamedTuple):
@@ -194,6 +197,30 @@ MUTANTS = [
             "200_ms and no_samples",
         ),
         (
+            "judging of the reference",
+            "if decision.verdict is Verdict.FOLLOWED:\n            self._continuation",
+            "if True:\n            self._continuation",
+            "not_even_kept",
+        ),
+        (
+            "lower limits for what was sent before",
+            "if len(ahead) and (passed := limits.stated_by(ahead)):",
+            "if False and (passed := limits.stated_by(ahead)):",
+            "lower_limits_stop",
+        ),
+        (
+            "a start without a reference",
+            "self.states.state is State.ARMED and self._reference_waits(now):",
+            "False:",
+            "waits_for_its_readers",
+        ),
+        (
+            "a driver that takes no commands",
+            "self._commands_heard is not None and now - self._commands_heard > COMMANDS_TIMEOUT:",
+            "False:",
+            "no_longer_takes_commands",
+        ),
+        (
             "path of the rig",
             "fault = self._elsewhere(elsewhere, now) or",
             "fault =",
@@ -229,12 +256,6 @@ MUTANTS = [
         ),
         ("watchdog of the reference", "if lost:", "if False:", "without_a_reference"),
         ("ROS time that is set", "if was_set:", "if False:", "ros_time_that_is_set"),
-        (
-            "judging of the reference",
-            "if decision.verdict is Verdict.FOLLOWED:\n            self._continuation",
-            "if True:\n            self._continuation",
-            "never_leaves_the_driver",
-        ),
     ),
     *_of(
         DRIVER + "safety/states.py",
@@ -347,7 +368,7 @@ MUTANTS = [
             "a stop keeps the acceleration",
             "max(duration, 1.5 * speed / acceleration)",
             "duration",
-            "every_stop",
+            "no_room_left",
         ),
         (
             "a stop ends within the angle",
@@ -510,8 +531,12 @@ def broken(mutant: Mutant, folder: Path) -> str:
     return source.replace(mutant.control, mutant.without)
 
 
+def _limit_processor_time() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST + 5))
+
+
 def run(mutant: Mutant) -> tuple[Mutant, str]:
-    """What became of a mutant: killed, timed out (which is killed), or survived."""
+    """Return what became of a mutant: killed, killed because a test hangs, or survived."""
     with tempfile.TemporaryDirectory(prefix="mutant_") as name:
         copy = Path(name)
         for package in ("ankle_actuator_driver", "rig_emulator"):
@@ -540,11 +565,14 @@ def run(mutant: Mutant) -> tuple[Mutant, str]:
                 env=environment,
                 capture_output=True,
                 text=True,
-                timeout=LONGEST,
+                timeout=LONGEST_WAIT,
                 check=False,
+                preexec_fn=_limit_processor_time,
             )
         except subprocess.TimeoutExpired:
-            return mutant, "killed (hangs)"
+            return mutant, f"ERROR: not decided within {LONGEST_WAIT:g} s"
+    if found.returncode == -signal.SIGXCPU:
+        return mutant, "killed (hangs)"
     if found.returncode == 1:
         return mutant, "killed"
     return mutant, "SURVIVED" if found.returncode == 0 else f"ERROR: {found.stdout[-300:]}"

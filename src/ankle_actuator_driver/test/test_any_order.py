@@ -237,7 +237,7 @@ class AnyOrder(RuleBasedStateMachine):
             None,
         )
         lab.device.press_emergency_stop(False, lab.rig_time)
-        lab.bridge.limits = lab.limits
+        lab.bridge.change_limits(lab.limits, lab.now, lab.ros)
         # A clock that was set is measured anew for a second.
         for name, seconds in (("stop", 0.2), ("reset_fault", 1.2), ("arm", 0.1), ("start", 0.6)):
             lab.command(name)
@@ -365,7 +365,8 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(angle=st.sampled_from([0.01, 0.05, 0.175]))
     def limits_are_set(self, angle):
-        self.lab.bridge.limits = replace(self.lab.limits, angle=angle)
+        lab = self.lab
+        lab.bridge.change_limits(replace(lab.limits, angle=angle), lab.now, lab.ros)
 
     @invariant()
     def no_path_beyond_a_limit_leaves_the_driver(self):

@@ -110,17 +110,74 @@ def test_two_publishers_are_refused_by_name_and_stop_a_rig_that_runs(laboratory)
     assert not refused.done
     assert "/perturbation_generator, /session_replayer" in refused.sentence
     lab.bridge.reference_sources(both[:1], lab.now)
-    lab.running()
+    lab.running(0.5)
     lab.bridge.reference_sources(both, lab.now)
     lab.until("fault")
     assert "/session_replayer" in lab.bridge.states.reason
 
 
+def test_a_start_is_refused_by_name_while_the_generator_waits_for_its_readers(laboratory):
+    lab = laboratory()
+    lab.sending = False
+    lab.armed().run(0.5)
+    lab.bridge.reference_sources([], lab.now)
+    assert "no node publishes the reference" in lab.command("start").sentence
+    lab.bridge.reference_sources(["/perturbation_generator"], lab.now, ["/recorder"])
+    refused = lab.command("start")
+    assert not refused.done
+    assert "/perturbation_generator" in refused.sentence
+    assert "read by /recorder" in refused.sentence
+    assert "wait_for_readers" in refused.sentence
+    assert lab.state == "armed"
+    lab.sending = True
+    lab.run(0.05)
+    assert lab.command("start").done
+
+
+@pytest.mark.parametrize("state", ["armed", "running"])
+def test_a_driver_that_no_longer_takes_commands_stops_the_plate(laboratory, state):
+    lab = getattr(laboratory(), state)()
+    for _ in range(15):
+        lab.bridge.reference_sources(["/perturbation_generator"], lab.now)
+        lab.run(0.1)
+    assert lab.state == state
+    at = lab.rig_time
+    lab.run(1.3)
+    assert lab.state == "ready"
+    assert "took no commands" in lab.bridge.states.reason
+    assert lab.moves_until(at).max() < 1.2
+
+
+def test_lower_limits_stop_a_plate_that_is_on_its_way_beyond_them(laboratory):
+    lab = laboratory(lead=1.0).running().until_moving()
+    lab.bridge.change_limits(replace(LIMITS, angle=0.1), lab.now, lab.ros)
+    assert lab.state == "running"  # what was sent keeps within these
+    lab.bridge.change_limits(replace(LIMITS, velocity=0.5), lab.now, lab.ros)
+    assert lab.state == "stopping"
+    assert "passes the limit of 0.5 rad/s" in lab.bridge.states.reason
+    lab.send()
+    at = lab.rig_time
+    lab.run(0.5)
+    assert lab.moves_until(at).max() < 0.2
+    assert lab.state == "ready"
+
+
+def test_a_refused_block_is_not_even_kept_to_be_sent(laboratory):
+    lab = unchecked(laboratory)
+    lab.sending = False
+    x, v, _ = last(lab)
+    for after, velocity in ((0.0, -v - 1.3), (0.06, v)):
+        time, motion = stretch(lab, after, x - 0.1, velocity)
+        lab.bridge.reference(time, motion, lab.now, lab.ros)
+        assert not any(order.stretch is not None for order in lab.bridge.orders)
+        assert lab.bridge._continuation.end < time[0]
+
+
 def test_a_first_block_from_the_past_starts_softly_and_in_the_future(laboratory):
     lab = laboratory()
     lab.faults(unchecked=1.0)
-    lab.sending = False
     lab.armed()
+    lab.sending = False
     assert lab.command("start").done
     lab.run(0.05)
     count = int(1.6 * RATE)

@@ -108,6 +108,17 @@ def test_every_stop_keeps_the_limits_and_ends_at_rest(position, velocity):
         assert np.abs(differences - path[:, 1])[1:-1].max() < 0.01 * max(abs(velocity), 1e-3)
 
 
+@pytest.mark.parametrize("velocity", [5.0, -3.0])
+def test_a_stop_that_has_no_room_left_still_keeps_the_acceleration(velocity):
+    position = np.copysign(LIMITS.angle - 1e-4, velocity)
+    stop = StopMotion.plan(position, velocity, LIMITS.angle, LIMITS.acceleration)
+    path = np.array([stop.at(t) for t in np.linspace(0.0, stop.duration, 200)])
+    assert np.abs(path[:, 2]).max() == pytest.approx(LIMITS.acceleration, rel=1e-3)
+    # Beyond the angle by no more than the shortest stop within the acceleration needs.
+    beyond = 0.75 * velocity**2 / LIMITS.acceleration
+    assert np.abs(path[:, 0]).max() == pytest.approx(abs(position) + beyond, abs=1e-9)
+
+
 def test_a_soft_start_begins_at_rest_where_the_plate_is_and_becomes_the_reference():
     motion, since = paper_signal(3.0), np.arange(int(3.0 * RATE)) / RATE
     shaped = blend(motion, since, 1.0, held=-0.05)

@@ -51,7 +51,8 @@ ANGLE_MARGIN = 0.02
 and noise."""
 START_PATIENCE = 0.5
 """[s] Longest time from the start to the first block of the reference; the plate is held meanwhile.
-"""
+Also the largest age of the newest block at a start: a reference that does not come by then is
+waiting for something itself."""
 STOP_LEAD_TIME = 0.01
 """[s] Time before the end of what was sent at which the plate is stopped: the stop shall reach the
 rig before it has nothing to follow."""
@@ -65,6 +66,9 @@ BRIDGE_TIME = 0.1
 YIELD_TIME = 10.0
 """[s] Time for which a rig that has yielded to a torque may be elsewhere: five of its time
 constants of 2 s."""
+COMMANDS_TIMEOUT = 1.0
+"""[s] Time for which the thread that takes commands may be silent while the drive is on: it shows
+itself every 0.1 s, and a stop that waits longer than this is none."""
 OPERATOR_TIMEOUT = 2.0
 """[s] The default of the time for which the operator's page may stay away: twenty of its messages,
 longer than a page needs to reload, and no longer than an operator takes to look up."""
@@ -86,8 +90,10 @@ class Bridge:
 
     Attributes
     ----------
-    limits, soft_start, operator_timeout
+    soft_start, operator_timeout
         May be changed at any time; the soft start counts from the next start on.
+    limits
+        Changed by `change_limits`.
     states
         The state machine; commands go through `command`.
     sensors
@@ -125,6 +131,9 @@ class Bridge:
         self._yield = TorqueYield(OF_DRIVER, limits.torque)
         self._operator: float | None = None  # when the operator's page was heard in this arming
         self._sources: tuple[str, ...] = ()
+        self._readers: tuple[str, ...] = ()
+        self._commands_heard: float | None = None  # when the thread that takes them showed itself
+        self._reference_came = -math.inf
         # Of the reference that is followed: where and when it began, and what was sent.
         self._continuation, self._record = Continuation(), CommandRecord()
         self._held, self._began, self._ramp = 0.0, math.nan, soft_start
@@ -146,12 +155,36 @@ class Bridge:
     def expectations(self, expectations: Expectations) -> None:
         self.sensors.expectations = expectations
 
+    def change_limits(self, limits: Limits, now: float, ros: float) -> None:
+        """Change the limits; a plate that is on its way beyond a new one is stopped.
+
+        Parameters
+        ----------
+        limits
+            That references keep from now on.
+        now
+            Time of the driver [s].
+        ros
+            ROS time [s] at `now`.
+        """
+        self.limits = limits
+        if self.states.state is not State.RUNNING:
+            return
+        ahead = self._record.to_come(ros)
+        if len(ahead) and (passed := limits.stated_by(ahead)):
+            reason = f"the limits were changed; of what was sent before, {passed}"
+            self.states.stop(now, reason)
+            self.notes.append(reason)
+            self._order(now, Purpose.STOP)
+
     # Commands
 
     def command(self, name: str, now: float, ros: float) -> Answer:
         """Carry out ``arm``, ``start``, ``stop``, ``disarm`` or ``reset_fault`` at once."""
         if name in ("arm", "start") and len(self._sources) > 1:
             return Answer(False, f"{name} is refused: {self._two_sources()}")
+        if name == "start" and self.states.state is State.ARMED and self._reference_waits(now):
+            return Answer(False, f"start is refused: {self._no_reference()}")
         answer: Answer = getattr(self.states, name)(now)
         if answer.done and name == "arm":
             self._operator = None
@@ -176,10 +209,14 @@ class Bridge:
         if self.states.state in (State.ARMED, State.RUNNING):
             self._operator = now
 
-    def reference_sources(self, names: Sequence[str], now: float) -> None:
-        """Note who publishes the reference.
+    def reference_sources(
+        self, names: Sequence[str], now: float, readers: Sequence[str] = ()
+    ) -> None:
+        """Note who publishes the reference; it is a sign of life of the thread that takes commands.
 
-        More than one publisher is a fault while the rig is powered, and refused before.
+        More than one publisher is a fault while the rig is powered, and refused before. Once this
+        was called, it has to be called again and again while the drive is on: a driver that no
+        longer takes commands stops the plate.
 
         Parameters
         ----------
@@ -187,11 +224,27 @@ class Bridge:
             Full names of the publishing nodes.
         now
             Time of the driver [s].
+        readers
+            Full names of the nodes that read the reference.
         """
-        self._sources = tuple(sorted(names))
+        self._commands_heard = now
+        self._sources, self._readers = tuple(sorted(names)), tuple(sorted(readers))
         if len(self._sources) > 1 and self.states.state in (State.ARMED, State.RUNNING):
             self.states.trip(self._two_sources(), now)
             self._order(now, Purpose.STOP)
+
+    def _reference_waits(self, now: float) -> bool:
+        return now - self._reference_came > START_PATIENCE
+
+    def _no_reference(self) -> str:
+        if not self._sources:
+            return "no node publishes the reference"
+        readers = ", ".join(self._readers) or "nobody"
+        return (
+            f"{self._sources[0]} publishes the reference but has sent nothing for "
+            f"{START_PATIENCE:g} s; it is read by {readers}: see its parameter wait_for_readers, "
+            "and its health on /diagnostics"
+        )
 
     def _two_sources(self) -> str:
         return (
@@ -221,6 +274,7 @@ class Bridge:
             self._watch_reference(now, ros)
         if state in (State.ARMED, State.RUNNING):
             self._watch_operator(now)
+            self._watch_commands(now)
             if self._samples_came.expired(now):
                 self.states.trip(
                     f"the rig sent no samples for {1e3 * LOST_AFTER:.0f} ms though it is heard", now
@@ -244,6 +298,12 @@ class Bridge:
     def _watch_operator(self, now: float) -> None:
         if self._operator is not None and now - self._operator > self.operator_timeout:
             reason = f"the operator's page was not heard for {self.operator_timeout:g} s"
+            self.states.stop(now, reason)
+            self.notes.append(reason)
+
+    def _watch_commands(self, now: float) -> None:
+        if self._commands_heard is not None and now - self._commands_heard > COMMANDS_TIMEOUT:
+            reason = f"this driver took no commands for {COMMANDS_TIMEOUT:g} s: no stop would act"
             self.states.stop(now, reason)
             self.notes.append(reason)
 
@@ -294,6 +354,8 @@ class Bridge:
         ros
             ROS time [s] at `now`.
         """
+        if len(time):
+            self._reference_came = now
         if self.states.state is not State.RUNNING or not len(time):
             self.unused += len(time)
             return

@@ -47,3 +47,8 @@ class CommandRecord:
         times = np.concatenate([part[0] for part in self._parts])
         motion = np.concatenate([part[1] for part in self._parts])
         return positions_at(times, motion, time)
+
+    def to_come(self, ros: float) -> np.ndarray:
+        """Return the motion that was sent and is not due yet at a ROS time [s], shape (n, 3)."""
+        parts = [motion[time > ros] for time, motion in self._parts]
+        return np.concatenate(parts) if parts else np.empty((0, 3))

@@ -77,6 +77,26 @@ class Limits:
         before
             Position one interval before the first sample [rad]; None where there is none.
         """
+        if stated := self.stated_by(motion):
+            return stated
+        end = np.abs(
+            motion[:, 0]
+            + np.sign(motion[:, 1]) * stopping_distance(motion[:, 1], self.acceleration)
+        ).max()
+        if end > self.angle * (1 + ROUNDING):
+            return f"a stop would end at {end:.4g} rad, beyond the limit of {self.angle:g} rad"
+        return self._passed_by_steps(motion, interval, before)
+
+    def stated_by(self, motion: np.ndarray) -> str | None:
+        """Return the limit that the columns of a motion pass, as a sentence with value and unit.
+
+        It is None where they keep within all.
+
+        Parameters
+        ----------
+        motion
+            Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), n of at least 1.
+        """
         stated = np.abs(motion).max(axis=0)
         if stated[0] > self.angle * (1 + ROUNDING):
             return f"position of {stated[0]:.4g} rad passes the limit of {self.angle:g} rad"
@@ -87,13 +107,7 @@ class Limits:
                 f"acceleration of {stated[2]:.4g} rad/s^2 passes the limit of "
                 f"{self.acceleration:g} rad/s^2"
             )
-        end = np.abs(
-            motion[:, 0]
-            + np.sign(motion[:, 1]) * stopping_distance(motion[:, 1], self.acceleration)
-        ).max()
-        if end > self.angle * (1 + ROUNDING):
-            return f"a stop would end at {end:.4g} rad, beyond the limit of {self.angle:g} rad"
-        return self._passed_by_steps(motion, interval, before)
+        return None
 
     def _passed_by_steps(
         self, motion: np.ndarray, interval: float, before: float | None
