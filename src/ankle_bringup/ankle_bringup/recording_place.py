@@ -66,18 +66,18 @@ def in_study(
     opened = Study(study)
     entry = opened.next_entry(subject, visit)
     opened.add(entry, stated or {})
-    return _shown_to_operator(_recording_to(graph, entry.source), subject, visit), entry.source
-
-
-def _shown_to_operator(graph: Graph, subject: str, visit: int) -> Graph:
-    """Return the graph whose operator's page names subject and visit."""
+    named = {"subject": subject, "visit": visit}
+    model = entry.source.with_name(f"sub-{subject}_ses-{visit:02d}_subject.yaml")
+    usual: dict[str, Any] = {"subject_file": str(model)}
+    if stated and "body_mass[kg]" in stated:
+        usual["body_mass"] = float(stated["body_mass[kg]"])
     nodes = tuple(
-        replace(node, parameters={**node.parameters, "subject": subject, "visit": visit})
+        replace(node, parameters={**usual, **node.parameters, **named})
         if (node.package, node.executable) == SCREENS
         else node
-        for node in graph.nodes
+        for node in _recording_to(graph, entry.source).nodes
     )
-    return replace(graph, nodes=nodes)
+    return replace(graph, nodes=nodes), entry.source
 
 
 def with_free_place(graph: Graph, settings: Iterable[str]) -> tuple[Graph, str]:

@@ -156,11 +156,17 @@ def test_a_second_session_makes_a_second_recording(tmp_path, monkeypatch):
 
 def test_a_visit_of_a_study_names_and_places_its_recording(tmp_path):
     study = init_study(tmp_path / "study")
-    graph, place = in_study(load_graph("rig"), study.folder, "S07", 3, {"side": "left"})
+    stated = {"side": "left", "body_mass[kg]": 71}
+    graph, place = in_study(load_graph("rig"), study.folder, "S07", 3, stated)
     assert place.name == "sub-S07_ses-03_run-01_bag"
     (recorder,) = (node for node in graph.nodes if node.package == "session_recorder")
     assert recorder.parameters["out"] == str(place)
     assert '"side": "left"' in place.with_name("sub-S07_ses-03_run-01.json").read_text()
+    (screens,) = (node for node in graph.nodes if node.package == "biofeedback")
+    shown = {key: screens.parameters[key] for key in ("subject", "visit", "body_mass")}
+    assert shown == {"subject": "S07", "visit": 3, "body_mass": 71.0}
+    model = Path(screens.parameters["subject_file"])
+    assert model == place.with_name("sub-S07_ses-03_subject.yaml")
     _, second = in_study(load_graph("rig"), study.folder, "S07", 3)
     assert second.name == "sub-S07_ses-03_run-02_bag"
     with pytest.raises(AnalysisError, match="pseudonym"):

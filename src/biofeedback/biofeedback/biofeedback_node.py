@@ -23,10 +23,7 @@ Parameters: `biofeedback.parameters`.
 
 from __future__ import annotations
 
-import asyncio
-import threading
 import time
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -50,31 +47,28 @@ from ankle_interfaces.topics import (
 from ankle_node.node import WARN, AnkleNode, run
 from ankle_node.qos import publisher_qos
 from ankle_node.real_time import PAGES_PRIORITY, keep_loaded_objects, take_priority
-from ankle_node.session_event import SessionEvent
 from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
 from biofeedback.session import saved_session
-from biofeedback.session.calibration_files import file_checks
+from biofeedback.session.calibration_files import file_checks, subject_file_of
+from biofeedback.session.calibration_program import CalibrationProgram
 from biofeedback.session.course import load_course
 from biofeedback.session.course_file import CourseFile
+from biofeedback.session.event_outbox import EventOutbox
 from biofeedback.session.perturbation_request import PerturbationRequest
 from biofeedback.session.protocol import load_protocol
 from biofeedback.session.rig_services import RigServices
 from biofeedback.session.runner import SessionRunner
 from biofeedback.session.session_program import ARMED, RUNNING, Session
 from biofeedback.session.simulated_subject import SimulatedSubject
-from biofeedback.web.access import Access, is_loopback, tls_context
+from biofeedback.web.access import Access, tls_context
 from biofeedback.web.presenter import Presenter
 from biofeedback.web.server import Server
+from biofeedback.web.serving import Serving, addresses
 
 ESTIMATE = ("K[N.m/rad]", "G[N.m.s/rad]", "valid[1]")
 LOOK_PERIOD = 1.0  # s; how soon a simulated subject that starts later is seen
-SAVE_PERIOD = 1.0  # s; what a crash may cost of a step's clock
-START_PATIENCE = 10.0  # s
-# A recorder hears a node that was started anew only once the two have found each other: events wait
-# for it, with the times they have.
-DISCOVERY, LONGEST_DISCOVERY = 2.0, 10.0  # s; with a reader, without one
 EVENTS_PERIOD = 0.2  # s; how often events that wait for a reader are tried again
 DIAGNOSTICS_KEPT = 50  # every node reports once a second, and at once what is wrong
 STOP_PATIENCE = 1.0  # s; for the rig to confirm the stop of a node that ends
@@ -99,33 +93,41 @@ class BiofeedbackNode(AnkleNode):
         )
         self._signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
         self._rig, self._subject = RigServices(self, self.text("rig")), SimulatedSubject(self)
-        self._events = self.create_publisher(
-            String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
+        events = self.create_publisher(String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT))
+        happened = self.create_guard_condition(lambda: self._outbox.send())
+        self._outbox = EventOutbox(
+            self.get_logger().info,
+            lambda line: events.publish(String(data=line)),
+            events.get_subscription_count,
+            happened.trigger,
         )
-        self._unsent: deque[SessionEvent] = deque()
-        self._unlogged: deque[SessionEvent] = deque()
-        self._happened = self.create_guard_condition(self._send_events)
+        subject, visit = self.text("subject"), int(self.number("visit"))
+        model = subject_file_of(
+            self.text("subject_file"), subject, visit, saved_session.state_folder(), time.time()
+        )
+        self._calibration = CalibrationProgram(model, self.text("rig_file"), self.get_namespace())
         self._runner = SessionRunner(
             session,
             self._signals,
             self._rig,
             self._subject,
-            self._record,
+            self._outbox.put,
             self.now,
             self._keep_progress,
             None if self._course is None else PerturbationRequest(self),
             file_checks(
                 self.text("rig_file"),
                 self.number("rig_calibration_days"),
-                self.text("subject_file"),
+                str(model),
             ),
+            self._calibration,
         )
-        subject, visit = self.text("subject"), int(self.number("visit"))
         presenter = Presenter(
             self._signals,
             self.number("cursor_frequency"),
             self.text("language"),
             ", visit ".join([subject, str(visit)]) if subject and visit else subject,
+            self.number("body_mass"),
         )
         self._server = Server(
             self._runner,
@@ -137,19 +139,14 @@ class BiofeedbackNode(AnkleNode):
         )
         if refusal := take_priority(PAGES_PRIORITY):
             self.get_logger().warning(refusal)
-        self._began = time.monotonic()
-        self._failure: Exception | None = None
-        self._failed = self.create_guard_condition(self._raise_failure)
-        self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
-        self._serving = threading.Event()
-        self._progress: saved_session.ProgressWriter | None = None
-        self._saved, self._saved_at = session.saved(), time.monotonic()
-        self._thread = threading.Thread(
-            target=self._serve, args=(host, int(self.number("port"))), name="pages", daemon=True
+        self._progress: saved_session.ProgressKeeper | None = None
+        failed = self.create_guard_condition(self._raise_failure)
+        self._serving = Serving(
+            self._server, host, int(self.number("port")), self._ready, failed.trigger
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
-        self.create_timer(EVENTS_PERIOD, self._send_events, clock=steady)
+        self.create_timer(EVENTS_PERIOD, self._outbox.send, clock=steady)
         self._look()
         self._ankle = self.block_subscription(ANKLE_SAMPLES, self._take_samples)
         self.block_subscription(IMPEDANCE_ESTIMATE, self._take_estimates, ESTIMATE)
@@ -159,11 +156,12 @@ class BiofeedbackNode(AnkleNode):
         self.create_subscription(
             DiagnosticArray, DIAGNOSTICS.name, self._take_diagnostics, DIAGNOSTICS_KEPT
         )
-        self._thread.start()
-        if not self._serving.wait(START_PATIENCE) or self._failure is not None:
+        try:
+            self._serving.start()
+        except Exception:
             self._runner.close()
             self._rig.close()
-            raise self._failure or OSError(f"the pages were not there within {START_PATIENCE:g} s")
+            raise
 
     def _open_course(self) -> CourseFile | None:
         """Make the course that this node leads, from the record of its subject."""
@@ -174,52 +172,29 @@ class BiofeedbackNode(AnkleNode):
         path = Path(named) if named else saved_session.state_folder() / f"course_{subject}.yaml"
         return CourseFile(path, load_course(self.text("course")), subject, self._warn_of_progress)
 
-    def _serve(self, host: str, port: int) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._server.run(host, port, self._ready, self._stopped))
-        except Exception as error:
-            self._failure = error
-            self._serving.set()
-            self._failed.trigger()
-
     def _raise_failure(self) -> None:
         """Raise the error of the pages' thread in the executor, so that it ends the process."""
-        if self._failure is not None:
-            raise self._failure
+        if self._serving.failure is not None:
+            raise self._serving.failure
 
     def _ready(self, port: int) -> None:
         named = self.text("state_file")
         path = Path(named) if named else saved_session.default_path(port)
-        self._progress = saved_session.ProgressWriter(path, self._warn_of_progress)
+        self._progress = saved_session.ProgressKeeper(
+            path, self._runner.session.saved(), self._warn_of_progress
+        )
         self._resume(path)
         self._runner.start()
-        host = self.text("host")
-        scheme = "https" if self._tls is not None else "http"
-        shown = host if is_loopback(host) else f"{host} (or this computer's name)"
-        base = f"{scheme}://{shown}:{port}"
-        self.get_logger().info(f"subject's screen: {base}/   operator's page: {base}/operator")
-        if self._access.needs_token:
-            links = path.with_name(path.name + ".links")
-            saved_session.write_private(
-                links,
-                "".join(
-                    f"{role}: {base}/enter#{token}\n"
-                    for role, token in self._access.tokens().items()
-                ),
-            )
-            self.get_logger().info(f"the addresses with their tokens are in {links}")
+        links = path.with_name(path.name + ".links")
+        secure = self._tls is not None
+        for sentence in addresses(self._access, self.text("host"), port, secure, links):
+            self.get_logger().info(sentence)
         keep_loaded_objects()
-        self._serving.set()
 
     def _resume(self, path: Path) -> None:
         try:
             found = saved_session.load(path, time.time(), self.number("resume_within"))
-            if found is not None and (
-                found.get("state") not in ("idle", "finished")
-                or found.get("index")
-                or found.get("checks")
-            ):
+            if found is not None and saved_session.worth_resuming(found):
                 self._runner.resume(found)
                 self.get_logger().info(
                     f"continuing the session in {path}: {found['state']}, step {found['index'] + 1}"
@@ -232,36 +207,11 @@ class BiofeedbackNode(AnkleNode):
         self.health("saved session", WARN, reason)
 
     def _keep_progress(self, present: dict[str, Any]) -> None:
-        """Keep progress on disk: at each step, and once a second while the clock runs."""
         conditioning = self._runner.session.conditioning
         if self._course is not None and conditioning is not None:
             self._course.keep(conditioning.session)
-        timeless = {"elapsed": 0.0, "clock": 0.0}
-        stepped = {**present, **timeless} != {**self._saved, **timeless}
-        if not stepped and (
-            present == self._saved or time.monotonic() - self._saved_at < SAVE_PERIOD
-        ):
-            return
-        self._saved, self._saved_at = present, time.monotonic()
         if self._progress is not None:
             self._progress.keep(present)
-
-    def _record(self, event: SessionEvent) -> None:
-        """Hand an event of the session's thread to the executor's."""
-        self._unlogged.append(event)
-        self._unsent.append(event)
-        self._happened.trigger()
-
-    def _send_events(self) -> None:
-        """Log events, and publish them as soon as the readers are there."""
-        while self._unlogged:
-            self.get_logger().info(self._unlogged.popleft().line())
-        running = time.monotonic() - self._began
-        if running > LONGEST_DISCOVERY or (
-            running > DISCOVERY and self._events.get_subscription_count()
-        ):
-            while self._unsent:
-                self._events.publish(String(data=self._unsent.popleft().line()))
 
     def _look(self) -> None:
         self._subject.look()
@@ -311,11 +261,10 @@ class BiofeedbackNode(AnkleNode):
 
     def destroy_node(self) -> None:
         """Close the pages, then the session, then the way to the rig."""
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._stopped.set)
-            self._thread.join(timeout=5.0)
+        self._serving.close()
         self._runner.close()
-        self._send_events()
+        self._calibration.close()
+        self._outbox.send()
         if self._progress is not None:
             self._progress.close()
         if self._course is not None:

@@ -74,6 +74,15 @@ VISIT = Quantity(
     description="Number of the visit, shown on the operator's page; 0: not stated.",
     start_only=True,
 )
+BODY_MASS = Quantity(
+    "body_mass",
+    "kg",
+    0.0,
+    300.0,
+    0.0,
+    description="Of the subject, for K and G by body mass on the operator's page; 0: not stated.",
+    start_only=True,
+)
 RIG_FILE = Quantity(
     "rig_file",
     default="",
@@ -94,7 +103,10 @@ RIG_CALIBRATION_DAYS = Quantity(
 SUBJECT_FILE = Quantity(
     "subject_file",
     default="",
-    description="Model of the subject (subject.yaml) of this visit, that the check list reads.",
+    description=(
+        "Model of the subject (subject.yaml) of this visit, which the session's calibration writes "
+        "and the check list reads; empty: one of this subject and visit in ~/.local/state/ankle."
+    ),
     start_only=True,
 )
 COURSE_RECORD = Quantity(
@@ -173,6 +185,7 @@ PARAMETERS = (
     COURSE,
     SUBJECT,
     VISIT,
+    BODY_MASS,
     COURSE_RECORD,
     RIG_FILE,
     RIG_CALIBRATION_DAYS,

@@ -16,6 +16,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
+from biofeedback.session.devices import CalibrationEnd
 from biofeedback.session.protocol import load_protocol
 from biofeedback.session.runner import SessionRunner
 from biofeedback.session.session_program import Session
@@ -44,9 +45,15 @@ blocks:
 """
 
 
-def short_protocol(folder, baseline=1, reach=1, hold=2):
+CALIBRATED = """
+check_list: [warm_up, session_calibration]
+"calibration[s]": 90
+"""
+
+
+def short_protocol(folder, baseline=1, reach=1, hold=2, more=""):
     path = folder / "short.yaml"
-    path.write_text(PROTOCOL.format(baseline=baseline, reach=reach, hold=hold))
+    path.write_text(PROTOCOL.format(baseline=baseline, reach=reach, hold=hold) + more)
     return load_protocol(str(path))
 
 
@@ -101,17 +108,63 @@ class FakeSubject:
         self.values.update(values)
 
 
+class FakeCalibration:
+    """A calibration that ends when a test says so."""
+
+    def __init__(self):
+        self.begun, self.cancelled = [], []
+        self.running = self.recording = False
+        self.end = None
+
+    def begin(self, seconds):
+        self.begun.append(seconds)
+        self.running = self.recording = True
+
+    def progress(self):
+        return "recording, 34 of 90 s" if self.recording else "diagnosing, 5 s so far"
+
+    def cancel(self, reason):
+        if self.running:
+            self.cancelled.append(reason)
+            self.recording, self.end = False, CalibrationEnd(reason, {})
+
+    def ended(self):
+        if self.end is None:
+            return None
+        end, self.end = self.end, None
+        self.running = self.recording = False
+        return end
+
+    def finish(self, problem="", **figures):
+        self.recording, self.end = False, CalibrationEnd(problem, figures)
+
+
 class Laboratory:
     """Serves in a thread of its own and streams what `K`, `G`, `torque`, `valid` say, in real time,
     until it is closed.
     """
 
-    def __init__(self, protocol, host="127.0.0.1", token="", port=0, tls=None, next_of_course=None):
+    def __init__(
+        self,
+        protocol,
+        host="127.0.0.1",
+        token="",
+        port=0,
+        tls=None,
+        next_of_course=None,
+        calibration=None,
+    ):
         self.signals = LiveSignals(emg_names=MUSCLES)
         self.rig, self.subject, self.events = FakeRig(), FakeSubject(), []
         self.session = Session(protocol, next_of_course)
         self.runner = SessionRunner(
-            self.session, self.signals, self.rig, self.subject, self.events.append, time.time
+            self.session,
+            self.signals,
+            self.rig,
+            self.subject,
+            self.events.append,
+            time.time,
+            calibration=calibration,
         )
         self.presenter = Presenter(self.signals)
         self.server = Server(self.runner, self.presenter, Access(host, token), time.time, tls=tls)

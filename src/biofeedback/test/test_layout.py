@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from laboratory import Laboratory, short_protocol, until
+from laboratory import CALIBRATED, FakeCalibration, Laboratory, short_protocol, until
 from test_pages import PATIENCE, hold_keys, run_to
 
 from biofeedback.session.course import CourseSession, load_course
@@ -150,6 +150,38 @@ def test_the_operator_is_led_through_the_check_list(browser, tmp_path):
         laboratory.close()
     written = [event.event for event in laboratory.events if event.event.startswith("check")]
     assert written == ["check done", "check done", "check skipped", "check skipped"]
+
+
+def test_the_operator_sees_the_calibration_of_the_session(browser, tmp_path):
+    calibration = FakeCalibration()
+    laboratory = Laboratory(short_protocol(tmp_path, more=CALIBRATED), calibration=calibration)
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.set_default_timeout(PATIENCE)
+    try:
+        page.goto(laboratory.url("/operator"))
+        page.locator("#claim").click()
+        entry = page.locator("#checks li", has_text="Session calibration")
+        entry.locator("button", has_text="Calibrate").click()
+        page.locator("#alarm", has_text="needs the running perturbation").wait_for()
+        assert calibration.begun == []
+        page.locator("#checks li", has_text="Warm-up").locator("button").first.click()
+        page.locator('button[data-command="arm"]:enabled').wait_for()
+        hold_keys(page, "Enter", "a")
+        page.locator("#state", has_text="armed").wait_for()
+        hold_keys(page, "Enter", "s")
+        page.locator("#step", has_text="Calibration, relaxed").wait_for()
+        entry.locator("p", has_text="recording, 34 of 90 s").wait_for()
+        assert (found := page.evaluate(CHECK)) == [], found
+        calibration.finish("the recording is too noisy")
+        entry.locator("p", has_text="✕ Session calibration the recording is too noisy").wait_for()
+        entry.locator("button", has_text="Calibrate again").click()
+        until(lambda: calibration.begun == [90.0, 90.0], "begun again")
+        calibration.finish(found="tissue friction")
+        page.locator("#step", has_text="Baseline").wait_for()
+        page.locator("#check-list").wait_for(state="hidden")
+    finally:
+        page.close()
+        laboratory.close()
 
 
 def test_the_pages_of_a_conditioning_course(browser, tmp_path):

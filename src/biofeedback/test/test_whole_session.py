@@ -80,6 +80,9 @@ def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_p
         [
             f"record.out={first}",
             f"biofeedback.port={port}",
+            # The least that a screen may have, and the view without traces: every process of a
+            # laboratory and two pages are on one computer here.
+            "biofeedback.frame_rate=10",
             f"biofeedback.state_file={tmp_path / 'progress.json'}",
             f"biofeedback.protocol={visit_protocol(tmp_path)}",
             f"biofeedback.rig_file={rig}",
@@ -98,14 +101,15 @@ def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_p
     )
     with Processes(graph, tmp_path / "logs") as processes:
         wait_until_served(port, processes)
-        subject = browser.new_page(viewport={"width": 1280, "height": 720})
-        operator = browser.new_page(viewport={"width": 1600, "height": 950})
+        subject = browser.new_page(viewport={"width": 640, "height": 400})
+        operator = browser.new_page(viewport={"width": 1280, "height": 720})
         operator.set_default_timeout(PATIENCE)
         subject.goto(f"http://127.0.0.1:{port}/")
         operator.goto(f"http://127.0.0.1:{port}/operator")
         operator.locator("#title", has_text="S07, visit 3").wait_for()
         operator.locator("#recording", has_text="● recording").wait_for()
         operator.locator("#simulated-subject").wait_for(state="visible")
+        operator.locator("#simple").click()
         operator.locator("#claim").click()
         do_check_list(operator)
         operator.locator('button[data-command="arm"]:enabled').wait_for()

@@ -31,6 +31,11 @@ def with_error(value: tuple[float, float]) -> str:
     return f"{_rounded(number, place)} ± {_rounded(error, place)}"
 
 
+def three_digits(value: float) -> str:
+    """Return a value whose error is not known as text: three digits, or all of a whole number."""
+    return with_error((value, math.nan))
+
+
 def _place(number: float, digits: int) -> int:
     """Return the decimal place, counted from the point, of the last of so many digits."""
     return 0 if number == 0.0 else digits - 1 - Decimal(f"{number:.{digits - 1}e}").adjusted()

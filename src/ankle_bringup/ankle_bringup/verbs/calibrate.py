@@ -110,6 +110,9 @@ def session(
         Path | None,
         typer.Option(help="The calibrated rig (rig.yaml), undone before the diagnosis."),
     ] = None,
+    namespace: Annotated[
+        str, typer.Option(help="Namespace of the running laboratory, as 'left'.")
+    ] = "",
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
@@ -131,7 +134,7 @@ def session(
     if bag is None:
         bag = into
         _require_new(into, overwrite=False)
-        _record_session(into, seconds)
+        _record_session(into, seconds, namespace)
     with working("calibrating the session") as step:
         found = calibrate_session(bag, report, known, step)
     found.model.save(out)
@@ -139,12 +142,13 @@ def session(
     for effect in found.verdict["effects"]:
         console.print(f"- {effect['sentence']}")
     console.print(f"written to {out.resolve()}; report: {(report / 'report.html').resolve()}")
+    handed = _handed_over(out.resolve(), namespace) if live else ""
     if live:
-        console.print(_handed_over(out.resolve()))
-    return {"out": out.resolve(), **found.verdict}
+        console.print(handed)
+    return {"out": out.resolve(), **found.verdict, "estimator": handed}
 
 
-def _record_session(bag: Path, seconds: float) -> None:
+def _record_session(bag: Path, seconds: float, namespace: str) -> None:
     import tempfile
     import time
 
@@ -160,7 +164,9 @@ def _record_session(bag: Path, seconds: float) -> None:
     )
     with (
         tempfile.TemporaryDirectory() as logs,
-        Processes(Graph("a recorder", (recorder,)), Path(logs)) as processes,
+        Processes(
+            Graph("a recorder", (recorder,)).in_namespace(namespace), Path(logs)
+        ) as processes,
         progress(f"recording {seconds:g} s of the running session") as show,
     ):
         began = time.monotonic()
@@ -170,14 +176,14 @@ def _record_session(bag: Path, seconds: float) -> None:
             time.sleep(0.25)
 
 
-def _handed_over(model: Path) -> str:
+def _handed_over(model: Path, namespace: str) -> str:
     """Set the model of a running estimator; what became of it, in a sentence."""
     from ankle_bringup.errors import RunError
     from ankle_bringup.live_graph import observer, set_parameter
 
     try:
-        with observer() as node:
-            set_parameter(node, "impedance_estimator", "model", str(model))
+        with observer(namespace=namespace) as node:
+            set_parameter(node, f"{namespace}/impedance_estimator".strip("/"), "model", str(model))
     except RunError as error:
         return f"the running estimator goes on without it: {error}"
     return "the running estimator goes on with this model"

@@ -63,15 +63,13 @@ def add(
 
     Example: ankle study add my_study trial.csv --subject S07 --visit 3
     """
-    import json
     from dataclasses import replace
 
-    from session_analysis.study.layout import Study, check_stated
+    from session_analysis.study.layout import Study, read_stated
 
     if not recording.exists():
         raise RunError(f"{recording}: no such file or folder")
-    stated = json.loads(sidecar.read_text()) if sidecar else {}
-    check_stated(stated, sidecar or "")
+    stated = read_stated(sidecar) if sidecar else {}
     study = Study(folder)
     entry = study.next_entry(subject, visit)
     if recording.is_file():

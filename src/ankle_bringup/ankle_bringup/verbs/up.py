@@ -44,6 +44,10 @@ def verb(
     ] = None,
     subject: Annotated[str, typer.Option(help="Pseudonym in the study, as S07.")] = "",
     visit: Annotated[int, typer.Option(help="Visit in the study, from 1.")] = 0,
+    sidecar: Annotated[
+        Path | None,
+        typer.Option(help="A JSON file with posture, side, body mass, ... of the visit."),
+    ] = None,
 ) -> None:
     """Start a graph of nodes and show what it says, until Ctrl-C.
 
@@ -56,9 +60,12 @@ def verb(
     from ankle_bringup.graph import load_graph
     from ankle_bringup.recording_place import in_study, with_free_place
     from ankle_bringup.up import run_graph
+    from session_analysis.study.layout import read_stated
 
     if subject and study is None:
         study = Path()
+    if sidecar is not None and study is None:
+        raise GraphError("--sidecar states what is known of a visit: it needs --study")
     if study is not None and not (subject and visit):
         raise GraphError("a recording of a study needs --subject and --visit")
 
@@ -68,7 +75,8 @@ def verb(
         chosen = chosen.with_parameter_file(params_file)
     chosen = chosen.with_settings(settings)
     if study is not None:
-        chosen, place = in_study(chosen, study, subject, visit)
+        stated = read_stated(sidecar) if sidecar is not None else None
+        chosen, place = in_study(chosen, study, subject, visit, stated)
         console.print(f"recording into {place}", soft_wrap=True)
     else:
         chosen, sentence = with_free_place(chosen, settings)

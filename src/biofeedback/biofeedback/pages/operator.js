@@ -101,8 +101,28 @@ function showFrame(frame) {
   const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
   const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
   by("share").className = said ? "warn" : "";
+  showRelative(frame, last);
   put(by("share"), said ? `⚠ ${said}` : last.trials ? background(last.trials) : share(session));
 }
+
+// K and G now against the largest torque of the check list and the body mass, at the torque that they belong to.
+function showRelative({ K, G, torque }, { checks, body_mass: mass }) {
+  const largest = largestTorque(checks);
+  by("relative").hidden = !(largest > 0 || mass > 0);
+  if (by("relative").hidden) return;
+  const relative = (value, perTorque, perMass) => {
+    if (value === null) return "–";
+    const parts = [];
+    if (largest > 0) parts.push(`${three((100 * value) / largest)} ${perTorque}`);
+    if (mass > 0) parts.push(`${three(value / mass)} ${perMass}`);
+    return parts.join(", ");
+  };
+  put(by("relative"), `K ${relative(K, "%MVC/rad", "N·m/rad/kg")}; G ${relative(G, "%MVC·s/rad", "N·m·s/rad/kg")}; at ${
+    torque === null ? "–" : torque.toFixed(1)} N·m${largest > 0 && torque !== null ? ` (${Math.round((100 * torque) / largest)} %MVC)` : ""}`);
+}
+
+const three = (value) => Number(value.toPrecision(3));
+const largestTorque = (checks) => Math.abs(checks.find(({ name }) => name === "mvc_plantarflexion")?.result["torque[N.m]"] ?? NaN);
 
 const percent = (part) => `${Math.round(100 * part)} %`;
 
@@ -128,7 +148,7 @@ function showState(state) {
   const { trials } = state;
   put(by("where"), session.block ? `block ${session.block} of ${session.blocks}` : "control trials");
   put(by("where-what"), trials ? `trial ${trials.done} of ${trials.planned}` : session.hold ? `hold ${session.hold} of ${session.holds}` : session.kind);
-  const steps = { trials: `Trials, ${trials?.kind}`, baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
+  const steps = { calibration: "Calibration, relaxed", trials: `Trials, ${trials?.kind}`, baseline: "Baseline, relaxed", reach: `On the way to hold ${session.hold}`, hold: `Hold ${session.hold}`, break: "Break" };
   put(by("step"), session.state === "finished" ? "Finished" : steps[session.kind]);
   pill(by("recording"), recording.on ? `● recording${recording.missing ? `, ${recording.missing} SAMPLES MISSING` : ""}` : "✕ NOT RECORDING",
     recording.on && !recording.missing ? "good" : "bad");
@@ -194,9 +214,9 @@ function showForms(state, target) {
 
 // K and G of the baseline against the largest plantarflexion torque of the check list.
 function ofMvc({ baseline, checks }) {
-  const largest = Math.abs(checks.find(({ name }) => name === "mvc_plantarflexion")?.result["torque[N.m]"] ?? NaN);
+  const largest = largestTorque(checks);
   if (!(largest > 0)) return "";
-  const part = (value) => Number(((100 * value) / largest).toPrecision(3));
+  const part = (value) => three((100 * value) / largest);
   return ` = ${part(baseline.K)} %MVC/rad, ${part(baseline.G)} %MVC·s/rad`;
 }
 
@@ -221,6 +241,12 @@ function replaceList(list, items) {
   }));
 }
 
+// A key with its unit, as "torque[N.m]", and its value in words.
+function quantity(key, value) {
+  const [, name, unit] = key.match(/^([^[]*)(?:\[(.*)\])?$/);
+  return `${name.replaceAll("_", " ")} ${value}${unit && unit !== "1" ? ` ${unit.replaceAll(".", "·")}` : ""}`;
+}
+
 const CHECK_SIGNS = { open: "○", running: "…", done: "✓", failed: "✕", skipped: "–" };
 
 // The visit's check list, hidden once it is complete: each entry with what to do, its result, and its two buttons.
@@ -230,21 +256,21 @@ function showChecks(checks) {
   const shown = JSON.stringify([checks, inCommand]);
   if (by("checks").dataset.shown === shown) return;
   by("checks").dataset.shown = shown;
-  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, from_file: fromFile, state, result }) => {
+  by("checks").replaceChildren(...checks.map(({ name, title, instruction, measured, from_file: fromFile, in_motion: inMotion, state, result }) => {
     const item = document.createElement("li"), text = document.createElement("p");
     item.className = { done: "ok", skipped: "ok", failed: "error", running: "warning" }[state] ?? "";
     const head = document.createElement("b");
     head.textContent = `${CHECK_SIGNS[state]} ${title}`;
-    const figures = Object.entries(result).map(([key, value]) => (key === "problem" ? value : `${key} ${value}`)).join(", ");
+    const figures = Object.entries(result).map(([key, value]) => (["problem", "progress"].includes(key) ? value : quantity(key, value))).join(", ");
     text.append(head, ` ${figures || (state === "open" || state === "running" ? instruction : state)}`);
     item.append(text);
     if (state !== "done" && state !== "skipped") {
-      const begin = fromFile ? "Read again" : !measured ? "Confirm" : state === "failed" ? "Again" : "Measure";
+      const begin = inMotion ? (state === "failed" ? "Calibrate again" : "Calibrate") : fromFile ? "Read again" : !measured ? "Confirm" : state === "failed" ? "Again" : "Measure";
       for (const [act, word] of [["begin", begin], ["skip", "Skip"]]) {
         const button = document.createElement("button");
         button.className = "slim";
         button.textContent = word;
-        button.disabled = !inCommand || state === "running";
+        button.disabled = !inCommand || (state === "running" && !(inMotion && act === "skip"));
         button.addEventListener("click", () => connection.command("check", { check: name, act }));
         item.append(button);
       }
@@ -264,7 +290,7 @@ function showNodes(state) {
 
 function showLog(log) {
   replaceList(by("log"), log.slice().reverse().map(({ t, event, details }) => {
-    const more = Object.entries(details).map(([key, value]) => `${key.replace(/\[.*\]/, "").replaceAll("_", " ")} ${value}`).join(", ");
+    const more = Object.entries(details).map(([key, value]) => quantity(key, value)).join(", ");
     return [`${event}${more ? `: ${more}` : ""}`, event === "fault" ? "error" : "", new Date(1000 * t).toTimeString().slice(0, 8)];
   }));
 }

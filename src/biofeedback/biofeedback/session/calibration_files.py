@@ -14,6 +14,7 @@ from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from biofeedback.errors import CommandError
+from biofeedback.session.check_list import SESSION_CALIBRATION
 
 SESSION_CALIBRATION_HOURS = 12.0
 """[h] Age up to which a subject's model counts as one of this visit: electrodes, straps and posture
@@ -35,7 +36,7 @@ def file_checks(rig_file: str, valid_days: float, subject_file: str) -> dict[str
     """
     return {
         "rig_calibration": lambda: rig_calibration(rig_file, valid_days),
-        "session_calibration": lambda: session_calibration(subject_file),
+        SESSION_CALIBRATION: lambda: session_calibration(subject_file),
     }
 
 
@@ -71,12 +72,17 @@ def session_calibration(path: str, now: float | None = None) -> dict[str, Any]:
     CommandError
         There is none, it cannot be read, or it is of another day; says what to do.
     """
-    again = "run 'ankle calibrate session --seconds 90 --out subject.yaml' with the subject at rest"
+    again = (
+        "a protocol with 'calibration[s]' makes it, or 'ankle calibrate session --seconds 90 --out "
+        "subject.yaml' with the subject at rest"
+    )
     if not path:
         raise CommandError(f"no subject file is named (parameter subject_file); {again}")
     try:
         model = Model.load(path)
         hours = ((time.time() if now is None else now) - Path(path).stat().st_mtime) / 3600.0
+    except FileNotFoundError:
+        raise CommandError(f"{path} is not there; {again}") from None
     except (ModelError, OSError) as error:
         raise CommandError(f"{error}; {again}") from None
     if hours > SESSION_CALIBRATION_HOURS:
@@ -84,3 +90,25 @@ def session_calibration(path: str, now: float | None = None) -> dict[str, Any]:
             f"{path} is {hours:.0f} h old; allowed: up to {SESSION_CALIBRATION_HOURS:g} h; {again}"
         )
     return {"terms": ", ".join(entry.term.name for entry in model.entries)}
+
+
+def subject_file_of(named: str, subject: str, visit: int, folder: Path, now: float) -> Path:
+    """Return where the subject's model of this visit is.
+
+    Parameters
+    ----------
+    named
+        The path that was asked for; empty for one in `folder`.
+    subject
+        Pseudonym; empty where it is not stated, and the model is then that of this start alone.
+    visit
+        Counted from 1; 0 where it is not stated.
+    folder
+        For models whose place is not named.
+    now
+        Wall time [s].
+    """
+    if named:
+        return Path(named)
+    stated = f"{subject}_visit_{visit}" if subject and visit else f"{round(now)}"
+    return folder / f"subject_{stated}.yaml"

@@ -8,14 +8,16 @@ written into the recording: they are what K and G are referred to later.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError, ProtocolError
 
+SESSION_CALIBRATION = "session_calibration"
 OPEN, RUNNING, DONE, FAILED, SKIPPED = "open", "running", "done", "failed", "skipped"
 RELAXED_SPREAD = 0.5
 """[N.m] Standard deviation of the torque of a subject who is relaxed: half the narrowest band that
@@ -66,8 +68,9 @@ CHECKS = {
         "Maximal lift, toes up", "Lift up as hard as possible for three seconds.", 6.0
     ),
     "warm_up": Check("Warm-up", "Push and lift gently, five times each; then confirm."),
-    "session_calibration": Check(
-        "Session calibration", "Run 'ankle calibrate session'; its file is then read here."
+    SESSION_CALIBRATION: Check(
+        "Session calibration",
+        "Begins with the perturbation, after arm and start; the subject relaxes.",
     ),
 }
 
@@ -125,6 +128,8 @@ class CheckList:
         Keys of `CHECKS`, in order.
     from_files
         What answers an entry from a file, by its name: gives the result, or raises `CommandError`.
+    in_motion
+        Entries that need the running perturbation, which is started before them.
 
     Attributes
     ----------
@@ -138,8 +143,10 @@ class CheckList:
         self,
         names: tuple[str, ...],
         from_files: Mapping[str, Callable[[], Mapping[str, Any]]] | None = None,
+        in_motion: Collection[str] = (),
     ) -> None:
         self.names = names
+        self.in_motion = tuple(name for name in names if name in in_motion)
         self._from_files = dict(from_files or {})
         self.states = dict.fromkeys(names, OPEN)
         self.results: dict[str, dict[str, Any]] = {name: {} for name in names}
@@ -149,11 +156,11 @@ class CheckList:
 
     @property
     def missing(self) -> list[str]:
-        """The titles of the checks that are neither done nor skipped."""
+        """The titles of the checks that are neither done nor skipped before the perturbation."""
         return [
             CHECKS[name].title
             for name, state in self.states.items()
-            if state not in (DONE, SKIPPED)
+            if state not in (DONE, SKIPPED) and name not in self.in_motion
         ]
 
     def begin(self, name: str, now: float) -> None:
@@ -176,12 +183,31 @@ class CheckList:
         self.states[name], self._running = RUNNING, name
         self._began, self._readings = now, []
 
-    def read_files(self) -> list[str]:
-        """Answer every open entry that a file answers; return the names of those that are done."""
+    def read_files(self, another_subject: bool = False) -> list[str]:
+        """Answer every open entry that a file answers; return the names of those that are done.
+
+        Parameters
+        ----------
+        another_subject
+            Whether a file of the entries `in_motion` may be of the subject before, and is not read.
+        """
         names = [n for n in self.names if n in self._from_files and self.states[n] == OPEN]
+        if another_subject:
+            names = [name for name in names if name not in self.in_motion]
         for name in names:
             self._read(name)
+            if name in self.in_motion and self.states[name] == FAILED:
+                self.states[name], self.results[name] = OPEN, {}  # it is not its time yet
         return [name for name in names if self.states[name] == DONE]
+
+    def run(self, name: str, progress: str) -> None:
+        """Note that a program works on an entry, and what it does now."""
+        self.states[name], self.results[name] = RUNNING, {"progress": progress}
+
+    def finish(self, name: str, problem: str, figures: Mapping[str, Any]) -> None:
+        """Note what a program found, or what its problem was."""
+        self.states[name] = FAILED if problem else DONE
+        self.results[name] = {"problem": problem} if problem else dict(figures)
 
     def from_file(self, name: str) -> bool:
         """Return whether a file answers an entry."""
@@ -194,6 +220,11 @@ class CheckList:
         except CommandError as error:
             self.results[name] = {"problem": str(error)}
             self.states[name] = FAILED
+
+    def event(self, name: str, now: float) -> SessionEvent:
+        """Return the event that records what came of an entry, at ROS time `now` [s]."""
+        word = "failed" if self.states[name] == FAILED else "done"
+        return SessionEvent(f"check {word}", now, {"check": name, **self.results[name]})
 
     def skip(self, name: str) -> None:
         """Leave a check out.

@@ -1,8 +1,11 @@
-"""What a session acts on, as it sees it: the rig, a simulated subject, the perturbation."""
+"""What a session acts on, as it sees it: the rig, a simulated subject, the perturbation, the
+program that calibrates the session.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 
@@ -57,3 +60,43 @@ class Perturbation(Protocol):
 
     def give(self) -> None:
         """Ask for one stretch, without waiting."""
+
+
+@dataclass(frozen=True)
+class CalibrationEnd:
+    """The end of a session's calibration.
+
+    Attributes
+    ----------
+    problem
+        Why it failed; empty where it did not.
+    figures
+        What was found, as the check list shows it.
+    """
+
+    problem: str
+    figures: Mapping[str, Any]
+
+
+class Calibration(Protocol):
+    """The interface to the program that calibrates a session; nothing of it waits."""
+
+    @property
+    def running(self) -> bool:
+        """Whether it was begun and its end has not been given yet."""
+
+    @property
+    def recording(self) -> bool:
+        """Whether it still needs the perturbation."""
+
+    def begin(self, seconds: float) -> None:
+        """Record so many seconds of the running perturbation; raises `CommandError`."""
+
+    def progress(self) -> str:
+        """Return what it does now."""
+
+    def cancel(self, reason: str) -> None:
+        """Ask it to end."""
+
+    def ended(self) -> CalibrationEnd | None:
+        """Return how it ended, once; None before."""

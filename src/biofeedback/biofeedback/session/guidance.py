@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from biofeedback.session.conditioning import Conditioning
-from biofeedback.session.protocol import BREAK
+from biofeedback.session.protocol import BASELINE, BREAK, CALIBRATION
 from biofeedback.session.session_program import (
     FINISHED,
     PAUSED,
@@ -37,9 +37,8 @@ def instruction(session: Session) -> str:
         return "paused"
     if session.state != RUNNING:
         return "wait"
-    return {"baseline": "relax", "reach": "reach", "hold": "hold", "trials": "trials"}[
-        session.step.kind
-    ]
+    relaxed = session.step.kind in (CALIBRATION, BASELINE)
+    return "relax" if relaxed else session.step.kind
 
 
 def direction(target: Target, reading: Reading) -> str:

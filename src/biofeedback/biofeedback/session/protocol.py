@@ -13,13 +13,15 @@ from typing import Any
 
 from ankle_interfaces.yaml_text import YamlError, load_named
 from biofeedback.errors import ProtocolError
-from biofeedback.session.check_list import checked_names
+from biofeedback.session.check_list import SESSION_CALIBRATION, checked_names
 from biofeedback.session.plan_keys import check_keys
 
 BASELINE, REACH, HOLD, BREAK, TRIALS = "baseline", "reach", "hold", "break", "trials"
+CALIBRATION = "calibration"
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
 PAPER = "van_t_veld_2018"
 _LIMITS = {
+    "calibration[s]": (30.0, 600.0),
     "baseline[s]": (1.0, 600.0),
     "reach[s]": (0.0, 600.0),
     "hold[s]": (1.0, 600.0),
@@ -40,9 +42,9 @@ class Step:
     Attributes
     ----------
     kind
-        `BASELINE`, `REACH`, `HOLD`, `BREAK`, or `TRIALS` of a conditioning course.
+        `CALIBRATION`, `BASELINE`, `REACH`, `HOLD`, `BREAK`, or `TRIALS` of a conditioning course.
     duration
-        [s].
+        [s]; of a calibration, what is recorded: the step ends with the calibration.
     block
         Counted from 1; of a break, the one before it.
     hold
@@ -107,6 +109,11 @@ class Protocol:
         return max(step.hold for step in self.steps)
 
     @property
+    def calibrates(self) -> bool:
+        """Whether a step calibrates the session before the baseline."""
+        return any(step.kind == CALIBRATION for step in self.steps)
+
+    @property
     def duration(self) -> float:
         """The duration of all steps together [s]."""
         return sum(step.duration for step in self.steps)
@@ -136,7 +143,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
         "torque_half_width[N.m]",
         "level_half_width[1]",
     )
-    optional = {"title", "check_list"}
+    optional = {"title", "check_list", "calibration[s]"}
     check_keys(content, {"blocks", *top, *optional}, optional, name)
     durations = {key: _number(content, key, name) for key in top}
     if not isinstance(content["blocks"], list) or not content["blocks"]:
@@ -158,6 +165,9 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
             for key in ("reach[s]", "hold[s]")
         }
         if number == 1:
+            if "calibration[s]" in content:
+                seconds = _number(content, "calibration[s]", name)
+                steps.append(Step(CALIBRATION, seconds, 1, 0, feedback, 0.0, None))
             steps.append(Step(BASELINE, durations["baseline[s]"], 1, 0, feedback, 0.0, None))
         else:
             steps.append(Step(BREAK, durations["break[s]"], number - 1, 0, feedback, 0.0, None))
@@ -172,13 +182,18 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
             steps.append(
                 Step(HOLD, lengths["hold[s]"], number, hold_number, feedback, target, level)
             )
+    checks = checked_names(content.get("check_list", []), name)
+    if "calibration[s]" in content and SESSION_CALIBRATION not in checks:
+        raise ProtocolError(
+            f"{name}: 'calibration[s]' needs the check '{SESSION_CALIBRATION}' in 'check_list'"
+        )
     return Protocol(
         str(content.get("title") or name),
         tuple(steps),
         durations["torque_half_width[N.m]"],
         durations["level_half_width[1]"],
         digest,
-        checked_names(content.get("check_list", []), name),
+        checks,
     )
 
 

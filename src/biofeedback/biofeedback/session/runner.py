@@ -26,10 +26,11 @@ from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import GOOD, LiveSignals, Snapshot
 from biofeedback.session.calibration_files import FileCheck
-from biofeedback.session.check_list import CHECKS, FAILED, BodyReading, CheckList
+from biofeedback.session.calibration_step import CalibrationStep
+from biofeedback.session.check_list import CHECKS, SESSION_CALIBRATION, BodyReading, CheckList
 from biofeedback.session.commands import Command
 from biofeedback.session.conditioning import largest_activity
-from biofeedback.session.devices import Perturbation, Rig, Subject
+from biofeedback.session.devices import Calibration, Perturbation, Rig, Subject
 from biofeedback.session.guidance import Guidance
 from biofeedback.session.readings import read
 from biofeedback.session.screen_axes import ScreenAxes
@@ -104,6 +105,8 @@ class SessionRunner:
         Gives the stretches of a conditioning course.
     file_checks
         What answers entries of the check list from files, by their names.
+    calibration
+        Calibrates the session, where the protocol has a step for it.
     """
 
     def __init__(
@@ -117,11 +120,13 @@ class SessionRunner:
         on_progress: Callable[[dict[str, Any]], None] = lambda progress: None,
         perturbation: Perturbation | None = None,
         file_checks: Mapping[str, FileCheck] | None = None,
+        calibration: Calibration | None = None,
     ) -> None:
         self.session = session
         self.axes = ScreenAxes(session)
         self._file_checks = file_checks
-        self.checks = CheckList(session.protocol.check_list, file_checks)
+        self._calibration = CalibrationStep(calibration) if calibration else None
+        self.checks = self._new_check_list()
         self._signals = signals
         self._rig = rig
         self._subject = subject
@@ -147,6 +152,11 @@ class SessionRunner:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="session", daemon=True)
         self.view = self._picture()
+
+    def _new_check_list(self) -> CheckList:
+        protocol = self.session.protocol
+        in_motion = (SESSION_CALIBRATION,) if protocol.calibrates and self._calibration else ()
+        return CheckList(protocol.check_list, self._file_checks, in_motion)
 
     # ----- thread -----
 
@@ -237,6 +247,8 @@ class SessionRunner:
         self._follow_checks(now, found)
         before = session.state
         self.record(session.tick(now, self._reading))
+        if self._calibration is not None and self.checks.in_motion:
+            self.record(self._calibration.follow(session, self.checks, now))
         if before == RUNNING and session.state != RUNNING:
             self._rig.stop()
         self._follow_perturbation(now)
@@ -258,10 +270,13 @@ class SessionRunner:
     def _follow_checks(self, now: float, found: Snapshot) -> None:
         name = self.checks.tick(now, BodyReading(found.torque, found.angle, found.emg))
         if name is not None:
-            self._record_check(name, now)
+            self.record([self.checks.event(name, now)])
 
     def _check(self, name: str, act: str, now: float) -> None:
         """Begin, confirm or skip an entry of the check list."""
+        if name in self.checks.in_motion and self._calibration is not None:
+            self.record(self._calibration.command(act, self.session, self.checks, now))
+            return
         if act == "skip":
             self.checks.skip(name)
             self.record([SessionEvent("check skipped", now, {"check": name})])
@@ -270,7 +285,7 @@ class SessionRunner:
             self._require_samples(CHECKS[name].title, now)
         self.checks.begin(name, now)
         if CHECKS[name].duration == 0.0:
-            self._record_check(name, now)
+            self.record([self.checks.event(name, now)])
 
     def _require_samples(self, title: str, now: float) -> None:
         """Refuse to measure what nothing is received of, as while a rig is still starting."""
@@ -280,15 +295,10 @@ class SessionRunner:
                 "until the rig is ready (see Health)"
             )
 
-    def _read_file_checks(self, now: float) -> None:
+    def _read_file_checks(self, now: float, another_subject: bool = False) -> None:
         """Answer at once what files answer; what they do not is shown with its reason."""
-        for name in self.checks.read_files():
-            self._record_check(name, now)
-
-    def _record_check(self, name: str, now: float) -> None:
-        word = "failed" if self.checks.states[name] == FAILED else "done"
-        details = {"check": name, **self.checks.results[name]}
-        self.record([SessionEvent(f"check {word}", now, details)])
+        for name in self.checks.read_files(another_subject):
+            self.record([self.checks.event(name, now)])
 
     def _announce_operator(self) -> None:
         alive = self._monotonic - self._operator_heard <= OPERATOR_HEARTBEAT_AGE
@@ -390,8 +400,8 @@ class SessionRunner:
             }
             self.record(steps[name](now))
             if name == "restart":
-                self.checks = CheckList(session.protocol.check_list, self._file_checks)
-                self._read_file_checks(now)
+                self.checks = self._new_check_list()
+                self._read_file_checks(now, another_subject=True)
             if session.state in (PAUSED, FINISHED):
                 self._rig.stop()
         self._publish_view()

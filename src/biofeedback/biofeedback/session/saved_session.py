@@ -83,6 +83,58 @@ def write_private(path: Path, text: str) -> None:
         stream.write(text)
 
 
+SAVE_PERIOD = 1.0
+"""[s] What a crash may cost of a step's clock."""
+
+
+class ProgressKeeper:
+    """Keeps progress on disk: at each step, and once in `SAVE_PERIOD` while the clock runs.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    present
+        Progress at the start, which needs not be written.
+    on_failure
+        Called with the reason where the disk refuses.
+    clock
+        Gives monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        present: dict[str, Any],
+        on_failure: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._writer = ProgressWriter(path, on_failure)
+        self._clock = clock
+        self._saved, self._saved_at = present, clock()
+
+    def keep(self, present: dict[str, Any]) -> None:
+        """Write the progress where it is due; this returns at once."""
+        timeless = {"elapsed": 0.0, "clock": 0.0}
+        stepped = {**present, **timeless} != {**self._saved, **timeless}
+        early = self._clock() - self._saved_at < SAVE_PERIOD
+        if not stepped and (present == self._saved or early):
+            return
+        self._saved, self._saved_at = present, self._clock()
+        self._writer.keep(present)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._writer.close()
+
+
+def worth_resuming(found: Mapping[str, Any] | None) -> bool:
+    """Return whether a saved session has got anywhere."""
+    return found is not None and bool(
+        found.get("state") not in ("idle", "finished") or found.get("index") or found.get("checks")
+    )
+
+
 class ProgressWriter:
     """Writes the newest progress in a thread of its own: a slow disk delays nothing but the file.
 

@@ -21,6 +21,7 @@ from biofeedback.session.course import CourseSession
 from biofeedback.session.protocol import (
     BASELINE,
     BREAK,
+    CALIBRATION,
     HOLD,
     REACH,
     TRIALS,
@@ -228,6 +229,9 @@ class Session:
         if self.step.kind == TRIALS:
             self.elapsed += passed
             return self._do_trials(now, reading)
+        if self.step.kind == CALIBRATION:
+            self.elapsed += passed
+            return []  # ends with the calibration, by `next`
         if self.step.kind == BASELINE:
             if reading.valid:
                 self.elapsed += passed
@@ -506,6 +510,8 @@ class Session:
         if step.kind == BASELINE:
             self._collector = BaselineCollector()
             return [SessionEvent("baseline started", now)]
+        if step.kind == CALIBRATION:
+            return [SessionEvent("calibration started", now)]
         if step.kind == BREAK:
             self.state = PAUSED
             return [SessionEvent("break started", now, {"after_block": step.block})]

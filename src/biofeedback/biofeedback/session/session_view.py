@@ -139,6 +139,7 @@ def _checks(checks: CheckList) -> list[dict[str, Any]]:
             "instruction": CHECKS[name].instruction,
             "measured": CHECKS[name].duration > 0.0,
             "from_file": checks.from_file(name),
+            "in_motion": name in checks.in_motion,
             "state": state,
             "result": checks.results[name],
         }

@@ -31,6 +31,9 @@ class Frame:
         ``waiting``, ``invalid``, ``stale`` or ``valid``.
     age
         Of the newest estimate [s].
+    K, G, torque
+        Newest valid estimates [N.m/rad], [N.m.s/rad], and the subject's torque [N.m], for the
+        operator; None where they are not valid or not fresh.
     in_target
         Whether the cursor is in the target.
     hint
@@ -49,6 +52,9 @@ class Frame:
     quality: str
     torque_quality: str
     age: float | None
+    K: float | None
+    G: float | None
+    torque: float | None
     in_target: bool
     hint: str
     elapsed: float
@@ -204,8 +210,8 @@ class LogEntry:
 
 @dataclasses.dataclass(frozen=True)
 class CheckState:
-    """An entry of the check list: its words, whether it is measured or a file answers it, and what
-    came of it.
+    """An entry of the check list: its words, whether it is measured, a file answers it, or it needs
+    the running perturbation, and what came of it.
     """
 
     name: str
@@ -213,6 +219,7 @@ class CheckState:
     instruction: str
     measured: bool
     from_file: bool
+    in_motion: bool
     state: str
     result: dict[str, Any]
 
@@ -228,7 +235,10 @@ class Pages:
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """All values that do not change with every frame; sent when it changes."""
+    """All values that do not change with every frame; sent when it changes.
+
+    The body mass [kg] is None where it is not stated.
+    """
 
     version: int
     session: SessionState
@@ -246,6 +256,7 @@ class State:
     checks: list[CheckState]
     trials: TrialsState | None
     visit: str
+    body_mass: float | None
     type: str = "state"
 
 

@@ -31,6 +31,8 @@ class Presenter:
         Of the subject's screen: name of a message file.
     visit
         Subject and visit, as the operator reads them; empty where they are not stated.
+    body_mass
+        Of the subject [kg]; 0 where it is not stated.
     """
 
     def __init__(
@@ -39,11 +41,12 @@ class Presenter:
         cursor_frequency: float = NATURAL_FREQUENCY,
         language: str = "en",
         visit: str = "",
+        body_mass: float = 0.0,
     ) -> None:
         self._signals = signals
         self._cursor_frequency = cursor_frequency
         self._language = language
-        self._visit = visit
+        self._visit, self._body_mass = visit, body_mass
         self._cursor = Cursor(cursor_frequency)
         self._shown = ""
         self._monotonic = math.nan
@@ -89,6 +92,9 @@ class Presenter:
             quality=quality,
             torque_quality=found.torque_quality,
             age=_finite(found.age),
+            K=_finite(found.K) if found.quality == GOOD else None,
+            G=_finite(found.G) if found.quality == GOOD else None,
+            torque=_finite(torque) if found.torque_quality == GOOD else None,
             in_target=view.in_target,
             hint=view.hint,
             elapsed=round(view.elapsed, 2),
@@ -139,6 +145,7 @@ class Presenter:
             language=self._language,
             checks=[messages.CheckState(**check) for check in view.checks],
             visit=self._visit,
+            body_mass=self._body_mass or None,
             trials=None if view.trials is None else messages.TrialsState(**view.trials),
         )
 

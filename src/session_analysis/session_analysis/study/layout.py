@@ -87,14 +87,23 @@ class Entry:
         AnalysisError
             It is not readable, or says something that is not allowed.
         """
-        if not self.sidecar.exists():
-            return {}
-        try:
-            stated = json.loads(self.sidecar.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise AnalysisError(f"{self.sidecar} is not readable as JSON: {error}") from None
-        check_stated(stated, self.sidecar)
-        return dict(stated)
+        return read_stated(self.sidecar) if self.sidecar.exists() else {}
+
+
+def read_stated(sidecar: Path) -> dict[str, Any]:
+    """Return what a sidecar file states.
+
+    Raises
+    ------
+    AnalysisError
+        It is not readable, or says something that is not allowed.
+    """
+    try:
+        stated = json.loads(sidecar.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise AnalysisError(f"{sidecar} is not readable as JSON: {error}") from None
+    check_stated(stated, sidecar)
+    return dict(stated)
 
 
 def recording_name(subject: str, visit: int, run: int) -> str:

@@ -21,10 +21,18 @@ from session_analysis.html_page import (
 )
 from session_analysis.study.recording_results import Row
 from session_analysis.study.reliability import Reliability, reliability
-from session_analysis.values import with_error
+from session_analysis.values import three_digits, with_error
 
 SHOWN = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
 QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")
+PAPER_ANKLE = {
+    "K[N.m/rad]": "100 (0 to 200)",
+    "G[N.m.s/rad]": "10 (0 to 20)",
+    "B[N.m.s/rad]": "0.63",
+    "I[kg.m^2]": "0.0137",
+}
+"""The ankle of the simulations of van 't Veld et al. 2018, section II-D, and the ranges that its
+random ankles were drawn from. Absolute values of its subjects are not stated there."""
 MIN_PAIRS = 4
 """Least number of recordings from which a relation with the mean torque is drawn; fewer lie on a
 line by themselves."""
@@ -73,12 +81,39 @@ def write_study_report(
     parts = [paragraph(_overview(rows, subjects), "answer"), *_reliability_parts(repeat)]
     for one in subjects:
         parts += _subject_parts([row for row in rows if row.subject == one], one, repeat)
+    parts += _paper_parts(rows, subjects)
     parts += [
         heading("Recordings without a result"),
         bullets([f"{name}: {why}" for name, why in failures.items()], "loss", "None."),
     ]
     path.write_text(page(title, parts), encoding="utf-8")
     return path
+
+
+def _paper_parts(rows: Sequence[Row], subjects: Sequence[str]) -> list[str]:
+    """Return the values of the subjects beside those of the paper, apart from their own visits."""
+    body = []
+    for quantity, stated in PAPER_ANKLE.items():
+        names, _, values = visit_table(rows, quantity)
+        chosen = [np.nanmean(values[names.index(one)]) for one in subjects if one in names]
+        if chosen:
+            low, middle, high = (
+                three_digits(value) for value in np.percentile(chosen, (0, 50, 100))
+            )
+            span = f" ({low} to {high})" if len(chosen) > 1 else ""
+            body.append([quantity, f"{middle}{span}", stated])
+    if not body:
+        return []
+    head = ["", "median of the subjects (range)", "simulated ankle of the paper (range)"]
+    return [
+        heading("Beside the paper"),
+        table([head, *body]),
+        paragraph(
+            "van 't Veld et al. 2018 state absolute values of their simulated ankle only; a "
+            "subject is compared with their own earlier visits above. Correlations with EMG beside "
+            "those of the paper's table III: 'ankle validate'."
+        ),
+    ]
 
 
 def _overview(rows: Sequence[Row], subjects: Sequence[str]) -> str:
