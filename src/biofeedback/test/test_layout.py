@@ -4,7 +4,6 @@ With ``ANKLE_SCREENSHOTS=FOLDER`` the pictures are kept there.
 """
 
 import json
-import os
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -27,13 +26,6 @@ SHOW = (Path(__file__).parent / "feed_view.js").read_text()
 def texts(language):
     folder = resources.files("biofeedback") / "pages" / "texts"
     return json.loads((folder / f"{language}.json").read_text())
-
-
-def keep(page, name):
-    folder = os.environ.get("ANKLE_SCREENSHOTS")
-    if folder:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=Path(folder) / f"{name}.png")
 
 
 @pytest.fixture
@@ -75,7 +67,6 @@ def test_the_subjects_screen_in_every_language(open_sized, width, height):
         shown = page.evaluate("document.querySelector('canvas').clientHeight")
         assert shown > 0.3 * height, f"the plot is {shown} of {height} pixels high"
     page.evaluate(SHOW, ["en", "hold", "push_less", "valid", False])
-    keep(page, f"biofeedback_subject_{width}")
     assert wrong == {}
 
 
@@ -108,7 +99,6 @@ def test_the_operators_page(open_sized, laboratory):
             page.wait_for_timeout(250)
             if found := page.evaluate(CHECK):
                 wrong[view, width] = found
-            keep(page, f"biofeedback_operator_{view}_{width}")
             stop = page.locator('button[data-command="stop"]').bounding_box()
             assert stop["y"] + stop["height"] < height
         page.locator("#simple").click()
@@ -212,7 +202,6 @@ def test_the_pages_of_a_conditioning_course(browser, tmp_path):
                 page.wait_for_timeout(200)
                 if found := page.evaluate(CHECK):
                     wrong[name, width] = found
-                keep(page, f"course_{name}_{width}")
         assert laboratory.session.state == "running"
     finally:
         operator.close()
