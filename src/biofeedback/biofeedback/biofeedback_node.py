@@ -94,7 +94,7 @@ class BiofeedbackNode(AnkleNode):
         self._signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
         self._rig, self._subject = RigServices(self, self.text("rig")), SimulatedSubject(self)
         events = self.create_publisher(String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT))
-        happened = self.create_guard_condition(lambda: self._outbox.send())
+        happened = self.create_guard_condition(self._send_events)
         self._outbox = EventOutbox(
             self.get_logger().info,
             lambda line: events.publish(String(data=line)),
@@ -146,7 +146,7 @@ class BiofeedbackNode(AnkleNode):
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
-        self.create_timer(EVENTS_PERIOD, self._outbox.send, clock=steady)
+        self.create_timer(EVENTS_PERIOD, self._send_events, clock=steady)
         self._look()
         self._ankle = self.block_subscription(ANKLE_SAMPLES, self._take_samples)
         self.block_subscription(IMPEDANCE_ESTIMATE, self._take_estimates, ESTIMATE)
@@ -213,6 +213,9 @@ class BiofeedbackNode(AnkleNode):
         if self._progress is not None:
             self._progress.keep(present)
 
+    def _send_events(self) -> None:
+        self._outbox.send()
+
     def _look(self) -> None:
         self._subject.look()
         self.count("frames made late", self._server.late_frames)
@@ -264,7 +267,7 @@ class BiofeedbackNode(AnkleNode):
         self._serving.close()
         self._runner.close()
         self._calibration.close()
-        self._outbox.send()
+        self._send_events()
         if self._progress is not None:
             self._progress.close()
         if self._course is not None:
