@@ -15,11 +15,13 @@ from test_pages import hold_keys
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
+from ankle_physics.model import Model
 from session_analysis.report import write_report
 from session_analysis.validation import validate
 from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_reader import BagReader
 from session_recorder.loss import account_of_bag
+from session_recorder.message_definitions import typestore
 
 pytestmark = pytest.mark.live
 
@@ -144,3 +146,54 @@ def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_p
     (tmp_path / "report").mkdir()
     text = write_report(found, tmp_path / "report", "a visit").read_text()
     assert "killed recorder" in text
+
+
+CALIBRATED = 'check_list: [session_calibration]\n"calibration[s]": 40\n'
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_session_is_calibrated_before_its_baseline(browser, tmp_path, monkeypatch):
+    """The running estimator goes on with what the program found, and the recording says so."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    port, bag, model = free_port(), tmp_path / "bag", tmp_path / "S07.yaml"
+    protocol = tmp_path / "calibrated.yaml"
+    source = resources.files("biofeedback") / "config" / "demonstration.yaml"
+    protocol.write_text(source.read_text() + CALIBRATED)
+    graph = load_graph("simulated_session").with_settings(
+        [
+            f"record.out={bag}",
+            f"biofeedback.port={port}",
+            "biofeedback.frame_rate=10",
+            f"biofeedback.state_file={tmp_path / 'progress.json'}",
+            f"biofeedback.protocol={protocol}",
+            f"biofeedback.subject_file={model}",
+            "ankle_sim.at_rest=true",
+        ]
+    )
+    with Processes(graph, tmp_path / "logs") as processes:
+        wait_until_served(port, processes)
+        operator = browser.new_page(viewport={"width": 1280, "height": 720})
+        operator.set_default_timeout(2 * PATIENCE)
+        operator.goto(f"http://127.0.0.1:{port}/operator")
+        operator.locator("#recording", has_text="● recording").wait_for()
+        operator.locator("#share").filter(has_not_text="no samples").wait_for(state="attached")
+        operator.locator("#claim").click()
+        operator.locator('button[data-command="arm"]:enabled').wait_for()
+        hold_keys(operator, "Enter", "a", seconds=3.0)
+        operator.locator("#state", has_text="armed").wait_for()
+        hold_keys(operator, "Enter", "s", seconds=3.0)
+        entry = operator.locator("#checks li", has_text="Session calibration")
+        entry.locator("p", has_text="of 40 s; the subject relaxes").wait_for()
+        entry.locator("p", has_text="diagnosing").wait_for()
+        operator.locator("#step", has_text="Baseline").wait_for()
+        operator.locator("#log", has_text="goes on with this model").wait_for()
+        operator.close()
+        assert set(processes.stop().values()) == {0}
+    assert {"inertia", "stiffness"} <= {entry.term.name for entry in Model.load(model).entries}
+    messages = BagReader(bag).messages(["/impedance/provenance"])
+    stated = [
+        typestore().deserialize_cdr(raw, "std_msgs/msg/String").data for _, _, raw in messages
+    ]
+    assert "model: null" in stated[0]
+    assert "model: null" not in stated[-1]

@@ -139,10 +139,10 @@ def _opinion(found: Answer) -> list[str]:
     return [
         paragraph(
             "The parallel cascade has no parametric form. It is fitted offline, to the whole "
-            "recording and to each half; errors are from the scatter of stretches of 10 s. Its "
-            "reflex response lasts 0.4 s and can stand in for a part of the stiffness: of an ankle "
-            "without reflexes it says K up to 10 % too low and G up to 3 N·m·s/rad. Its prediction "
-            "of the other half is what a linear joint with one reflex can explain."
+            "recording and to each half; errors are from the scatter of stretches of 6 to 10 s. "
+            "Its reflex response lasts 0.4 s and can stand in for a part of the stiffness: of an "
+            "ankle without reflexes it says K up to 10 % too low and G up to 3 N·m·s/rad. Its "
+            "prediction of the other half is what a linear joint with one reflex can explain."
         ),
         table(rows),
         heading("From position to torque"),

@@ -114,7 +114,8 @@ def read_session(
             f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state"
         )
     losses = account_of_bag(bag)
-    notes = [f"{path}: {sentence}" for sentence in losses.sentences()]
+    bag_name = Path(path).resolve().name
+    notes = [f"{bag_name}: {sentence.removeprefix(f'{path}: ')}" for sentence in losses.sentences()]
     recorded = (
         []
         if recompute
@@ -142,7 +143,7 @@ def read_session(
                 continue
             block = unpack(message)
         except (SessionEventError, BlockError) as error:
-            notes.append(f"{path}: {topic}: {error}")
+            notes.append(f"{bag_name}: {topic}: {error}")
             continue
         if topic == ESTIMATE_TOPIC:
             block = _with_doubt(block)
@@ -159,14 +160,14 @@ def read_session(
         computed = estimate_bag(path, algorithm=algorithm, progress=progress)
         estimates = computed.rows
         stated = [computed.provenance]
-        notes += [f"{path}: {note}" for note in computed.notes]
+        notes += [f"{bag_name}: {note}" for note in computed.notes]
     if RESPONSE_TOPIC in rows:
         responses = np.concatenate(rows[RESPONSE_TOPIC])
     else:
         found = respond_bag(path, progress=progress)
         responses = found.rows
-        notes += [f"{path}: {note}" for note in found.notes]
-    name = subject or bag.custom_data.get(SUBJECT_KEY, "") or Path(path).resolve().name
+        notes += [f"{bag_name}: {note}" for note in found.notes]
+    name = subject or bag.custom_data.get(SUBJECT_KEY, "") or bag_name
     return RecordedSession(
         Path(path),
         name,

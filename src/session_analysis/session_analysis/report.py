@@ -31,6 +31,7 @@ _QUESTION = (
     "extent that K goes with the background "
     "and G with the reflex, from one 60 s hold to the next; r = 1 is a perfect line."
 )
+_TOO_FEW = f"Too few holds for a correlation, which needs {LEAST_PAIRS} of one torque target."
 _SIGN = (
     "Torque is what holds the ankle in place: a push of 5 N·m towards plantarflexion, the "
     "target of -5 N·m, is measured as +5 N·m."
@@ -45,12 +46,12 @@ _CAPTIONS = {
     "within half a minute, EMG at once. " + _SIGN,
 }
 _ARBITER = (
-    "K and G of each complete hold by the parallel cascade, which sees the whole hold at once and "
-    "has no parametric form, beside the means of the online estimates. Its errors are from the "
-    "scatter of stretches of 10 s; online errors are the means of those that the estimator states. "
-    "The halves of a hold are fitted apart: where they differ by more than their errors, the "
-    "subject changed. The last column says how much of the variance of each half's torque the fit "
-    "of the other half predicts."
+    "K and G of each complete hold by the parallel cascade, which sees the whole hold at once and"
+    " has no parametric form, beside the means of the online estimates. Its errors are from the "
+    "scatter of stretches of 6 to 10 s; online errors are the means of those that the estimator "
+    "states. The halves of a hold are fitted apart: where they differ by more than their errors, "
+    "the subject changed. The last column says how much of the variance of each half's torque the"
+    " fit of the other half predicts."
 )
 _FREQUENCY = (
     "Gain and phase from position to torque in each hold, measured (grey) and of the fitted "
@@ -74,15 +75,18 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
 
     The folder exists already; the path of the report is returned.
     """
-    pictures = [("Every hold (the paper's figure 5)", folder / "figure5.png")]
-    figure5(validation.cells, pictures[0][1])
+    pictures = []
+    correlated = any(cell.correlation.n >= LEAST_PAIRS for cell in validation.cells)
+    if correlated:
+        pictures.append(("Every hold (the paper's figure 5)", folder / "figure5.png"))
+        figure5(validation.cells, pictures[0][1])
     if validation.excerpt is not None:
         pictures += [
             ("EMG about the movement (figure 4)", folder / "figure4.png"),
             ("Through two holds (figure 8)", folder / "figure8.png"),
         ]
-        figure4(validation.excerpt, pictures[1][1])
-        figure8(validation.excerpt, pictures[2][1])
+        figure4(validation.excerpt, pictures[-2][1])
+        figure8(validation.excerpt, pictures[-1][1])
     write_table(validation, folder / "table3.csv")
     write_holds(validation, folder / "holds.csv")
     subjects = sorted({one.subject for one in validation.measures})
@@ -92,7 +96,7 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
         "van 't Veld et al., BIOROB 2018.</p>",
         f"<p>{escape(_QUESTION)}</p>",
         "<h2>Correlation of impedance with EMG (the paper's table III)</h2>",
-        _table(correlation_rows(validation)),
+        _table(correlation_rows(validation)) if correlated else f"<p>{_TOO_FEW}</p>",
         f"<p>{escape(_RULES)}</p>",
     ]
     for caption, path in pictures:

@@ -18,6 +18,8 @@ from model_discrepancy.recording.recording import Recording
 
 STRETCH = 10.0
 """[s] Length of a disjoint stretch; twice the shortest record that the cascade takes."""
+MIN_STRETCH = 6.0
+"""[s] Length of the stretches of a record that is too short for three longer ones."""
 MIN_STRETCHES = 3
 """Least number of stretches for a scatter, and so for a standard error."""
 SEGMENT = 4.0
@@ -123,7 +125,8 @@ def second_opinion(recording: Recording) -> SecondOpinion:
 def _errors(fit, part: slice, count: int, rate: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
     """Return the standard errors of K and G from the scatter of disjoint stretches."""
     start, stop, _ = part.indices(count)
-    length = int(STRETCH * rate)
+    share = (stop - start) / rate / MIN_STRETCHES
+    length = int(min(STRETCH, max(MIN_STRETCH, share)) * rate)
     begins = range(start, stop - length + 1, length)
     if len(begins) < MIN_STRETCHES:
         return float("nan"), float("nan")

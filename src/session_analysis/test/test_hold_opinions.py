@@ -57,6 +57,7 @@ def test_each_hold_has_its_own_opinion_beside_the_online_values(session, tmp_pat
         assert pytest.approx((K + 5.0, 2.0)) == one.K
         assert one.opinion.K[0] == pytest.approx(K, rel=0.03)
         assert [half[0] for half in one.opinion.halves_K] == pytest.approx([K, K], rel=0.05)
+        assert all(half[1] > 0.0 for half in one.opinion.halves_K)
         assert min(one.opinion.held_out_vaf) > 95.0
     head, first, second = opinion_rows(found)
     assert len(head) == len(first) == len(second)

@@ -193,6 +193,10 @@ def test_a_virtual_session_is_validated_and_its_samples_give_the_recorded_number
     out.mkdir()
     text = write_report(recorded, out, "Test").read_text()
     assert "subject 1" in text
+    # One hold tells no correlation: nothing empty is drawn.
+    assert "Too few holds for a correlation" in text
+    assert not (out / "figure5.png").exists()
+    assert (out / "frequency_response.png").exists()
     assert (out / "holds.csv").read_text().count("\n") == 2
     assert record_study([session], folder) == [folder / "subject_1"]
     with pytest.raises(AnalysisError, match="nothing is overwritten"):
