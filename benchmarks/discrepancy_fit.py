@@ -18,11 +18,11 @@ from scipy.optimize import least_squares
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import term_library
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter, from_unit, to_unit
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import motion_of
-from model_discrepancy.search.term_search import fit_base
 from simulation_study.planted_trials import simulate_trial
 
 MODELS = {

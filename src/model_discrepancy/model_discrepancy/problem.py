@@ -13,9 +13,9 @@ from scipy.signal import coherence, welch
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
-from model_discrepancy.criticism.generic_bank import GenericBank
-from model_discrepancy.criticism.variability import varying_reflex_torque
+from model_discrepancy.fit.base_model import align, fit_base
 from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.recording.emg_activation import emg_activation
@@ -23,9 +23,6 @@ from model_discrepancy.recording.known_rig import calibrated, held_terms, known_
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Compliance, Servo, held_compliance, identify_servo
-from model_discrepancy.recording.spectrum import low_pass
-from model_discrepancy.search.null import STRETCH_S, Null
-from model_discrepancy.search.term_search import align, fit_base
 
 Progress = Callable[[str], None]
 
@@ -140,39 +137,6 @@ def prepare(
     return Problem(
         recording, servo, compliance, fitter, base, bank, parts, noise, by_emg is not None
     )
-
-
-def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.ndarray]:
-    """Return the slow torque that belongs to each surrogate of a recording's noise.
-
-    A reflex that varies from stretch to stretch is a part of the slow torque, and changes sign with
-    the surrogate; the rest of it does not, nor does activation that follows from EMG.
-
-    Parameters
-    ----------
-    problem
-        Of the recording.
-    null
-        With its surrogates.
-
-    Returns
-    -------
-    Callable[[int], np.ndarray]
-        From the number of a surrogate to slow torque [N.m], shape (samples,).
-    """
-    rows, motion = problem.fitter.rows, problem.fitter.motion
-    varying = np.zeros(rows.count)
-    if not problem.activation_by_emg:
-        varying = varying_reflex_torque(problem.fitter, problem.base)
-    slow = low_pass(np.fft.rfftfreq(rows.count, 1.0 / rows.rate), ACTIVATION_HZ, 4)
-
-    def activation(draw: int) -> np.ndarray:
-        signs = null.signs[(rows.time / STRETCH_S).astype(int), draw]
-        changed = (signs - 1.0) * varying
-        leaked = np.fft.irfft(np.fft.rfft(changed) * slow, rows.count)
-        return np.asarray(motion.activation + np.interp(motion.time, rows.time, leaked))
-
-    return activation
 
 
 def joint_impedance(base: Fit) -> tuple[float, float, float]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_interfaces.continuity import sampling_rate
+from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.problem import prepare
@@ -127,9 +128,9 @@ class SessionWatch:
         problem = prepare(recording)
         fitter, base = problem.fitter, problem.base
         used = fitter.rows.used
-        remainder = problem.bank.remainder(fitter, base.residual, base.plain, problem.parts)
+        left = remainder(problem.bank, fitter, base.residual, base.plain, problem.parts)
         indicators = Indicators(
-            time, vaf(fitter.plain_target[used], base.plain[used]), max(remainder.share, 0.0)
+            time, vaf(fitter.plain_target[used], base.plain[used]), max(left.share, 0.0)
         )
         self._fitter, self._base = fitter, base
         if self.reference is None:

@@ -21,7 +21,7 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
     assert low <= high <= 100.0
     assert abs(content["fit"]["baseline_vaf_holdout"] - high) < 1.0
     assert "no structure is left" in (tmp_path / "report.html").read_text()
-    assert not diagnosis.before.significant
+    assert not diagnosis.criticism.before.significant
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from ankle_physics.memory_elements import BacklashOperator
-from model_discrepancy.criticism.locate import Cell, Onsets, ResidualMap, find_onsets
+from model_discrepancy.criticism.locate import Cell, ResidualMap
 from model_discrepancy.criticism.variability import LEAST_VARIATION, variability
+from model_discrepancy.fit.base_model import fit_base, is_alignment
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.movements import Onsets, find_onsets
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_of, motion_step
 from model_discrepancy.recording.servo import identify_servo
-from model_discrepancy.search.term_search import fit_base, is_alignment
 from simulation_study.planted_trials import simulate_trial
 
 

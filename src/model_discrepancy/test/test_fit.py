@@ -7,10 +7,10 @@ import pytest
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
+from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fitter import Fitter, bounded, from_unit, ranges, to_unit
 from model_discrepancy.fit.rows import autoregression
 from model_discrepancy.recording.motion import motion_of
-from model_discrepancy.search.term_search import fit_base
 from simulation_study.planted_trials import simulate_trial
 
 JOINT = {

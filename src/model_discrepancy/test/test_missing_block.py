@@ -9,9 +9,9 @@ import pytest
 
 from model_discrepancy.criticism.locate import residual_map
 from model_discrepancy.criticism.missing_block import missing_block
+from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import motion_of
-from model_discrepancy.search.term_search import fit_base
 from simulation_study.planted_trials import simulate_trial
 
 

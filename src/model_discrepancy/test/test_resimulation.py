@@ -10,11 +10,11 @@ import pytest
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.fitted_model import fitted_model
-from model_discrepancy.search.term_search import fit_base
 from model_discrepancy.tools.resimulation import _write_bag, resimulate, resimulate_bag
 from simulation_study.planted_trials import simulate_trial
 

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from model_discrepancy.criticism.generic_bank import Remainder
+from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.problem import prepare
+from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import effect_entry
 from model_discrepancy.search import term_search
-from model_discrepancy.search.effect_size import Size
 from model_discrepancy.search.null import Null
 from simulation_study.planted_trials import simulate_trial
 

@@ -20,10 +20,10 @@ from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.term import Place, term_library
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.search.term_search import fit_base
 from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.human_trials import load_trial
 from simulation_study.planted_trials import STRENGTHS, outcome, run_all

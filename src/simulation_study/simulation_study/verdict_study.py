@@ -127,8 +127,8 @@ def outcome(diagnosis: Diagnosis) -> dict[str, Any]:
     if found is not None:
         kept["by_chance"] = found.by_chance
         kept["near"] = [[t.name, t.gain, list(t.held_out), t.torque_share] for t in found.near]
-    if diagnosis.after is not None:
-        after = diagnosis.after
+    if diagnosis.criticism is not None:
+        after = diagnosis.criticism.after
         kept["remainder"] = [after.share, after.by_chance, after.worst, after.torque_share]
     return kept
 

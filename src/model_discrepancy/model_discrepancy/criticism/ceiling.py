@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from model_discrepancy.criticism.generic_bank import Remainder
+from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.fit.halves import STRETCH_S

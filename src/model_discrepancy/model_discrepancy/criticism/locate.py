@@ -13,28 +13,13 @@ from scipy.stats import spearmanr
 
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, Onsets, find_onsets
 
-# Before the movement (control), intrinsic, short-latency reflex, its tail and later reflexes, late.
-WINDOWS_S = ((-0.04, 0.0), (0.0, 0.04), (0.04, 0.12), (0.12, 0.2), (0.2, 0.4))
-BANDS_HZ = ((0.5, 3.0), (3.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 60.0))
 SIZES = ("small", "medium", "large")
 # What a recording says where it holds too few movements, or no response that differs from chance.
 NOT_SEEN = "not seen"
 _DIRECTIONS = {"up": "dorsiflexion", "down": "plantarflexion", "both": "both"}
 _RESAMPLINGS = 200
-# Movement begins where speed passes this share of its 99th percentile after at least 0.1 s below
-# it.
-_ONSET_SHARE = 0.15
-_QUIET_S = 0.1
-
-
-@dataclass(frozen=True)
-class Onsets:
-    """Movements: time [s], direction (+1 dorsiflexion), and size [rad], each of shape (k,)."""
-
-    time: np.ndarray
-    direction: np.ndarray
-    size: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -127,24 +112,6 @@ class ResidualMap:
         if compared != {"up", "down"}:
             return NOT_SEEN
         return "odd" if self.odd_share > 0.7 else "even" if self.odd_share < 0.3 else "mixed"
-
-
-def find_onsets(columns: Columns) -> Onsets:
-    """Find the movements of a recording."""
-    m = columns.motion
-    speed = np.abs(m.velocity)
-    fast = speed > _ONSET_SHARE * np.percentile(speed, 99.0)
-    starts = np.flatnonzero(fast[1:] & ~fast[:-1]) + 1
-    quiet = int(_QUIET_S * m.rate)
-    kept = [
-        s for s in starts if s > quiet and not fast[s - quiet : s].any() and s + quiet < len(speed)
-    ]
-    index = np.array(kept, dtype=int)
-    # A pulse returns within 40 ms: size and direction are those of the first 30 ms.
-    reach = np.array(
-        [m.position[min(s + int(0.03 * m.rate), len(speed) - 1)] - m.position[s] for s in index]
-    )
-    return Onsets(index / m.rate, np.sign(reach), np.abs(reach))
 
 
 def residual_map(columns: Columns, fit: Fit, seed: int = 0) -> ResidualMap:

@@ -16,8 +16,14 @@ from typing import Any
 import numpy as np
 from scipy.signal import welch
 
-from model_discrepancy.criticism.generic_bank import MATERIAL_SHARE
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit, Fitter
+from model_discrepancy.fit.reflex_variation import (
+    LEAST_ROWS,
+    REST_S,
+    USUAL_REFLEX_VARIATION,
+    reflex_variation,
+    since_movement,
+)
 
 # Physiological tremor of the ankle: 6 to 12 Hz (Lakie, Vernooij, Osborne & Reynolds 2012, J.
 # Physiol. 590, 6145), and a margin.
@@ -33,24 +39,13 @@ _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
 # After the plate's last movement: intrinsic torque, short-latency reflex, its tail. Then the joint
 # is at rest again.
 WINDOWS_S = ((0.0, 0.04), (0.04, 0.12), (0.12, 0.25))
-REST_S = 0.3
 # Whitened power after movements over that at rest, the reflex' variation taken out. Recordings
 # without mismatch: 0.94 to 1.9, and up to 3.5 where the reflex changes in the course of a response.
 LEAST_VARIATION = 4.0
-# Rows at rest that give the ratio to 10 %. Where rest is rarer than this, responses overlap and
-# cannot be compared one by one.
-_LEAST_ROWS = 200
+# Where rest is rarer than this, responses overlap and cannot be compared one by one.
 _LEAST_REST_SHARE = 0.15
 
 
-# Stretch reflexes at rest vary by 10 to 40 % from one stretch to the next, habituation included
-# (Kearney & Chan 1979; Stein & Kearney 1995); beyond this they do something else.
-USUAL_REFLEX_VARIATION = 0.5
-# The response of one stretch, from the reflex' delay on.
-_RESPONSE_S = 0.3
-_FEWEST_STRETCHES = 10
-# Of the highest velocity, at which a stretch begins.
-_STRETCH_SHARE = 0.15
 # Voluntary torque is slower than the perturbation.
 _SLOW_HZ = 2.0
 
@@ -129,96 +124,10 @@ class Variability:
 def variability(fitter: Fitter, fit: Fit) -> Variability:
     """Look for it in the residual of this fit."""
     tremor, line = _peaks(fitter, fit)
-    reflex, left, _ = _reflex_variation(fitter, fit)
+    reflex, left, _ = reflex_variation(fitter, fit)
     variation, window, share = _variation(fitter, fit, left)
     slow = fitter.rows.slow(fit.left, _SLOW_HZ)
     return Variability(tremor, reflex, float(np.std(slow)), line, variation, window, share)
-
-
-def varying_reflex_torque(fitter: Fitter, fit: Fit) -> np.ndarray:
-    """Return the torque by which each stretch's reflex differs from the mean one.
-
-    Parameters
-    ----------
-    fitter, fit
-        Of the base model.
-
-    Returns
-    -------
-    np.ndarray
-        Plain rows [N.m], shape (rows.count,); zero where the reflex is too small to tell.
-    """
-    return _reflex_variation(fitter, fit)[2]
-
-
-def _reflex_variation(
-    fitter: Fitter, fit: Fit
-) -> tuple[tuple[float, float] | None, np.ndarray, np.ndarray]:
-    """Relative spread of the reflex with its standard error, the whitened residual without what
-    each stretch's own size makes of it, and that part as plain torque.
-    """
-    residual = fit.residual.copy()
-    varying = np.zeros(fitter.rows.count)
-    reflex = fit.values.get("reflex")
-    if reflex is None or reflex["G"] <= 0.0:
-        return None, residual, varying
-    rows = fitter.rows
-    spectra = fitter.columns.spectra(fit.values)
-    torque = reflex["G"] * spectra["reflex", "G"]
-    response, plain = rows.whitened(torque), rows.plain(torque)
-    starts = _stretch_times(fitter) + reflex["delay"]
-    length = int(_RESPONSE_S * rows.rate)
-    sizes, powers = [], []
-    for begin, following in zip(starts, [*starts[1:], np.inf], strict=True):
-        first = int(begin * rows.rate)
-        last = min(first + length, int(min(following, 1e9) * rows.rate), rows.count)
-        if last - first < length // 3 or not rows.used[first:last].all():
-            continue
-        own, left = response[first:last], residual[first:last]
-        power = float(own @ own)
-        if power > 0.0:
-            sizes.append(float(own @ left) / power)
-            powers.append(power)
-            residual[first:last] = left - sizes[-1] * own
-            varying[first:last] = sizes[-1] * plain[first:last]
-    if len(sizes) < _FEWEST_STRETCHES:
-        return None, fit.residual, varying
-    noise = _level_at_rest(fitter, fit.residual)
-    size, weight = np.array(sizes), np.array(powers)
-    # A stretch with a small response says little about its size and much about the noise.
-    total = float(weight.sum())
-    chance = len(size) * noise / total
-    variance = float(weight @ size**2) / total - chance
-    error = np.sqrt(2.0 / len(size)) * (max(variance, 0.0) + chance)
-    if np.sqrt(chance) > USUAL_REFLEX_VARIATION:
-        return None, fit.residual, np.zeros(fitter.rows.count)
-    spread = float(np.sqrt(max(variance, 0.0)))
-    return (spread, float(error / (2.0 * max(spread, np.sqrt(error))))), residual, varying
-
-
-def _stretch_times(fitter: Fitter) -> np.ndarray:
-    """Return when each stretch of the calf begins [s], also right after another movement."""
-    motion = fitter.motion
-    fast = motion.velocity > _STRETCH_SHARE * np.percentile(motion.velocity, 99.5)
-    return np.flatnonzero(np.diff(fast.astype(int)) == 1) / motion.rate
-
-
-def _since_movement(fitter: Fitter) -> np.ndarray:
-    """Return the time of each row since the plate moved last [s]; infinite before the first
-    movement.
-    """
-    motion, rows = fitter.motion, fitter.rows
-    speed = np.abs(motion.velocity)
-    moving = np.flatnonzero(speed > _STRETCH_SHARE * np.percentile(speed, 99.5))
-    last = np.searchsorted(moving / motion.rate, rows.time, side="right") - 1
-    return np.where(last >= 0, rows.time - moving[np.maximum(last, 0)] / motion.rate, np.inf)
-
-
-def _level_at_rest(fitter: Fitter, residual: np.ndarray) -> float:
-    """Power of the whitened residual at rest, or everywhere where the joint is never at rest."""
-    used = fitter.rows.used
-    rest = used & (_since_movement(fitter) > REST_S)
-    return float(np.mean(residual[rest if rest.sum() >= _LEAST_ROWS else used] ** 2))
 
 
 def _peaks(
@@ -252,10 +161,10 @@ def _variation(
     fitter: Fitter, fit: Fit, residual: np.ndarray
 ) -> tuple[float, tuple[float, float], float]:
     rows = fitter.rows
-    since = _since_movement(fitter)
+    since = since_movement(fitter)
     squared = residual**2
     rest = rows.used & (since > REST_S)
-    if rest.sum() < max(_LEAST_ROWS, _LEAST_REST_SHARE * rows.used.sum()):
+    if rest.sum() < max(LEAST_ROWS, _LEAST_REST_SHARE * rows.used.sum()):
         return float("nan"), WINDOWS_S[0], 0.0
     level = float(np.mean(squared[rest]))
     ratios = [

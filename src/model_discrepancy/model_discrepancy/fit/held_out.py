@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model_discrepancy.criticism.locate import BANDS_HZ, WINDOWS_S, find_onsets
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import first_and_second
+from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, find_onsets
 
 BLOCK_S = 5.0
 

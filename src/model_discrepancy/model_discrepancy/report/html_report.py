@@ -110,8 +110,8 @@ def what_next(diagnosis: Diagnosis) -> list[str]:
             "A tentative effect needs a second recording of the same kind: it must come out again "
             "with the same sign and size."
         )
-    if diagnosis.block is not None:
-        found.append(_probe(diagnosis.block.input))
+    if diagnosis.criticism is not None and diagnosis.criticism.block is not None:
+        found.append(_probe(diagnosis.criticism.block.input))
     return found or ["Nothing: no question is left open that another perturbation would answer."]
 
 
@@ -151,23 +151,21 @@ def _about(diagnosis: Diagnosis) -> str:
 
 
 def _sections(d: Diagnosis) -> list[str]:
-    assert d.fitter is not None
+    assert d.problem is not None
     assert d.found is not None
-    assert d.base_map is not None
-    assert d.final_map is not None
-    assert d.base_held_out is not None
-    assert d.final_held_out is not None
-    noise = unexplainable_power(d.fitter.columns, d.found.final) ** 0.5
+    assert d.criticism is not None
+    fitter, left = d.problem.fitter, d.criticism
+    noise = unexplainable_power(fitter.columns, d.found.final) ** 0.5
     effects = d.verdict.effects
     augmented = bool(d.found.effects)
     parts = [
         "<h2>Torque around the movements</h2>",
         image(
             before_and_after(
-                d.fitter,
-                d.base_map,
-                d.base_held_out,
-                d.final_held_out if augmented else None,
+                fitter,
+                left.base_map,
+                left.base_held_out,
+                left.final_held_out if augmented else None,
                 noise,
             )
         ),
@@ -175,7 +173,9 @@ def _sections(d: Diagnosis) -> list[str]:
     if effects:
         parts += ["<h2>What was left out</h2>", html_list([_effect_line(e) for e in effects])]
         parts += _consequences(effects) + _equations(effects) + _excluded(effects)
-    marked = {e["location"] for e in effects} | ({d.block.place} if d.block is not None else set())
+    marked = {e["location"] for e in effects} | (
+        {left.block.place} if left.block is not None else set()
+    )
     parts += ["<h2>The signal path</h2>", image(path_diagram(marked)), _path_line(marked)]
     if d.verdict.variability:
         parts += [
@@ -183,17 +183,17 @@ def _sections(d: Diagnosis) -> list[str]:
             "<p>Variability of the subject is measured and is no mismatch.</p>",
             html_table(["", ""], _flat(d.verdict.variability)),
         ]
-    if d.block is not None:
+    if left.block is not None:
         parts += [
             "<h2>The missing block</h2>",
-            f"<p>{escape(d.block.sentence)}</p>",
-            image(block_picture(d.block)),
+            f"<p>{escape(left.block.sentence)}</p>",
+            image(block_picture(left.block)),
         ]
-    final_map = d.final_map if augmented else None
-    parts += ["<h2>Where the residual sits</h2>", image(residual_picture(d.base_map, final_map))]
-    if d.base_map.cells:
-        parts.append(image(cells_picture(d.base_map, final_map)))
-    parts += [image(dependence_picture(d.base_map)), _localisation(d.verdict.localisation)]
+    final_map = left.final_map if augmented else None
+    parts += ["<h2>Where the residual sits</h2>", image(residual_picture(left.base_map, final_map))]
+    if left.base_map.cells:
+        parts.append(image(cells_picture(left.base_map, final_map)))
+    parts += [image(dependence_picture(left.base_map)), _localisation(d.verdict.localisation)]
     if augmented:
         parts += ["<h2>What each term buys</h2>", image(ladder(d.found))]
         parts += ["<h2>Base parameters before and after</h2>", _parameters(d.verdict.parameters)]
@@ -210,13 +210,13 @@ def _sections(d: Diagnosis) -> list[str]:
         [
             f"{1000 * w[0]:.0f} to {1000 * w[1]:.0f} ms",
             f"{value:.1f}",
-            f"{d.final_held_out.windows.get(w, float('nan')):.1f}",
+            f"{left.final_held_out.windows.get(w, float('nan')):.1f}",
         ]
-        for w, value in d.base_held_out.windows.items()
+        for w, value in left.base_held_out.windows.items()
     ]
     rows += [
-        [f"{b[0]:g} to {b[1]:g} Hz", f"{value:.1f}", f"{d.final_held_out.bands[b]:.1f}"]
-        for b, value in d.base_held_out.bands.items()
+        [f"{b[0]:g} to {b[1]:g} Hz", f"{value:.1f}", f"{left.final_held_out.bands[b]:.1f}"]
+        for b, value in left.base_held_out.bands.items()
     ]
     columns = 3 if augmented else 2
     head = ["where", "base model", "with the new physics"][:columns]

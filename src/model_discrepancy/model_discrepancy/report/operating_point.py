@@ -12,8 +12,8 @@ from dataclasses import asdict
 import numpy as np
 
 from ankle_physics.impedance import OperatingPoint, impedance
-from model_discrepancy.criticism.locate import Onsets
 from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.fitted_model import to_model
 

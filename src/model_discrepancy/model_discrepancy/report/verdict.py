@@ -11,18 +11,11 @@ import numpy as np
 
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
-from model_discrepancy.criticism.generic_bank import Remainder
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.recording.channel_gains import Finding
-from model_discrepancy.search.effect_size import Size, sentence_of
+from model_discrepancy.report.effect_size import Size, sentence_of
 from model_discrepancy.search.term_search import RIVAL_EXCESS, Effect, Found
 
-# Named effects must close most of the gap between the base model and what is predictable at all:
-# fifteen per cent may stay open.
-GAP_CLOSED = 0.85
-# Names that let the plain torque be predicted better by less than this share of what is missing
-# explain nothing by themselves.
-MIN_GAP_SHARE = 0.1
 # The best names of a set; further ones stand among the alternatives.
 LARGEST_SET = 3
 # How sure a name is at most: the first one and further ones, in a model that leaves nothing
@@ -39,18 +32,6 @@ MIN_STATED_PROBABILITY = 0.7
 # Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
 # it.
 _ODDS_SCALE = RIVAL_EXCESS / 3.0
-
-
-@dataclass(frozen=True)
-class Scores:
-    """VAF on unseen data [%]: base model, augmented model, that with generic regressors, and the
-    upper end of what is explainable.
-    """
-
-    base: float
-    augmented: float
-    generic: float
-    ceiling: float
 
 
 @dataclass
@@ -103,44 +84,6 @@ def _in_units(found: Any) -> Any:
     if isinstance(found, dict):
         return {joint.in_units(key): _in_units(value) for key, value in found.items()}
     return [_in_units(value) for value in found] if isinstance(found, list | tuple) else found
-
-
-def kind(
-    found: Found,
-    remainder: Remainder,
-    findings: list[Finding],
-    unusual: list[str],
-    scores: Scores,
-) -> tuple[str, float]:
-    """Return the verdict, and the share of the predictable mismatch that the effects close (NaN
-    without a mismatch).
-
-    Parameters
-    ----------
-    found
-        What the search found.
-    remainder
-        What generic regressors predict of the residual that is left.
-    findings
-        What the signals themselves show.
-    unusual
-        What no movement predicts and no subject's usual variability makes.
-    scores
-        VAF on unseen data.
-    """
-    left = max(remainder.share, 0.0)
-    predictable = remainder.significant
-    if not found.effects:
-        if predictable or unusual:
-            return "unexplained", 0.0
-        return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
-    cut = 1.0 - found.final.score / found.base_score
-    closed = cut / (cut + (1.0 - cut) * left)
-    gains_little = scores.augmented - scores.base < MIN_GAP_SHARE * (scores.ceiling - scores.base)
-    unexplained = (predictable and closed < GAP_CLOSED) or (
-        gains_little and (predictable or bool(unusual))
-    )
-    return ("unexplained" if unexplained else "explained"), closed
 
 
 def effect_entry(

@@ -62,7 +62,7 @@ class Null:
     gains: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        self.noise = self.own.astype(np.float32)[:, None] * self.signs[self.stretch]
+        self.noise = self.drawn
         self._begins = np.flatnonzero(np.diff(self.stretch, prepend=-1))
         self._power = np.sum(self.noise**2, axis=0)
 
@@ -86,6 +86,11 @@ class Null:
             np.array([-1.0, 1.0], dtype=np.float32), (int(stretch.max()) + 1, DRAWS)
         )
         return cls(noise[used], stretch[used], signs)
+
+    @property
+    def drawn(self) -> np.ndarray:
+        """The surrogates as they were drawn, nothing projected out, shape (rows, DRAWS)."""
+        return self.own.astype(np.float32)[:, None] * self.signs[self.stretch]
 
     def project_out(self, basis: np.ndarray) -> None:
         """Take out what the base model imitates: the span of this orthonormal basis (rows, p)."""

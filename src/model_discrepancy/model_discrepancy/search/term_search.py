@@ -1,4 +1,4 @@
-"""The search for missing terms: base fit, screening, joint refit of the best few, accept or stop.
+"""The search for missing terms: screening, joint refit of the best few, accept or stop.
 
 A term is accepted when it takes more off the whitened error than any term of the library does by
 chance on noise like this recording's (`null`), when the error falls in both directions between two
@@ -13,10 +13,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import Place, term_library
-from model_discrepancy.criticism.generic_bank import MATERIAL_SHARE
-from model_discrepancy.fit.fitter import Fit, Fitter, Start, bounded, orthonormal
+from model_discrepancy.fit.base_model import ALIGNMENT, align, bic_change, is_alignment
+from model_discrepancy.fit.fitter import (
+    MATERIAL_SHARE,
+    Fit,
+    Fitter,
+    Start,
+    bounded,
+    orthonormal,
+)
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import (
@@ -29,8 +35,6 @@ from model_discrepancy.search.screening import (
     without_term,
 )
 
-# An alignment of less than half a sample is worth its parameter when BIC falls by this much.
-ALIGNMENT_BIC = 50.0
 # Slow torque holds a part of every variation of the responses. The surrogates take it along, as far
 # as the size of each response is known: to about a fifth of its power where responses overlap.
 FOLLOWING_MARGIN = 1.3
@@ -50,8 +54,6 @@ REFINEMENT = 0.05
 MIN_PROMISE = 0.003
 # Grids are halved from step to step down to so many points.
 MIN_GRID_POINTS = 3
-# The term whose smallest values say no more than how well two channels are aligned.
-ALIGNMENT = "channel_skew"
 # Joint refits per step; the screening's order is right about the first few only.
 REFITS_PER_STEP = 4
 # Candidates that gain less than this ratio of the best one's are not refitted to the end.
@@ -65,11 +67,6 @@ MOST_TERMS = 9
 # A term that keeps off so much of the error, by a linear refit of the others, is not tried without:
 # no refit makes up for that.
 INDISPENSABLE_SHARE = 0.1
-# Starts of the base fit: its delay and muscle speed have several minima.
-BASE_STARTS = tuple(
-    {"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0)
-)
-
 Progress = Callable[[str], None]
 
 
@@ -171,46 +168,6 @@ class Found:
     near: list[Trial] = field(default_factory=list)
     base_score: float = 0.0
     by_chance: float = 0.0
-
-
-def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS) -> Fit:
-    """Return the base model from several starts; leaves the fitter whitened by its residual."""
-    best = min(
-        (fitter.fit(terms, {"reflex": dict(start)}, evaluations=15) for start in BASE_STARTS),
-        key=lambda fit: fit.score,
-    )
-    for _ in range(2):
-        fitter.whiten_by(best.plain)
-        starts = [best.values, *({"reflex": dict(start)} for start in BASE_STARTS[:2])]
-        best = min(
-            (fitter.fit(terms, start, evaluations=25) for start in starts),
-            key=lambda fit: fit.score,
-        )
-    return best
-
-
-def align(fitter: Fitter, fit: Fit) -> Fit:
-    """Return the fit with its channels aligned, where they are apart by less than half a sample:
-    too little to be a finding, enough to be seen.
-    """
-    if ALIGNMENT in fit.terms:
-        return fit
-    aligned = fitter.fit(
-        [*fit.terms, ALIGNMENT], {**fit.values, ALIGNMENT: {"skew": 0.0}}, evaluations=10
-    )
-    return (
-        aligned
-        if is_alignment(fitter, aligned) and bic_change(fitter, fit, aligned) < -ALIGNMENT_BIC
-        else fit
-    )
-
-
-def is_alignment(fitter: Fitter, fit: Fit) -> bool:
-    """Say whether the channels are apart by less than half a sample."""
-    return (
-        ALIGNMENT in fit.terms
-        and abs(fit.values[ALIGNMENT]["skew"]) <= 0.5 * fitter.columns.motion.sample_time
-    )
 
 
 class _Grids:
@@ -433,12 +390,6 @@ def _try(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int
     fit = fitter.fit(with_term(current.terms, name), start, evaluations=evaluations)
     gain = 1.0 - fit.score / current.score
     return Trial(name, fit, gain, (0.0, 0.0), bic_change(fitter, current, fit))
-
-
-def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
-    """Return the BIC of the new fit minus that of the old one."""
-    n = fitter.rows.independent
-    return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))
 
 
 def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float, float]:

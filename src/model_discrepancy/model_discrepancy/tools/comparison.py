@@ -20,11 +20,12 @@ import numpy as np
 from scipy.signal import correlate
 
 from ankle_physics.term import term_library
-from model_discrepancy.criticism.generic_bank import MATERIAL_SHARE, GenericBank
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
+from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit, Fitter
+from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.rows import Rows
@@ -354,10 +355,10 @@ def _described(first: Side, fitter: Fitter) -> np.ndarray:
         np.zeros_like(fitter.columns.target),
     )
     bank = GenericBank(first.fitter.columns)
-    remainder = bank.remainder(
-        first.fitter, final.residual, final.plain, interleaved(first.fitter.rows)
+    left = remainder(
+        bank, first.fitter, final.residual, final.plain, interleaved(first.fitter.rows)
     )
-    if remainder.worst > 0.0 and remainder.torque_share > MATERIAL_SHARE:
+    if left.worst > 0.0 and left.torque_share > MATERIAL_SHARE:
         total = total + GenericBank(fitter.columns, like=bank).prediction(bank.learn(final.plain))
     return total
 
@@ -471,14 +472,18 @@ def _conclude(result: Comparison, second: Side) -> None:
     """Verdict, place and, where no term makes the difference, the missing block."""
     significant = [c for c in result.contributions if c.significant]
     final = second.found.final
-    remainder = GenericBank(second.fitter.columns).remainder(
-        second.fitter, final.residual, final.plain, interleaved(second.fitter.rows)
+    left = remainder(
+        GenericBank(second.fitter.columns),
+        second.fitter,
+        final.residual,
+        final.plain,
+        interleaved(second.fitter.rows),
     )
-    if remainder.worst > 0.0 and remainder.torque_share > MATERIAL_SHARE:
+    if left.worst > 0.0 and left.torque_share > MATERIAL_SHARE:
         assert result.where is not None
         result.block = missing_block(second.fitter, final, result.where.onsets)
         result.reasons.append(
-            f"generic regressors predict {100 * remainder.share:.0f} % of what the best model "
+            f"generic regressors predict {100 * left.share:.0f} % of what the best model "
             "leaves of the recorded torque"
         )
     if significant:

@@ -28,11 +28,9 @@ from model_discrepancy.recording.known_rig import calibrated
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import SAMPLES_TOPIC, Recording
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.report.result_folder import AUGMENTED_FILE, BASE_FILE, RIG_FILE
 from session_recorder.bag_writer import BagWriter
 
-BASE_FILE, AUGMENTED_FILE = "base.yaml", "model.yaml"
-# The calibrated rig that a diagnosis took as known.
-RIG_FILE = "rig.yaml"
 # The share of a second that one block of the written bags holds, as a live rig sends them.
 _BLOCKS_PER_SECOND = 64
 _SHOWN_S = 3.0

@@ -21,11 +21,11 @@ from scipy.stats import chi2
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Owner, term_library
-from model_discrepancy.criticism.generic_bank import Remainder
+from model_discrepancy.criticism.remainder import Remainder, remainder
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.fit.held_out import HeldOut, held_out
-from model_discrepancy.problem import Problem, prepare, surrogate_activation
+from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
@@ -34,6 +34,7 @@ from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.search.null import Null, thresholds
 from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
+from model_discrepancy.search.surrogate_activation import surrogate_activation
 from model_discrepancy.search.term_search import (
     FOLLOWING_MARGIN,
     MIN_PROMISE,
@@ -388,8 +389,13 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
             member.fit = fitter.with_errors(fitter.fit(member.fit.terms, member.fit.values))
         member.base = held_out(problem.fitter, problem.base)
         member.final = held_out(fitter, member.fit)
-        member.after = problem.bank.remainder(
-            fitter, member.fit.residual, member.fit.plain, problem.parts, member.null.noise
+        member.after = remainder(
+            problem.bank,
+            fitter,
+            member.fit.residual,
+            member.fit.plain,
+            problem.parts,
+            member.null.noise,
         )
 
 

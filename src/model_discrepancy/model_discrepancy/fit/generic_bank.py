@@ -9,68 +9,16 @@ not trained on is structure that the model lacks, whatever its name.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.search.null import exceeded_by_chance
 
 # Lag windows: from just before the movement (a torque channel that runs ahead) to beyond the
 # reflex.
 LAGS_S = (-0.01, 0.0, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.19, 0.26, 0.36, 0.5)
-# Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
-# is below any instrument's own errors.
-MATERIAL_SHARE = 1e-3
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
-
-
-@dataclass(frozen=True)
-class Remainder:
-    """Describes what the bank predicts of a residual.
-
-    Attributes
-    ----------
-    share
-        Of the whitened residual's power on unseen rows, 0...1; mean of both directions.
-    worst
-        The smaller of the two directions.
-    by_input
-        Share that each input's regressors predict alone.
-    plain_share
-        Share of the plain residual's power, on unseen rows.
-    torque_share
-        Power of the predicted torque as a share of the recorded torque's, without what chance
-        predicts.
-    by_chance
-        Share that the bank exceeds by chance in `FALSE_ALARM` of recordings like this one.
-    judged
-        Whether what is predicted is missing physics; not where torque may have moved the plate.
-    """
-
-    share: float
-    worst: float
-    by_input: dict[str, float]
-    plain_share: float
-    torque_share: float = 0.0
-    by_chance: float = 0.0
-    judged: bool = True
-
-    @property
-    def exceeds_chance(self) -> bool:
-        """Say whether more is predicted than chance does, in both directions, and it matters."""
-        return (
-            self.share > max(self.by_chance, 0.0)
-            and self.worst > 0.0
-            and self.torque_share > MATERIAL_SHARE
-        )
-
-    @property
-    def significant(self) -> bool:
-        """Say whether physics is missing: more is predicted than by chance, by the movement."""
-        return self.judged and self.exceeds_chance
 
 
 class GenericBank:
@@ -89,6 +37,8 @@ class GenericBank:
     scale
         Mean angle [rad] and size of position, velocity, acceleration [rad, rad/s, rad/s^2] that
         count as one.
+    inputs
+        Name of the input of each regressor.
     """
 
     def __init__(self, columns: Columns, like: GenericBank | None = None) -> None:
@@ -121,89 +71,22 @@ class GenericBank:
         }
         self._rows = columns.rows
         self._spectra: list[np.ndarray] = []
-        self._owners: list[str] = []
+        self.inputs: list[str] = []
         windows = lag_windows(self._rows.frequency)
         for name, signals in inputs.items():
             for signal in signals:
                 spectrum = self._rows.spectrum(signal)
                 for window in windows:
                     self._spectra.append(spectrum * window)
-                    self._owners.append(name)
-
-    def remainder(
-        self,
-        fitter: Fitter,
-        residual: np.ndarray,
-        plain: np.ndarray,
-        parts: tuple[np.ndarray, np.ndarray],
-        surrogates: np.ndarray | None = None,
-    ) -> Remainder:
-        """Return what the bank predicts of this residual.
-
-        Parameters
-        ----------
-        fitter
-            Whose whitening applies.
-        residual
-            Whitened, shape (rows.count,).
-        plain
-            Plain, shape (rows.count,).
-        parts
-            Two masks of rows; each in turn is for training, the other for scoring.
-        surrogates
-            Of the noise in the fitted rows, shape (rows.used.sum(), draws); None leaves
-            `Remainder.by_chance` at 0.
-        """
-        matrix = self.whitened()
-        shares = [
-            cross_score(matrix, residual, train, test) for train, test in (parts, parts[::-1])
-        ]
-        by_input = {}
-        for name in dict.fromkeys(self._owners):
-            own = matrix[:, [owner == name for owner in self._owners]]
-            by_input[name] = float(
-                np.mean(
-                    [
-                        cross_score(own, residual, train, test)
-                        for train, test in (parts, parts[::-1])
-                    ]
-                )
-            )
-        unfiltered = np.column_stack([self._rows.plain(s) for s in self._spectra])
-        plain_share = float(
-            np.mean(
-                [
-                    cross_score(unfiltered, plain, train, test)
-                    for train, test in (parts, parts[::-1])
-                ]
-            )
-        )
-        share = float(np.mean(shares))
-        predicted = self.cross_predicted(residual, parts, matrix, unfiltered)
-        chance = 0.0
-        if surrogates is not None:
-            noise = np.zeros((len(residual), surrogates.shape[1]), dtype=surrogates.dtype)
-            noise[fitter.rows.used] = surrogates
-            scores = [
-                cross_score(matrix, noise, train, test) for train, test in (parts, parts[::-1])
-            ]
-            chance = exceeded_by_chance(np.mean(scores, axis=0))
-        used = fitter.rows.used
-        own, made = self.cross_predicted(residual, parts, matrix), predicted
-        reliable = share * float(np.var(residual[used])) / max(float(np.var(own[used])), 1e-30)
-        torque_share = float(np.var(made[used]) / np.var(fitter.plain_target[used]))
-        return Remainder(
-            share,
-            float(min(shares)),
-            by_input,
-            plain_share,
-            torque_share * min(max(reliable, 0.0), 1.0),
-            chance,
-        )
+                    self.inputs.append(name)
 
     def whitened(self) -> np.ndarray:
         """Return the whitened regressors, shape (rows.count, size)."""
         return np.column_stack([self._rows.whitened(s) for s in self._spectra])
+
+    def plain(self) -> np.ndarray:
+        """Return the plain regressors, shape (rows.count, size)."""
+        return np.column_stack([self._rows.plain(s) for s in self._spectra])
 
     def cross_predicted(
         self,
@@ -230,11 +113,7 @@ class GenericBank:
         np.ndarray
             Shape (rows.count,).
         """
-        matrix = (
-            np.column_stack([self._rows.plain(s) for s in self._spectra])
-            if known is None
-            else known
-        )
+        matrix = self.plain() if known is None else known
         other = matrix if made is None else made
         predicted = []
         for train in parts:
@@ -250,7 +129,7 @@ class GenericBank:
         """Weights with which the bank predicts this plain residual [N.m], shape (rows.count,); the
         ridge as in `cross_score`.
         """
-        matrix = np.column_stack([self._rows.plain(s) for s in self._spectra])
+        matrix = self.plain()
         index = np.flatnonzero(self._rows.used)
         scale = _size(matrix[index])
         return _weights(matrix[index] / scale, plain[index], _tuned(matrix, plain, index)) / scale

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_physics.term import Values, term_library
-from model_discrepancy.criticism.locate import Onsets
 from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.movements import Onsets
 
 _AFTER_S = 0.4
 

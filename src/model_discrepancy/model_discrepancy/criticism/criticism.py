@@ -1,0 +1,111 @@
+"""What base and final model of a search leave of the recording, seen from every side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from model_discrepancy.criticism.ceiling import ceiling_vaf
+from model_discrepancy.criticism.judgement import Scores, judge
+from model_discrepancy.criticism.locate import ResidualMap, residual_map
+from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
+from model_discrepancy.criticism.remainder import Remainder, remainder
+from model_discrepancy.criticism.variability import Variability, variability
+from model_discrepancy.fit.held_out import HeldOut, held_out
+from model_discrepancy.problem import Problem
+from model_discrepancy.recording.channel_gains import Finding
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.term_search import Found
+
+
+@dataclass(frozen=True)
+class Criticism:
+    """Holds what the models of a search leave unexplained.
+
+    Attributes
+    ----------
+    before, after
+        What generic regressors predict of the residual of base and final model.
+    base_map, final_map
+        Where these residuals sit.
+    base_held_out, final_held_out
+        VAF of both models on unseen data.
+    ceiling
+        Lower and upper end of the VAF that is explainable [%].
+    varies
+        What no movement predicts.
+    verdict
+        ``no_mismatch``, ``explained`` or ``unexplained``.
+    closed
+        Share of the predictable mismatch that the effects close; NaN without a mismatch.
+    block
+        What is missing, where the recording is unexplained and long enough to describe it.
+    """
+
+    before: Remainder
+    after: Remainder
+    base_map: ResidualMap
+    final_map: ResidualMap
+    base_held_out: HeldOut
+    final_held_out: HeldOut
+    ceiling: tuple[float, float]
+    varies: Variability
+    verdict: str
+    closed: float
+    block: MissingBlock | None
+
+
+def criticise(
+    problem: Problem,
+    found: Found,
+    null: Null,
+    findings: list[Finding],
+    progress: Callable[[str], None] = lambda _: None,
+) -> Criticism:
+    """Look at what the models of a search leave.
+
+    Parameters
+    ----------
+    problem
+        Of the recording.
+    found
+        Result of the search.
+    null
+        Surrogates of the recording's noise, as the search left them.
+    findings
+        What the channels themselves show.
+    progress
+        Called with one line for each step.
+    """
+    progress("scoring on unseen data")
+    fitter, final = problem.fitter, found.final
+    before, after = (
+        remainder(problem.bank, fitter, fit.residual, fit.plain, problem.parts, surrogates)
+        for fit, surrogates in ((problem.base, null.drawn), (final, null.noise))
+    )
+    if problem.in_a_loop:
+        after = replace(after, judged=False)
+    base_scored = held_out(fitter, found.base)
+    final_scored = held_out(fitter, final) if found.effects else base_scored
+    base_map = residual_map(fitter.columns, problem.base)
+    ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
+    varies = variability(fitter, final)
+    scores = Scores(base_scored.vaf, final_scored.vaf, *ceiling)
+    verdict, closed = judge(found, after, findings, varies.unusual, scores)
+    block = None
+    if verdict == "unexplained":
+        progress("describing what is missing")
+        block = missing_block(fitter, final, base_map.onsets)
+    return Criticism(
+        before,
+        after,
+        base_map,
+        residual_map(fitter.columns, final),
+        base_scored,
+        final_scored,
+        ceiling,
+        varies,
+        verdict,
+        closed,
+        block,
+    )

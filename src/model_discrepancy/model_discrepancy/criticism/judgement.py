@@ -1,0 +1,66 @@
+"""Whether a recording holds a mismatch, and whether what was found explains it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.recording.channel_gains import Finding
+from model_discrepancy.search.term_search import Found
+
+# Named effects must close most of the gap between the base model and what is predictable at all:
+# fifteen per cent may stay open.
+GAP_CLOSED = 0.85
+# Names that let the plain torque be predicted better by less than this share of what is missing
+# explain nothing by themselves.
+MIN_GAP_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Scores:
+    """VAF on unseen data [%]: base model, augmented model, that with generic regressors, and the
+    upper end of what is explainable.
+    """
+
+    base: float
+    augmented: float
+    generic: float
+    ceiling: float
+
+
+def judge(
+    found: Found,
+    remainder: Remainder,
+    findings: list[Finding],
+    unusual: list[str],
+    scores: Scores,
+) -> tuple[str, float]:
+    """Return the verdict, and the share of the predictable mismatch that the effects close (NaN
+    without a mismatch).
+
+    Parameters
+    ----------
+    found
+        What the search found.
+    remainder
+        What generic regressors predict of the residual that is left.
+    findings
+        What the signals themselves show.
+    unusual
+        What no movement predicts and no subject's usual variability makes.
+    scores
+        VAF on unseen data.
+    """
+    left = max(remainder.share, 0.0)
+    predictable = remainder.significant
+    if not found.effects:
+        if predictable or unusual:
+            return "unexplained", 0.0
+        return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
+    cut = 1.0 - found.final.score / found.base_score
+    closed = cut / (cut + (1.0 - cut) * left)
+    gains_little = scores.augmented - scores.base < MIN_GAP_SHARE * (scores.ceiling - scores.base)
+    unexplained = (predictable and closed < GAP_CLOSED) or (
+        gains_little and (predictable or bool(unusual))
+    )
+    return ("unexplained" if unexplained else "explained"), closed

@@ -1,0 +1,65 @@
+"""The base model of a recording: its fit from several starts, and the alignment of its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ankle_physics.model import PAPER_TERMS
+from model_discrepancy.fit.fitter import Fit, Fitter
+
+# The term whose smallest values say no more than how well two channels are aligned.
+ALIGNMENT = "channel_skew"
+# An alignment of less than half a sample is worth its parameter when BIC falls by this much.
+ALIGNMENT_BIC = 50.0
+# Starts of the base fit: its delay and muscle speed have several minima.
+BASE_STARTS = tuple(
+    {"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0)
+)
+
+
+def fit_base(fitter: Fitter, terms: Sequence[str] = PAPER_TERMS) -> Fit:
+    """Return the base model from several starts; leaves the fitter whitened by its residual."""
+    best = min(
+        (fitter.fit(terms, {"reflex": dict(start)}, evaluations=15) for start in BASE_STARTS),
+        key=lambda fit: fit.score,
+    )
+    for _ in range(2):
+        fitter.whiten_by(best.plain)
+        starts = [best.values, *({"reflex": dict(start)} for start in BASE_STARTS[:2])]
+        best = min(
+            (fitter.fit(terms, start, evaluations=25) for start in starts),
+            key=lambda fit: fit.score,
+        )
+    return best
+
+
+def align(fitter: Fitter, fit: Fit) -> Fit:
+    """Return the fit with its channels aligned, where they are apart by less than half a sample:
+    too little to be a finding, enough to be seen.
+    """
+    if ALIGNMENT in fit.terms:
+        return fit
+    aligned = fitter.fit(
+        [*fit.terms, ALIGNMENT], {**fit.values, ALIGNMENT: {"skew": 0.0}}, evaluations=10
+    )
+    return (
+        aligned
+        if is_alignment(fitter, aligned) and bic_change(fitter, fit, aligned) < -ALIGNMENT_BIC
+        else fit
+    )
+
+
+def is_alignment(fitter: Fitter, fit: Fit) -> bool:
+    """Say whether the channels are apart by less than half a sample."""
+    return (
+        ALIGNMENT in fit.terms
+        and abs(fit.values[ALIGNMENT]["skew"]) <= 0.5 * fitter.columns.motion.sample_time
+    )
+
+
+def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:
+    """Return the BIC of the new fit minus that of the old one."""
+    n = fitter.rows.independent
+    return n * float(np.log(new.score / old.score)) + (new.size - old.size) * float(np.log(n))

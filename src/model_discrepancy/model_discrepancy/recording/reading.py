@@ -1,0 +1,57 @@
+"""A recording is read and checked before anything is fitted to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.recording.channel_gains import Finding, channel_findings, trusted
+from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.recording.servo import identify_servo
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Holds a recording and what its channels show by themselves.
+
+    Attributes
+    ----------
+    recording
+        As it was read.
+    faults
+        Why it cannot be used, one sentence each; empty for a usable one.
+    findings
+        What is wrong with a channel of a usable recording.
+    trusted
+        The recording without what these findings make doubtful.
+    """
+
+    recording: Recording
+    faults: list[str]
+    findings: list[Finding]
+    trusted: Recording
+
+
+def open_recording(source: Recording | str | Path) -> Recording:
+    """Return a recording, or the one in a bag; one that cannot be read says why.
+
+    Raises
+    ------
+    BagError
+        No such bag.
+    """
+    try:
+        return source if isinstance(source, Recording) else Recording.from_bag(source)
+    except DiagnosisError as error:
+        return Recording.unreadable(str(source), str(error))
+
+
+def check(recording: Recording) -> Reading:
+    """Check the channels of a recording."""
+    if reasons := faults(recording):
+        return Reading(recording, reasons, [], recording)
+    findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
+    return Reading(recording, [], findings, trusted(recording, findings))

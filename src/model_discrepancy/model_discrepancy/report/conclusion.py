@@ -1,0 +1,226 @@
+"""The verdict on a recording, put together from what the stages of a diagnosis found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ankle_physics.model import Model
+from model_discrepancy.criticism.criticism import Criticism
+from model_discrepancy.criticism.missing_block import MissingBlock
+from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.fit.base_model import ALIGNMENT, is_alignment
+from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
+from model_discrepancy.problem import Problem
+from model_discrepancy.recording.channel_gains import Finding
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.effect_size import size_of
+from model_discrepancy.report.operating_point import operating_point, stated_impedance
+from model_discrepancy.report.verdict import (
+    Verdict,
+    alternatives,
+    before_and_after,
+    effect_entry,
+    finding_entry,
+    on_impedance,
+    separating_measurements,
+)
+from model_discrepancy.search.term_search import REFINEMENT, Found, place_of
+
+LOOP_SENTENCE = (
+    "no command was recorded and the servo gives way under load: what generic regressors predict "
+    "of the rest may be torque that moved the plate, and is no sign of missing physics"
+)
+EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
+
+
+def conclude(
+    recording: Recording,
+    problem: Problem,
+    found: Found,
+    criticism: Criticism,
+    findings: list[Finding],
+    baseline: Model | None,
+) -> Verdict:
+    """Return the verdict on a recording.
+
+    Parameters
+    ----------
+    recording
+        As it was read.
+    problem, found, criticism
+        What the stages before have found.
+    findings
+        What the channels themselves show.
+    baseline
+        The model that replaces the paper's as the baseline; None for the paper's.
+    """
+    verdict = _verdict(problem.fitter, found, criticism, findings, baseline)
+    verdict.variability = criticism.varies.content()
+    verdict.rig = _rig(problem)
+    if problem.in_a_loop:
+        verdict.reasons.append(LOOP_SENTENCE)
+    if problem.activation_by_emg:
+        verdict.reasons.append(EMG_SENTENCE)
+    verdict.recording = _conditions(recording, problem.fitter, found.final)
+    if verdict.verdict == "unexplained":
+        _describe_missing(verdict, criticism.block)
+    return verdict
+
+
+def _verdict(
+    fitter: Fitter,
+    found: Found,
+    criticism: Criticism,
+    findings: list[Finding],
+    baseline: Model | None,
+) -> Verdict:
+    word, after, base_map = criticism.verdict, criticism.after, criticism.base_map
+    base, final, closed = criticism.base_held_out, criticism.final_held_out, criticism.closed
+    named = found.effects if word != "no_mismatch" else []
+    effects = [
+        effect_entry(
+            effect,
+            found.final,
+            size_of(fitter, found.final, effect.trial.name, base_map.onsets),
+            place == 0,
+            word == "explained" and not after.significant,
+            bool(found.refinements) or (after.exceeds_chance and not after.judged),
+        )
+        for place, effect in enumerate(named)
+    ]
+    effects += [finding_entry(finding) for finding in findings]
+    reasons = separating_measurements(effects)
+    reasons += [f"{name} ended at the bound of its range" for name in found.final.at_bounds]
+    reasons += [
+        f"base model: {name} ran into its bound, a sign that it hides something else"
+        for name in found.base.at_bounds
+    ]
+    reasons.append(
+        f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened "
+        "residual on unseen data"
+    )
+    reasons += criticism.varies.unusual
+    if named != found.effects:
+        names = ", ".join(effect.trial.name for effect in found.effects)
+        reasons.append(
+            f"{names} would take something off the whitened error, and predict no torque on "
+            "unseen data"
+        )
+    if found.refinements:
+        names = ", ".join(effect.trial.name for effect in found.refinements)
+        reasons.append(
+            f"the model holds {names} too: less than {100 * REFINEMENT:g} % of the mismatch each, "
+            "corrections to the rest"
+        )
+    if is_alignment(fitter, found.final):
+        reasons.append(
+            f"torque and position are apart by {1000 * found.final.values[ALIGNMENT]['skew']:.2f} "
+            "ms, less than half a sample"
+        )
+    if word == "unexplained" and after.significant:
+        strongest = max(after.by_input, key=lambda key: after.by_input[key])
+        reasons.append(
+            f"no term of the library explains it; regressors of {strongest} predict most of it "
+            f"({100 * after.by_input[strongest]:.0f} %)"
+        )
+    if baseline is not None:
+        reasons.append(_given_model(fitter, baseline))
+    fit = {
+        "baseline_vaf_holdout": round(base.vaf, 2),
+        "augmented_vaf_holdout": round(final.vaf, 2),
+        "ceiling_vaf": round(0.5 * sum(criticism.ceiling), 2),
+        "ceiling_vaf_interval": [round(c, 2) for c in criticism.ceiling],
+        "baseline_vaf_both_ways": [round(v, 2) for v in base.both],
+        "augmented_vaf_both_ways": [round(v, 2) for v in final.both],
+        "whitened_error_cut": round(1.0 - found.final.score / found.base_score, 4),
+        "gap_closed": None if np.isnan(closed) else round(closed, 3),
+        "remaining_predictable_share": round(max(after.share, 0.0), 4),
+    }
+    at = operating_point(fitter.motion, base_map.onsets)
+    stated = stated_impedance(found.final, at)
+    for effect, entry in zip(named, effects, strict=False):
+        entry["on_impedance"] = on_impedance(stated_impedance(effect.without, at), stated)
+    place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)
+    localisation = base_map.summary(place) if word != "no_mismatch" else {}
+    return Verdict(
+        word,
+        effects,
+        localisation,
+        fit,
+        alternatives(found),
+        reasons,
+        before_and_after(stated_impedance(found.base, at), stated),
+    )
+
+
+def _likely_place(after: Remainder) -> str:
+    """Return where an unexplained mismatch probably sits, from the inputs that predict it."""
+    strongest = max(after.by_input, key=lambda key: after.by_input[key])
+    return (
+        "reflex dynamics"
+        if "rectified" in strongest
+        else "torque sensor"
+        if strongest == "acceleration"
+        else "intrinsic"
+    )
+
+
+def _given_model(fitter: Fitter, baseline: Model) -> str:
+    """Return how the given model does without any refit."""
+    values: dict[str, dict[str, float]] = {
+        e.term.name: dict(e.values) for e in baseline.entries if e.term.name != "voluntary_torque"
+    }
+    given: Fit = fitter.evaluate(values)
+    used = fitter.rows.used
+    share = 1.0 - float(np.var(given.plain[used]) / np.var(fitter.plain_target[used]))
+    return (
+        f"the given model as it stands explains {100 * share:.1f} % of the torque's variance; "
+        "refitted it is the baseline"
+    )
+
+
+def _rig(problem: Problem) -> dict[str, Any]:
+    """Return how the servo follows its command and how far it gives way."""
+    found: dict[str, Any] = {}
+    if problem.servo is not None:
+        found["position_per_command[1]"] = list(problem.servo.following)
+    if problem.compliance is not None and problem.compliance.significant:
+        value, error = problem.compliance.at_rest
+        found["servo_stiffness[N.m/rad]"] = [1.0 / value, error / value**2]
+    return found
+
+
+def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, Any]:
+    """Return the values that a second recording must be compared with.
+
+    They are length, size of the movements, background torque, and the residual's spectrum.
+    """
+    position = fitter.columns.motion.position
+    low, high = np.percentile(position, [1.0, 99.0])
+    return {
+        "rate[Hz]": recording.rate,
+        "duration[s]": recording.duration,
+        "movement[rad]": float(high - low),
+        "background_torque[N.m]": float(np.mean(recording.torque)),
+        "whitening_rate[Hz]": fitter.rows.rate,
+        "whitening[1/N.m]": autoregression(final.plain[fitter.rows.used], WHITENING_ORDER).tolist(),
+    }
+
+
+def _describe_missing(verdict: Verdict, block: MissingBlock | None) -> None:
+    """Put the missing block into the verdict; without effects its place is the place of the
+    mismatch.
+    """
+    if block is None:
+        verdict.reasons.append(
+            "the recording is too short to describe the missing block (six stretches of 5 s are "
+            "needed)"
+        )
+        return
+    verdict.localisation["missing_block"] = block.content()
+    verdict.reasons.append(block.sentence)
+    if not verdict.effects:
+        verdict.localisation["path"] = block.place

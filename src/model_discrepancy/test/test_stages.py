@@ -1,0 +1,90 @@
+"""A bag goes through the stages of a diagnosis in one direction.
+
+The stages are the folders recording, fit, search, criticism and report; `problem`, which makes a
+recording ready for the search, belongs to the fit. The way to a verdict is the sequence of stages
+that `diagnose` and `problem` call, properties of their results included. A return is a call into
+another stage than the one before, which stands before the last stage that was reached.
+"""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+import model_discrepancy
+from model_discrepancy.diagnose import diagnose
+from simulation_study.planted_trials import simulate_trial
+
+ROOT = Path(model_discrepancy.__file__).parent
+STAGES = ("recording", "fit", "search", "criticism", "report")
+MOST_RETURNS = 8
+
+
+def stage_of(module):
+    """Return the number of a module's stage; None for what belongs to none."""
+    name = module.removeprefix("model_discrepancy.").split(".")[0]
+    name = "fit" if name == "problem" else name
+    return STAGES.index(name) if name in STAGES else None
+
+
+def imported(path):
+    """Return the modules that a file imports when it is run, not those for type checks alone."""
+    nodes = [ast.parse(path.read_text())]
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.ImportFrom):
+            yield node.module
+        nodes += ast.iter_child_nodes(node)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_no_stage_knows_a_later_one(stage):
+    files = [*(ROOT / stage).glob("*.py"), *([ROOT / "problem.py"] if stage == "fit" else [])]
+    later = [
+        f"{path.name} imports {module}"
+        for path in files
+        for module in imported(path)
+        if module.startswith("model_discrepancy.")
+        and stage_of(module) is not None
+        and stage_of(module) > STAGES.index(stage)
+    ]
+    assert len(files) > 1
+    assert not later
+
+
+def returns(stages):
+    """Count the returns on a way through stages, given by their numbers."""
+    found = [b for a, b in zip([None, *stages], stages, strict=False) if a != b]
+    return sum(stage < max(found[:place], default=0) for place, stage in enumerate(found))
+
+
+def test_returns_are_counted():
+    assert returns([0, 0, 1, 2, 2, 3, 4]) == 0
+    assert returns([0, 1, 0, 1, 2, 1, 1, 3]) == 2
+
+
+def test_a_bag_is_on_its_way_to_the_verdict_without_turning_back():
+    recording = simulate_trial({"maxwell_relaxation": {"k": 45.0, "T": 0.1}}, seed=6, duration=20.0)
+    way = []
+
+    def note(frame, event, _):
+        if event != "call" or frame.f_back is None:
+            return
+        callee, caller = (f.f_globals.get("__name__", "") for f in (frame, frame.f_back))
+        if caller in ("model_discrepancy.diagnose", "model_discrepancy.problem"):
+            stage = stage_of(callee) if callee.startswith("model_discrepancy.") else None
+            if stage is not None and callee != "model_discrepancy.problem":
+                way.append(stage)
+
+    sys.setprofile(note)
+    try:
+        # One candidate makes a short search; all stages are passed, also that of a missing block.
+        diagnosis = diagnose(recording, library=["tendon"])
+    finally:
+        sys.setprofile(None)
+    assert diagnosis.verdict.verdict == "unexplained"
+    assert set(way) == set(range(len(STAGES)))
+    assert returns(way) <= MOST_RETURNS
