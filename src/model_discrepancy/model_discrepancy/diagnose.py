@@ -19,9 +19,10 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.conclusion import conclude
 from model_discrepancy.report.result_folder import write_results
 from model_discrepancy.report.verdict import Verdict
+from model_discrepancy.search.found import Found, Progress
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.surrogate_activation import surrogate_activation
-from model_discrepancy.search.term_search import Found, Progress, search
+from model_discrepancy.search.term_search import search
 
 
 @dataclass

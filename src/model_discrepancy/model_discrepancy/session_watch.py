@@ -21,8 +21,8 @@ from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.search.found import place_of
 from model_discrepancy.search.screening import candidates, grid, screen
-from model_discrepancy.search.term_search import place_of
 
 
 class RecentSamples:

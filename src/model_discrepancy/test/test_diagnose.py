@@ -8,7 +8,6 @@ import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
-from model_discrepancy.tools.resimulation import resimulate
 from simulation_study.planted_trials import simulate_trial
 
 
@@ -37,7 +36,7 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
     ],
 )
 def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked):
-    diagnosis = diagnose(simulate_trial({name: values}, seed=5, duration=40.0), tmp_path)
+    diagnosis = diagnose(simulate_trial({name: values}, seed=5, duration=30.0), tmp_path)
     verdict = diagnosis.verdict
     assert verdict.verdict == "explained"
     assert [e["name"] for e in verdict.effects] == [name]
@@ -59,31 +58,6 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     assert error > 0.0
     assert effect["excluded"]
     assert not set(effect["excluded"]) & set(effect["set"])
-
-
-def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(tmp_path):
-    recording = simulate_trial(
-        {"torque_sensor_mode": {"frequency": 25.0, "damping": 0.15}}, seed=6, duration=40.0
-    )
-    library = [
-        "reflex_threshold",
-        "position_dependent_stiffness",
-        "thixotropy",
-        "hardening_stiffness",
-    ]
-    verdict = diagnose(recording, tmp_path, library=library).verdict
-    assert verdict.verdict == "unexplained"
-    block = json.loads((tmp_path / "verdict.json").read_text())["localisation"]["missing_block"]
-    assert block["share_predicted"] > 0.3
-    assert len(block["dynamics"]["lag[s]"]) == len(block["dynamics"]["low[N.m/s]"])
-    again = resimulate(
-        recording, Model.load(tmp_path / "base.yaml"), Model.load(tmp_path / "model.yaml")
-    )
-    assert Model.load(tmp_path / "model.yaml").has("missing_block")
-    assert again.vaf["augmented"] > again.vaf["base"] + 0.2
-    report = (tmp_path / "report.html").read_text()
-    assert "The missing block" in report
-    assert "What to measure next" in report
 
 
 def test_a_bad_recording_gets_no_physics_story(null_recording, tmp_path):

@@ -1,4 +1,4 @@
-"""A bag goes through the stages of a diagnosis in one direction.
+"""A bag goes through the stages of a diagnosis in one direction, also one that is not explained.
 
 The stages are the folders recording, fit, search, criticism and report; `problem`, which makes a
 recording ready for the search, belongs to the fit. The way to a verdict is the sequence of stages
@@ -7,13 +7,17 @@ another stage than the one before, which stands before the last stage that was r
 """
 
 import ast
+import json
 import sys
 from pathlib import Path
 
 import pytest
 
 import model_discrepancy
+from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.search.term_search import search
+from model_discrepancy.tools.resimulation import resimulate
 from simulation_study.planted_trials import simulate_trial
 
 ROOT = Path(model_discrepancy.__file__).parent
@@ -66,9 +70,21 @@ def test_returns_are_counted():
     assert returns([0, 1, 0, 1, 2, 1, 1, 3]) == 2
 
 
-def test_a_bag_is_on_its_way_to_the_verdict_without_turning_back():
-    recording = simulate_trial({"maxwell_relaxation": {"k": 45.0, "T": 0.1}}, seed=6, duration=20.0)
-    way = []
+@pytest.fixture(scope="module")
+def unexplained(tmp_path_factory):
+    """Diagnose a recording whose effect the library lacks.
+
+    Gives the recording, the folder of the diagnosis and its way through the stages.
+    """
+    effect = {"torque_sensor_mode": {"frequency": 25.0, "damping": 0.15}}
+    recording = simulate_trial(effect, seed=6, duration=40.0)
+    library = [
+        "reflex_threshold",
+        "position_dependent_stiffness",
+        "thixotropy",
+        "hardening_stiffness",
+    ]
+    folder, way = tmp_path_factory.mktemp("unexplained"), []
 
     def note(frame, event, _):
         if event != "call" or frame.f_back is None:
@@ -79,12 +95,42 @@ def test_a_bag_is_on_its_way_to_the_verdict_without_turning_back():
             if stage is not None and callee != "model_discrepancy.problem":
                 way.append(stage)
 
-    sys.setprofile(note)
-    try:
-        # One candidate makes a short search; all stages are passed, also that of a missing block.
-        diagnosis = diagnose(recording, library=["tendon"])
-    finally:
+    def unwatched(*arguments):
+        """Run the search, which calls no stage but its own and those before, at full speed."""
         sys.setprofile(None)
-    assert diagnosis.verdict.verdict == "unexplained"
+        way.append(STAGES.index("search"))
+        try:
+            return search(*arguments)
+        finally:
+            sys.setprofile(note)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules[diagnose.__module__], "search", unwatched)
+        sys.setprofile(note)
+        try:
+            verdict = diagnose(recording, folder, library=library).verdict
+        finally:
+            sys.setprofile(None)
+    assert verdict.verdict == "unexplained"
+    return recording, folder, way
+
+
+def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(unexplained):
+    recording, folder, _ = unexplained
+    block = json.loads((folder / "verdict.json").read_text())["localisation"]["missing_block"]
+    assert block["share_predicted"] > 0.3
+    assert len(block["dynamics"]["lag[s]"]) == len(block["dynamics"]["low[N.m/s]"])
+    again = resimulate(
+        recording, Model.load(folder / "base.yaml"), Model.load(folder / "model.yaml")
+    )
+    assert Model.load(folder / "model.yaml").has("missing_block")
+    assert again.vaf["augmented"] > again.vaf["base"] + 0.2
+    report = (folder / "report.html").read_text()
+    assert "The missing block" in report
+    assert "What to measure next" in report
+
+
+def test_a_bag_is_on_its_way_to_the_verdict_without_turning_back(unexplained):
+    _, _, way = unexplained
     assert set(way) == set(range(len(STAGES)))
     assert returns(way) <= MOST_RETURNS

@@ -9,8 +9,10 @@ from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import effect_entry
-from model_discrepancy.search import term_search
+from model_discrepancy.search.exchange import exchange
+from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
+from model_discrepancy.search.term_search import search
 from simulation_study.planted_trials import simulate_trial
 
 RELATIVES = ("dahl_hysteresis", "saturating_damping")
@@ -22,12 +24,12 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
     fitter = problem.fitter
     rows = fitter.rows
     null = Null.of(problem.noise, rows.time, rows.used)
-    found = term_search.search(fitter, problem.base, null, RELATIVES)
+    found = search(fitter, problem.base, null, RELATIVES)
     assert {effect.trial.name for effect in found.effects} <= set(RELATIVES)
     assert found.effects
-    grids = term_search._Grids([*RELATIVES, "maxwell_relaxation"], 40.0)
+    grids = Grids([*RELATIVES, "maxwell_relaxation"], 40.0)
     score = found.final.score
-    term_search._exchange(fitter, found, grids, null, rows.gain(), lambda _: None)
+    exchange(fitter, found, grids, null, rows.gain(), lambda _: None)
     assert [effect.trial.name for effect in found.effects] == ["maxwell_relaxation"]
     assert found.final.score < 0.9 * score
 

@@ -19,7 +19,7 @@ from session_analysis.holds import Hold
 from session_analysis.recorded_session import RecordedSession
 from session_analysis.second_opinion import SecondOpinion, second_opinion
 from session_recorder.errors import BagError
-from session_recorder.loss import Gap
+from session_recorder.sample_account import Gap
 
 LONGEST_GAP = 0.4
 """[s] Longest gap in the samples of a hold that is bridged: a reflex response lasts as long."""

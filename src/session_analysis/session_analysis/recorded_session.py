@@ -23,8 +23,9 @@ from impedance_estimator.offline.recorded_estimates import PROVENANCE_TOPIC, est
 from session_analysis.errors import AnalysisError
 from session_analysis.holds import Excluded, Hold, find_holds
 from session_recorder.bag_reader import BagReader
-from session_recorder.loss import Gap, LossAccount, account_of_bag
+from session_recorder.loss import LossAccount, account_of_bag
 from session_recorder.message_definitions import typestore
+from session_recorder.sample_account import Gap
 
 DOUBT = "doubt[1]"
 SUBJECT_KEY = "subject"

@@ -15,7 +15,7 @@ from session_analysis.recorded_session import RecordedSession
 from session_analysis.report import opinion_rows
 from session_analysis.values import with_error
 from session_recorder.bag_writer import BagWriter
-from session_recorder.loss import Gap
+from session_recorder.sample_account import Gap
 
 RATE = 512.0
 HOLDS = [Hold(1, 1000.0, 1050.0, 0.0), Hold(2, 1060.0, 1110.0, -5.0)]

@@ -12,7 +12,8 @@ from rosbags.interfaces import Qos
 
 from ankle_interfaces.block import MESSAGE_TYPE
 from session_recorder.bag_writer import BagWriter
-from session_recorder.loss import LOST_MESSAGES_KEY, LossAccount, MessageNumbers
+from session_recorder.loss import LOST_MESSAGES_KEY, LossAccount
+from session_recorder.message_numbers import MessageNumbers
 
 
 class Recording:

@@ -6,8 +6,10 @@ import pytest
 from ankle_interfaces.block import Block, pack
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
-from session_recorder.loss import LossAccount, MessageNumbers, SampleAccount, account_of_bag
+from session_recorder.loss import LossAccount, account_of_bag
+from session_recorder.message_numbers import MessageNumbers
 from session_recorder.recording import Recording
+from session_recorder.sample_account import SampleAccount
 
 TOPIC = "/ankle/samples"
 DIAGNOSTICS = "/diagnostics"

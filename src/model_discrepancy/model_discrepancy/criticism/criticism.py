@@ -14,8 +14,8 @@ from model_discrepancy.criticism.variability import Variability, variability
 from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
+from model_discrepancy.search.found import Found
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.term_search import Found
 
 
 @dataclass(frozen=True)

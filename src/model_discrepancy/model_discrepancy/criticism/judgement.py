@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.recording.channel_gains import Finding
-from model_discrepancy.search.term_search import Found
+from model_discrepancy.search.found import Found
 
 # Named effects must close most of the gap between the base model and what is predictable at all:
 # fifteen per cent may stay open.

@@ -27,7 +27,8 @@ from model_discrepancy.report.verdict import (
     on_impedance,
     separating_measurements,
 )
-from model_discrepancy.search.term_search import REFINEMENT, Found, place_of
+from model_discrepancy.search.exchange import REFINEMENT
+from model_discrepancy.search.found import Found, place_of
 
 LOOP_SENTENCE = (
     "no command was recorded and the servo gives way under load: what generic regressors predict "

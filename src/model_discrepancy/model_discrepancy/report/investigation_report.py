@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from model_discrepancy.report.html_report import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
-from model_discrepancy.search.term_search import RIVAL_EXCESS
+from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.investigation import Investigation, OpenSet
 
 

@@ -15,7 +15,7 @@ from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.search.term_search import Found
+from model_discrepancy.search.found import Found
 
 matplotlib.use("Agg")
 

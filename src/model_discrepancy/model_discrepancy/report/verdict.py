@@ -14,7 +14,8 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.report.effect_size import Size, sentence_of
-from model_discrepancy.search.term_search import RIVAL_EXCESS, Effect, Found
+from model_discrepancy.search.exchange import RIVAL_EXCESS
+from model_discrepancy.search.found import Effect, Found
 
 # The best names of a set; further ones stand among the alternatives.
 LARGEST_SET = 3

@@ -38,8 +38,9 @@ from model_discrepancy.recording.channel_quality import (
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import SHORTEST_S, faults
+from model_discrepancy.search.found import Found
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.term_search import Found, search
+from model_discrepancy.search.term_search import search
 
 # Movements that differ by less than this share of their variance are the same: below it position
 # noise of 20 dB would hide a difference.

@@ -34,7 +34,7 @@ from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter, orthonormal
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.report.verdict import separating_measurements
-from model_discrepancy.search.term_search import RIVAL_EXCESS
+from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
 
 Values = dict[str, dict[str, float]]

@@ -26,8 +26,8 @@ from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.search.screening import with_term, without_term
-from model_discrepancy.search.term_search import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Design, RivalSet, Values, rank
 

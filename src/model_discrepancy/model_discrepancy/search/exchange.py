@@ -1,0 +1,158 @@
+"""The effects of a search are weighed, and a rival that fits better takes an effect's place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ankle_physics.term import term_library
+from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.search.found import Effect, Found, Progress, Trial
+from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import Screened, screen, without_term
+from model_discrepancy.search.trials import drop_superfluous, fixed_errors, judged, refitted
+
+# A rival is excluded when it leaves this much more whitened error than the best one.
+RIVAL_EXCESS = 0.03
+# The screening is linear: a rival may do somewhat better after its refit than it promised.
+RIVAL_PROMISE = 0.6
+RIVALS_REFITTED = 3
+# A rival takes an effect's place where it lowers the whitened error by this share with no more
+# parameters; a term that was found early may only have stood in for it.
+SWAP_GAIN = 0.005
+MOST_SWAPS = 3
+# Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
+# equation of a larger one, it seems.
+REFINEMENT = 0.05
+
+
+def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None:
+    """Measure each effect and mark refinements.
+
+    These lower the mismatch by next to nothing, or move next to no torque.
+    """
+    final = found.final
+    whole = np.abs(before - found.effects[-1].errors)
+    effects, found.effects = found.effects, []
+    for effect in effects:
+        small = bool(np.all(before - effect.errors < REFINEMENT * whole))
+        before = np.minimum(before, effect.errors)
+        (found.refinements if small else found.effects).append(effect)
+    for effect in found.effects:
+        name = effect.trial.name
+        effect.without = fitter.fit(without_term(final.terms, name), final.values, evaluations=15)
+        gain = 1.0 - final.score / effect.without.score
+        effect.trial = replace(
+            effect.trial, fit=final, gain=gain, bic=bic_change(fitter, effect.without, final)
+        )
+        effect.trial = judged(fitter, effect.without, effect.trial, null.threshold(name))
+
+
+def _rivals(fitter: Fitter, found: Found, grids: Grids, progress: Progress) -> None:
+    """Find, for every effect, which other terms would do as well."""
+    final = found.final
+    for effect in found.effects:
+        name, without = effect.trial.name, effect.without
+        progress(f"looking for rivals of {name}")
+        points = {
+            other: tried
+            for other, tried in grids.best(without).items()
+            if other != name and name not in term_library()[other].generalises
+        }
+        screened = screen(fitter, without, points)
+        promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
+        trials = [
+            refitted(fitter, without, s.name, {**without.values, s.name: s.start}, evaluations=8)
+            for rank, s in enumerate(promising)
+            if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
+        ]
+        effect.rivals = sorted(
+            (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
+            key=lambda t: -t.gain,
+        )
+        effect.excluded = _excluded(effect, final, trials, screened)
+
+
+def _is_simpler_sibling(name: str, other: str) -> bool:
+    """Return whether a term acts where the other one acts, with no more parameters.
+
+    General terms of that place promise as much as a simple one and would crowd it out.
+    """
+    one, two = term_library()[name], term_library()[other]
+    return one.place is two.place and len(one.parameters) <= len(two.parameters)
+
+
+def _excluded(
+    effect: Effect, final: Fit, trials: Sequence[Trial], screened: Sequence[Screened]
+) -> dict[str, str]:
+    """Return why terms that were refitted, and siblings that were not, would not do instead."""
+    library = term_library()
+    name, kept = effect.trial.name, {t.name for t in effect.rivals}
+    reasons = {
+        t.name: f"refitted in its place it leaves {100 * (t.fit.score / final.score - 1.0):.0f} % "
+        "more error"
+        for t in trials
+        if t.name not in kept
+    }
+    refitted = {t.name for t in trials}
+    family = library[name].family
+    for s in screened:
+        if family and library[s.name].family == family and s.name not in refitted:
+            reasons[s.name] = (
+                f"it takes off at most {100 * max(s.share, 0.0):.0f} % of the error where "
+                f"{name.replace('_', ' ')} takes off {100 * effect.trial.gain:.0f} %"
+            )
+    return reasons
+
+
+def exchange(
+    fitter: Fitter,
+    found: Found,
+    grids: Grids,
+    null: Null,
+    yardstick: np.ndarray,
+    progress: Progress,
+) -> None:
+    """Weigh the effects and find their rivals; one that fits better takes the effect's place."""
+    for swaps in range(MOST_SWAPS + 1):
+        if not found.effects:
+            return
+        _weigh(fitter, found, null, fixed_errors(found.base, yardstick))
+        _rivals(fitter, found, grids, progress)
+        better = _better_rival(found)
+        if better is None or swaps == MOST_SWAPS:
+            return
+        _swap(fitter, found, *better, null, yardstick, progress)
+
+
+def _better_rival(found: Found) -> tuple[Effect, Trial] | None:
+    """Return the effect and its rival that fits better with no more parameters, if there is one."""
+    final = found.final
+    options = [
+        (effect, rival)
+        for effect in found.effects
+        for rival in effect.rivals
+        if rival.fit.size <= final.size and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
+    ]
+    return min(options, key=lambda option: option[1].fit.score, default=None)
+
+
+def _swap(
+    fitter: Fitter,
+    found: Found,
+    effect: Effect,
+    rival: Trial,
+    null: Null,
+    yardstick: np.ndarray,
+    progress: Progress,
+) -> None:
+    """Put a rival in an effect's place; what it makes superfluous is removed."""
+    progress(f"{rival.name} takes the place of {effect.trial.name}")
+    current = fitter.fit(rival.fit.terms, rival.fit.values, evaluations=15)
+    found.effects.remove(effect)
+    found.effects.append(Effect(rival, fixed_errors(current, yardstick)))
+    found.final = drop_superfluous(fitter, found, current, null, progress)

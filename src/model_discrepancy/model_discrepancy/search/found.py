@@ -1,0 +1,122 @@
+"""What a search for missing terms tries and finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ankle_physics.term import Place, term_library
+from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit
+
+# Slow torque holds a part of every variation of the responses. The surrogates take it along, as far
+# as the size of each response is known: to about a fifth of its power where responses overlap.
+FOLLOWING_MARGIN = 1.3
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Holds one candidate after it was refitted together with all other terms.
+
+    Attributes
+    ----------
+    name
+        The term.
+    fit
+        The model with it.
+    gain
+        Share of the whitened sum of squares that it takes off.
+    held_out
+        The same on unseen rows, in both directions; 0 for candidates far behind the best.
+    bic
+        Change of BIC; negative is better.
+    by_chance
+        Gain at which the library as a whole would be exceeded by chance, for this term.
+    torque_share
+        Power of the torque that it changes beyond what the other terms imitate, as a share of the
+        recorded torque's.
+    """
+
+    name: str
+    fit: Fit
+    gain: float
+    held_out: tuple[float, float]
+    bic: float
+    by_chance: float = 0.0
+    torque_share: float = 0.0
+
+    @property
+    def accepted(self) -> bool:
+        """Say whether the gain exceeds chance, holds on unseen rows, and is large enough."""
+        margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
+        return (
+            self.gain > margin * self.by_chance
+            and min(self.held_out) > 0.0
+            and self.torque_share > MATERIAL_SHARE
+        )
+
+
+@dataclass(eq=False)
+class Effect:
+    """A term that was found.
+
+    Attributes
+    ----------
+    trial
+        With the final model.
+    errors
+        Whitened and plain error after it was added, as `_errors` gives them.
+    rivals
+        Those that would do instead.
+    excluded
+        Why each other term that came near, or is of its family, would not do instead; in words, by
+        name.
+    without
+        The final model without it.
+    """
+
+    trial: Trial
+    errors: np.ndarray
+    rivals: list[Trial] = field(default_factory=list)
+    excluded: dict[str, str] = field(default_factory=dict)
+    without: Fit = field(init=False, repr=False)
+
+
+@dataclass
+class Found:
+    """Result of a search.
+
+    Attributes
+    ----------
+    base
+        Fit of the base model.
+    final
+        Fit of the base model and all accepted terms, with standard errors.
+    effects
+        In the order in which they were found.
+    refinements
+        Terms that stay in the model but take off too little of the mismatch to be an effect: no
+        equation is exact.
+    near
+        Best candidates that were not accepted.
+    base_score
+        Whitened sum of squares of the base model.
+    by_chance
+        Gain that the best candidate of the last step reaches by chance on this recording.
+    """
+
+    base: Fit
+    final: Fit
+    effects: list[Effect] = field(default_factory=list)
+    refinements: list[Effect] = field(default_factory=list)
+    near: list[Trial] = field(default_factory=list)
+    base_score: float = 0.0
+    by_chance: float = 0.0
+
+
+def place_of(name: str) -> Place:
+    """Return where in the signal path a term acts."""
+    return term_library()[name].place

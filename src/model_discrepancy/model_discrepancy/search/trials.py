@@ -1,0 +1,97 @@
+"""A term is tried: refitted with all others, scored on unseen rows, dropped where superfluous."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.fitter import Fit, Fitter, Start, bounded, orthonormal
+from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.search.found import Found, Progress, Trial
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import with_term, without_term
+
+# A term that keeps off so much of the error, by a linear refit of the others, is not tried without:
+# no refit makes up for that.
+INDISPENSABLE_SHARE = 0.1
+
+
+def fixed_errors(fit: Fit, yardstick: np.ndarray) -> np.ndarray:
+    """Return the sums of squares of the residual torque over the fitted rows: under a fixed
+    whitening (its gain), and plain; shape (2,).
+    """
+    return np.array(
+        [
+            np.sum(rows[fit.rows.used] ** 2)
+            for rows in (fit.rows.filtered(fit.left, yardstick), fit.plain)
+        ]
+    )
+
+
+def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Trial:
+    """Return the trial with its gain on unseen rows and the torque that it changes."""
+    held_out = halves_gain(halves_errors(fitter, current), halves_errors(fitter, trial.fit))
+    used = fitter.rows.used
+    changed = np.var((trial.fit.plain - current.plain)[used]) / np.var(fitter.plain_target[used])
+    return replace(trial, held_out=held_out, by_chance=by_chance, torque_share=float(changed))
+
+
+def refitted(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int = 12) -> Trial:
+    """Return the trial of one more term, fitted together with those of the current model."""
+    fit = fitter.fit(with_term(current.terms, name), start, evaluations=evaluations)
+    gain = 1.0 - fit.score / current.score
+    return Trial(name, fit, gain, (0.0, 0.0), bic_change(fitter, current, fit))
+
+
+def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float, float]:
+    """Sum of squares, whitened or plain, on each half of what the other half predicts: refitted
+    there, linearised about the fit.
+    """
+    parts = interleaved(fitter.rows)
+    derivatives, labels = fitter.derivatives(fit, plain)
+    residual = fit.plain if plain else fit.residual
+    lower, upper = fitter.room(fit, labels)
+    errors = []
+    for train, test in (parts, parts[::-1]):
+        change = bounded(derivatives[train], residual[train], lower, upper)
+        errors.append(float(np.sum((residual[test] - derivatives[test] @ change) ** 2)))
+    return errors[0], errors[1]
+
+
+def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[float, float]:
+    """Share of the whitened error on unseen rows that a new model takes off, in both directions."""
+    return 1.0 - new[0] / old[0], 1.0 - new[1] / old[1]
+
+
+def drop_superfluous(
+    fitter: Fitter, found: Found, current: Fit, null: Null, progress: Progress
+) -> Fit:
+    """Remove earlier terms that the later ones made superfluous."""
+    for effect in list(found.effects[:-1]):
+        name = effect.trial.name
+        if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
+            continue
+        without = fitter.fit(without_term(current.terms, name), current.values, evaluations=20)
+        gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
+        if 1.0 - current.score / without.score < null.threshold(name) or min(gains) <= 0.0:
+            progress(f"{name} is superfluous now")
+            found.effects.remove(effect)
+            current = without
+    return current
+
+
+def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
+    """Share of the whitened error that one term keeps off, as far as a linear refit of the others
+    tells.
+    """
+    left = without_term(current.terms, name)
+    used = fitter.rows.used
+    derivatives, labels = fitter.derivatives(current)
+    basis = orthonormal(
+        derivatives[used][:, [k for k, (term, _) in enumerate(labels) if term in left]]
+    )
+    residual = fitter.evaluate({term: current.values[term] for term in left}).residual[used]
+    residual = residual - basis @ (basis.T @ residual)
+    return 1.0 - current.score / float(residual @ residual)
