@@ -12,10 +12,11 @@ from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
 from calibration.errors import CalibrationError
-from model_discrepancy.diagnose import AUGMENTED_FILE, diagnose
+from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.known_rig import SKEW
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.result_folder import AUGMENTED_FILE
 
 
 @dataclass(frozen=True)
