@@ -70,6 +70,8 @@ LONGEST_START = 20.0  # s; for a new process to say anything
 NOTICED = 1.5  # s after a fault has ended until the state is read
 REPORTED = 10.0  # s; for the recorder to state what is missing: it reports once a second
 LOOK = 0.05  # s
+LEAST_BAG = 100_000  # bytes; of a bag that has samples: two seconds
+LONGEST_FRAME = 0.5  # s; between two pictures of a page that is connected
 LARGEST_ANGLE, LARGEST_VELOCITY = 0.175 + 0.02, 1.1 * 5.0  # rad, rad/s: limit and overshoot
 LAST_SECONDS = 2.5  # s of a bag that the recorder may have had in memory when it was killed
 CUTS = 20  # places at which a bag is cut
@@ -183,8 +185,13 @@ class OperatorPage:
     """Acts as an operator's page without a browser, which opens again whenever it is closed."""
 
     def __init__(self, url: str) -> None:
-        self._url = url
+        self._url, self._heard = url, -np.inf
         threading.Thread(target=lambda: asyncio.run(self._live()), daemon=True).start()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the page is connected and gets its pictures."""
+        return time.monotonic() - self._heard < LONGEST_FRAME
 
     async def _live(self) -> None:
         while True:
@@ -195,6 +202,7 @@ class OperatorPage:
                 ):
                     async for message in page:
                         if json.loads(message.data)["type"] == "frame":
+                            self._heard = time.monotonic()
                             await page.send_str(SEEN)
             await asyncio.sleep(0.2)
 
@@ -205,6 +213,7 @@ class Bench:
 
     processes: Processes
     operator: Operator
+    page: OperatorPage
     folder: Path
     bags: int = 0
 
@@ -217,6 +226,12 @@ class Bench:
             for child in children(self.processes.pids[DRIVER])
             if b"heartbeat_process" in Path(f"/proc/{child}/cmdline").read_bytes()
         )
+
+    @property
+    def complete(self) -> bool:
+        """Whether an operator's page watches and the present bag has samples."""
+        size = sum(path.stat().st_size for path in bag_of(self).glob("*.mcap"))
+        return self.page.alive and size > LEAST_BAG
 
     def rested(self, since: float) -> float:
         """Return the time [s] from a moment until the emulated rig's drive was off.
@@ -301,7 +316,7 @@ FAULTS = (
 def one_case(bench: Bench, fault: Fault, random: np.random.Generator) -> Case:
     """Let one fault happen at a random moment of a running plate."""
     operator = bench.operator
-    settle(operator, random)
+    settle(bench, random)
     operator.blocks = operator.blocks[-20:]
     since, first, before = time.time() - 0.2, len(operator.states), reported_by(operator)
     bag, at = bag_of(bench), time.time()
@@ -319,7 +334,7 @@ def one_case(bench: Bench, fault: Fault, random: np.random.Generator) -> Case:
             case.problems.append("the drive was not off")
     case.again = operator.until_running()
     if bag == bag_of(bench):
-        count_samples(bench, fault, since, before, case)
+        count_samples(bench, since, before, case)
     else:
         look_at_the_bag(bag, since, at, operator, case)
         case.problems += wrong_when_cut(bag, random)
@@ -330,32 +345,37 @@ def one_case(bench: Bench, fault: Fault, random: np.random.Generator) -> Case:
     return case
 
 
-def settle(operator: Operator, random: np.random.Generator) -> None:
-    """Wait until the plate has run for a while of random length.
+def settle(bench: Bench, random: np.random.Generator) -> None:
+    """Wait until the plate has run for a while of random length, watched and recorded.
 
     Raises
     ------
     NotRunningError
         The plate does not run; names its states and the last refusal.
     """
+    operator = bench.operator
     while True:
         if np.isnan(operator.until_running()):
             raise NotRunningError(
                 f"the plate does not run; last states: {operator.states[-4:]}; last refusal: "
                 f"{operator.refusal}"
             )
+        while not bench.complete:  # a node that was started again takes a few seconds
+            time.sleep(LOOK)
         time.sleep(SETTLED + float(random.uniform(0.0, 0.6)))
-        if operator.state == "running":
+        if operator.state == "running" and bench.complete:
             return
 
 
-def count_samples(bench: Bench, fault: Fault, since: float, before: int, case: Case) -> None:
-    """Compare the samples that are missing with what the recorder states, once it had the time."""
+def count_samples(bench: Bench, since: float, before: int, case: Case) -> None:
+    """Compare the samples that the bag lacks with what the recorder states, once it had the time.
+
+    What another reader lacks is its own: a rig that was held up sends more blocks at once than a
+    reader's queue has room for.
+    """
     deadline = time.monotonic() + REPORTED
     while True:
-        of_bag = fault.node == RECORDER
-        times = times_in(bag_of(bench)) if of_bag else bench.operator.times()
-        case.lost = missing(times, since)
+        case.lost = missing(times_in(bag_of(bench)), since)
         case.reported = reported_by(bench.operator) - before
         if case.lost == case.reported or time.monotonic() > deadline:
             return
@@ -440,11 +460,12 @@ def write_section(outcomes: list[Outcome], closing: str, given: argparse.Namespa
 
 Written by `python benchmarks/live_faults.py --times {given.times} --seed {given.seed}`: the
 graph `rig` with its emulator as processes, {cases} cases, at a load of {os.getloadavg()[0]:.1f}.
-The time to rest ends when the drive is off, by the rig's own log. Samples lost are gaps seen by a
-reader that is no part of the graph, or gaps in the bag of a recorder that has ended; reported is
-what the recorder states, or the account of that bag. The last {LAST_SECONDS:g} s before a recorder
-was killed may lack in its bag, which then says that it has no end. A node that is killed is listed
-by DDS for up to 20 s; until then a second one counts as two generators.
+The time to rest ends when the drive is off, by the rig's own log. Samples lost are gaps between
+the times in the bag, and for a recorder that has ended what another reader heard meanwhile and its
+bag lacks; reported is what the recorder states while it runs, or the account of that bag. The last
+{LAST_SECONDS:g} s before a recorder was killed may lack in its bag, which then says that it has no
+end. A node that is killed is listed by DDS for up to 20 s; until then a second one counts as two
+generators.
 
 {HEAD}
 """
@@ -495,8 +516,8 @@ def main() -> int:
         folder.mkdir(parents=True, exist_ok=True)
         with Processes(session_graph(folder, port), folder / "logs") as processes:
             wait_until_served(port, processes)
-            bench = Bench(processes, Operator(node), folder)
-            OperatorPage(f"http://127.0.0.1:{port}")
+            page = OperatorPage(f"http://127.0.0.1:{port}")
+            bench = Bench(processes, Operator(node), page, folder)
             outcomes = run_all(bench, given)
     closing = (
         f"\n{verdict(outcomes)}\n"
