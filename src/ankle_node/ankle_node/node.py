@@ -28,10 +28,11 @@ from ankle_interfaces.block import Block, pack, select_columns, unpack
 from ankle_interfaces.continuity import Continuity, Finding
 from ankle_interfaces.errors import BlockError, QuantityError
 from ankle_interfaces.quantity import Quantity, Value
-from ankle_interfaces.topics import DIAGNOSTICS, Topic
+from ankle_interfaces.topics import DIAGNOSTICS, RIG_STATE, Topic
 from ankle_node import declared_parameters, derived_topics
 from ankle_node.health import ERROR, OK, WARN, Health
 from ankle_node.qos import BLOCK_QOS, LATEST_QOS, publisher_qos, reader_qos
+from ankle_node.real_time import take_priority
 from ankle_node.sources import Sources
 from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
 
@@ -45,6 +46,8 @@ DIAGNOSTICS_PERIOD = 1.0
 READERS_POLL_PERIOD = 0.05
 """[s] Time between two looks for readers: short against the start of a process, long against its
 cost."""
+RIG_POLL_PERIOD = 0.5
+"""[s] Time between two looks for a rig's driver, which needs a second to know the rig's clock."""
 STOP_POLL_PERIOD = 0.1
 """[s] Longest time from a signal to the stop of a node that nothing else wakes."""
 QUIET_TIME = 1.0
@@ -315,6 +318,27 @@ class AnkleNode(Node):
         timer = self.create_timer(
             READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+
+    def take_priority_beside_a_rig(self, priority: int) -> None:
+        """Take real-time priority once a rig's driver is in the graph.
+
+        A graph that only simulates shares the computer like any other program.
+
+        Parameters
+        ----------
+        priority
+            As for `ankle_node.real_time.take_priority`.
+        """
+        topic = self.resolve_topic_name(RIG_STATE.name)
+
+        def look() -> None:
+            if self.count_publishers(topic):
+                timer.cancel()
+                if refusal := take_priority(priority):
+                    self.get_logger().warning(refusal)
+
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        timer = self.create_timer(RIG_POLL_PERIOD, look, clock=steady)
 
     def process_waiting(self, executor: SingleThreadedExecutor) -> None:
         """Process the blocks that were sent before now and still wait in this node's queues."""

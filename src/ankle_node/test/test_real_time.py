@@ -7,6 +7,29 @@ import sys
 
 import pytest
 
+BESIDE_A_RIG = """
+import json, os, sys, time
+from std_msgs.msg import String
+from ankle_node.node import AnkleNode, run
+from ankle_node.qos import LATEST_QOS
+
+class Probe(AnkleNode):
+    def __init__(self):
+        super().__init__("probe", ())
+        self.priorities, self.began, self.driver = [], time.monotonic(), None
+        self.take_priority_beside_a_rig(7)
+        self.create_timer(1.5, self.look)
+
+    def look(self):
+        self.priorities.append(os.sched_getscheduler(0))
+        if self.driver is not None:
+            print(json.dumps(self.priorities), flush=True)
+            self.context.try_shutdown()
+            return
+        self.driver = self.create_publisher(String, "rig/state", LATEST_QOS)
+
+sys.exit(run(Probe, ["probe", "--ros-args", "-r", f"__ns:=/probe_{os.getpid()}"]))
+"""
 PROGRAM = """
 import json, os, resource, threading
 from ankle_node.real_time import take_priority
@@ -70,3 +93,17 @@ def test_a_process_without_the_right_runs_on_and_says_what_would_allow_it():
     assert "rtprio" in refusal
     assert set(classes) == {os.SCHED_OTHER}
     assert locked == 0
+
+
+@pytest.mark.live
+def test_a_node_takes_priority_once_a_rigs_driver_is_in_the_graph():
+    if not may_take_priority():
+        pytest.skip("this user may not take real-time priority")
+    found = subprocess.run(
+        [sys.executable, "-c", BESIDE_A_RIG],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert json.loads(found.stdout) == [os.SCHED_OTHER, os.SCHED_RR]

@@ -46,7 +46,7 @@ from ankle_interfaces.topics import (
 )
 from ankle_node.node import WARN, AnkleNode, run
 from ankle_node.qos import publisher_qos
-from ankle_node.real_time import PAGES_PRIORITY, keep_loaded_objects, take_priority
+from ankle_node.real_time import PAGES_PRIORITY, keep_loaded_objects
 from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
@@ -137,8 +137,7 @@ class BiofeedbackNode(AnkleNode):
             self.number("frame_rate"),
             self._tls,
         )
-        if refusal := take_priority(PAGES_PRIORITY):
-            self.get_logger().warning(refusal)
+        self.take_priority_beside_a_rig(PAGES_PRIORITY)
         self._progress: saved_session.ProgressKeeper | None = None
         failed = self.create_guard_condition(self._raise_failure)
         self._serving = Serving(

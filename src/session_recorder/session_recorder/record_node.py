@@ -31,7 +31,7 @@ from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.topics import JOINT_STATES, TOPICS
 from ankle_node.node import ACKNOWLEDGED, BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
-from ankle_node.real_time import RECORDER_PRIORITY, take_priority
+from ankle_node.real_time import RECORDER_PRIORITY
 from ankle_physics.errors import ModelError
 from ankle_physics.rig_file import RigFile
 from session_recorder import bag_metadata
@@ -85,8 +85,8 @@ class RecordNode(AnkleNode):
         self._simulated_time = bool(self.get_parameter("use_sim_time").value)
         self.failed = False
         self._behind = 0.0  # s, the oldest message since the last look
-        if not self._simulated_time and (refusal := take_priority(RECORDER_PRIORITY)):
-            self.get_logger().warning(refusal)
+        if not self._simulated_time:
+            self.take_priority_beside_a_rig(RECORDER_PRIORITY)
         self.recording: Recording | None = Recording(
             self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
         )
