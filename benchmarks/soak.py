@@ -240,7 +240,7 @@ def both_pages(url: str, wanted: bool) -> Iterator[list[Page]]:
         browser = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
         pages = [browser.new_page() for _ in range(2)]
         for page, where in zip(pages, ("/operator", "/"), strict=True):
-            page.goto(url + where)
+            page.goto(url + where, timeout=1e3 * LONGEST_START)
         yield pages
         browser.close()
 
