@@ -393,16 +393,16 @@ MUTANTS = [
             "every_refusal",
         ),
         ("length of a packet", "return Refusal.LENGTH", "return Refusal.KIND", "every_refusal"),
-    ),
-    *_of(
-        DRIVER + "link/protocol/packet.py",
-        "test_barrier.py",
         (
             "sizes that cannot be",
             "(np.abs(samples) > LARGEST_SAMPLE).any()",
             "False",
-            "extreme_contents",
+            "every_refusal",
         ),
+    ),
+    *_of(
+        DRIVER + "link/protocol/packet.py",
+        "test_barrier.py",
         ("a greeting switches off", "or (not rig and wanted)", "", "whoever_begins"),
     ),
     *_of(

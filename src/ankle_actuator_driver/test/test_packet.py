@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from ankle_actuator_driver.link.protocol.packet import (
     LARGEST_COUNT,
+    LARGEST_SAMPLE,
     DeviceFault,
     DeviceState,
     Heartbeat,
@@ -123,6 +124,11 @@ def test_every_refusal_has_its_reason():
     assert parse(changed(build(REPORT), 24, 5)) is Refusal.CONTENT
     assert parse(build(replace(REPORT, commanded=float("inf")))) is Refusal.CONTENT
     assert parse(build(replace(REFERENCE, motion=MOTION * np.nan))) is Refusal.NOT_FINITE
+    for column, largest in enumerate(LARGEST_SAMPLE):
+        beyond = np.zeros((2, 3))
+        beyond[1, column] = -1.01 * largest
+        assert parse(build(replace(REFERENCE, motion=beyond))) is Refusal.CONTENT
+        assert parse(build(replace(REPORT, samples=beyond))) is Refusal.CONTENT
 
 
 def test_every_single_flipped_bit_is_refused():
