@@ -195,6 +195,8 @@ def load_record(path: Path) -> CourseRecord:
         if [result.number for result in results] != list(range(1, len(results) + 1)):
             raise ValueError("its sessions are not numbered 1, 2, 3 ...")
         return record
+    except FileNotFoundError:
+        raise CommandError(f"{path} is not there; a course's first session makes it") from None
     except (OSError, TypeError, KeyError, ValueError, AttributeError) as error:
         raise CommandError(f"{path} is no record of a course: {error}") from None
 
