@@ -418,7 +418,7 @@ MUTANTS = [
             "a clock of the rig that leaps",
             "if abs(passed - (now - self._last_at[0])) > CLOCK_LEAP:",
             "if False:",
-            "rig_that_leaps or extreme",
+            "clock_of_the_rig_that_is_set",
         ),
     ),
     *_of(

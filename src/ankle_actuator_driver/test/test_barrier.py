@@ -162,6 +162,14 @@ def test_lower_limits_stop_a_plate_that_is_on_its_way_beyond_them(laboratory):
     assert lab.state == "ready"
 
 
+def test_a_clock_of_the_rig_that_is_set_stops_the_plate_with_the_next_packets(laboratory):
+    lab = laboratory().running()
+    lab.offset, lab.device._begin = lab.offset + 5.0, lab.device._begin + 5.0
+    lab.run(0.04)
+    assert lab.state in ("stopping", "fault")
+    assert "the rig's clock was set by +5 s" in lab.bridge.states.reason
+
+
 def test_a_refused_block_is_not_even_kept_to_be_sent(laboratory):
     lab = unchecked(laboratory)
     lab.sending = False
