@@ -1,0 +1,50 @@
+"""The verdict follows from what the named effects close and from what is still predictable."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from model_discrepancy.criticism.judgement import Scores, judge
+from model_discrepancy.criticism.remainder import Remainder
+
+SCORES = Scores(base=80.0, augmented=94.0, generic=95.0, ceiling=96.0)
+
+
+def found(score, effects=("a term",)):
+    """A search whose model leaves `score` of the whitened error of the base model."""
+    return SimpleNamespace(
+        effects=list(effects), final=SimpleNamespace(score=score), base_score=1.0
+    )
+
+
+def remainder(share, judged, torque_share=0.02):
+    return Remainder(
+        share=share,
+        worst=share,
+        by_input={},
+        plain_share=share,
+        torque_share=torque_share,
+        by_chance=0.03,
+        judged=judged,
+    )
+
+
+@pytest.mark.parametrize(
+    ("score", "left", "judged", "expected"),
+    [
+        (0.5, 0.02, True, "explained"),  # no more than by chance
+        (0.5, 0.3, True, "unexplained"),
+        (0.2, 0.3, True, "explained"),  # 93 % are closed
+        (0.9, 0.08, False, "explained"),  # torque that moved the plate
+        (0.5, 0.3, False, "explained"),
+        (0.8, 0.3, False, "unexplained"),  # more than any servo lets through, and half is open
+    ],
+)
+def test_an_effect_explains_what_it_closes(score, left, judged, expected):
+    assert judge(found(score), remainder(left, judged), [], [], SCORES)[0] == expected
+
+
+def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
+    small = remainder(0.3, False, torque_share=5e-4)
+    assert judge(found(0.8), small, [], [], SCORES)[0] == "explained"
+    assert judge(found(1.0, effects=()), small, [], [], SCORES)[0] == "no_mismatch"
