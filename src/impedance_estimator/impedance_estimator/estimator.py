@@ -70,6 +70,12 @@ class Estimator(ABC):
     settings
         Defaults where None.
 
+    Attributes
+    ----------
+    modelled_reflex
+        Whether samples carry, behind the reference, the torque [N.m] of a reflex with unit gain
+        along the motion and along that of the reference; `expect` announces it.
+
     Raises
     ------
     ValueError
@@ -86,11 +92,6 @@ class Estimator(ABC):
     uses_reference: ClassVar[bool] = False
     """Says whether samples carry the reference's position [rad] as their last column, NaN where
     none came.
-    """
-
-    uses_modelled_reflex: ClassVar[bool] = False
-    """Says whether samples carry, behind the reference, the torque [N.m] of a reflex with unit gain
-    along the motion and along that of the reference, once `expect` has announced it.
     """
 
     def __init__(

@@ -50,7 +50,6 @@ class Simultaneous(Estimator):
     )
     settings_type = SimultaneousSettings
     uses_reference = True
-    uses_modelled_reflex = True
 
     def __init__(
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
