@@ -62,6 +62,13 @@ def take_priority(priority: int) -> str:
     return ""
 
 
+def leave_priority() -> None:
+    """Run as any other process again: for a program that a node in the class SCHED_RR starts, which
+    inherits the class and would take a core from the rig for as long as it computes.
+    """
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def _keep_memory() -> None:
     """Keep in memory what is used, where the limit of locked memory allows all of it."""
     if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY and os.geteuid():

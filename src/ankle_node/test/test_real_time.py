@@ -49,6 +49,14 @@ locked = [line for line in open("/proc/self/status") if line.startswith("VmLck")
 ended.set()
 print(json.dumps([refusal, classes, int(locked.split()[1])]))
 """
+STARTS_ANOTHER = """
+import os, subprocess, sys
+from ankle_node.real_time import leave_priority, take_priority
+take_priority(7)
+print_class = [sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"]
+for begin in (None, leave_priority):
+    sys.stdout.write(subprocess.check_output(print_class, text=True, preexec_fn=begin))
+"""
 WITHOUT_RIGHTS = """
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 if os.geteuid() == 0:
@@ -85,6 +93,15 @@ def test_every_thread_of_the_process_gets_the_priority_and_its_memory_stays():
     assert len(classes) >= 3
     assert set(classes) == {os.SCHED_RR}
     assert locked > 0
+
+
+def test_a_program_that_a_node_starts_leaves_the_priority():
+    if not may_take_priority():
+        pytest.skip("this user may not take real-time priority")
+    found = subprocess.check_output(
+        [sys.executable, "-c", STARTS_ANOTHER], text=True, timeout=60
+    ).split()
+    assert [int(word) for word in found] == [os.SCHED_RR, os.SCHED_OTHER]
 
 
 def test_a_process_without_the_right_runs_on_and_says_what_would_allow_it():

@@ -10,17 +10,23 @@ import subprocess
 import sys
 import tempfile
 import time
-from functools import partial
 from pathlib import Path
 from signal import SIGTERM
 from typing import Any
 
 from ankle_node.parent_process import end_with_parent
+from ankle_node.real_time import leave_priority
 from biofeedback.errors import CommandError
 from biofeedback.session.devices import CalibrationEnd
 
 END_PATIENCE = 3.0
 """[s] Time for the program to close its recording after it was asked to end."""
+
+
+def _begin() -> None:
+    """Prepare the program's process: it ends with the pages, and computes behind the rig."""
+    end_with_parent(SIGTERM)
+    leave_priority()
 
 
 class CalibrationProgram:
@@ -99,7 +105,7 @@ class CalibrationProgram:
                 stdout=stream,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                preexec_fn=partial(end_with_parent, SIGTERM),
+                preexec_fn=_begin,
             )
         self._began, self._seconds, self._reason = time.monotonic(), seconds, ""
 
