@@ -242,6 +242,9 @@ class AnyOrder(RuleBasedStateMachine):
         for name, seconds in (("stop", 0.2), ("reset_fault", 1.2), ("arm", 0.1), ("start", 0.6)):
             lab.command(name)
             lab.run(seconds)
+            if name == "stop":
+                # What comes behind it is another run of the plate.
+                self.no_path_beyond_a_limit_leaves_the_driver()
 
     @rule(sending=st.booleans())
     def reference_comes_or_not(self, sending):

@@ -60,6 +60,11 @@ def fieldbus(tmp_path, monkeypatch):
     sys.modules.pop("ankle_actuator_driver.link.fieldbus", None)
 
 
+def still(first):
+    """A reference at rest from a time on [s]: the plate is started once one comes."""
+    return np.column_stack([first + np.arange(32) / 2048, np.zeros((32, 3))])
+
+
 def test_another_line_is_one_file(fieldbus):
     assert set(link_names()) == {"udp", "emulated", "fieldbus"}
     now = [0.0]
@@ -71,11 +76,11 @@ def test_another_line_is_one_file(fieldbus):
     now[0] += 0.01
     session._look()
     assert session.confirmed(bridge.states.state).done
+    session.refer(still(1e9 + now[0] + 0.1))
     assert session.operate("start").done
     now[0] += 0.01
     session._look()
-    time = 1e9 + now[0] + 0.1 + np.arange(32) / 2048
-    session.refer(np.column_stack([time, np.zeros((32, 3))]))
+    session.refer(still(1e9 + now[0] + 0.1))
     assert len(line.stretches) == 1
     assert session.operate("stop").done
     assert line.wanted.name == "OFF"
@@ -119,12 +124,13 @@ print([name for name in sys.modules if name.startswith("ankle_actuator_driver.li
     assert found.stdout.strip() == "[]"
 
 
-def bring_up(session):
+def bring_up(session, clocks):
     """Reset, arm and start."""
     states, deadline = session.bridge.states, time.monotonic() + 60.0
     commands = {"fault": "reset_fault", "ready": "arm", "armed": "start"}
     while states.state.value != "running":
         assert time.monotonic() < deadline, states.reason
+        session.refer(still(clocks()[1] + 0.1))
         if states.state.value in commands:
             session.operate(commands[states.state.value])
         time.sleep(0.02)
@@ -159,7 +165,7 @@ def test_the_emulated_rig_within_the_process_moves():
     try:
         # A machine that keeps this process waiting for 100 ms stops the rig: tried again.
         for _ in range(10):
-            bring_up(session)
+            bring_up(session, clocks)
             reported.clear()
             move(session, clocks)
             if bridge.states.state.value == "running":

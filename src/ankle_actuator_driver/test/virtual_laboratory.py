@@ -202,7 +202,8 @@ class VirtualLaboratory:
         obeyed = self.device.receive(data, self.rig_time)
         if isinstance(obeyed, Heartbeat):
             self.valid.append(self.rig_time)
-        if isinstance(obeyed, Reference):
+        # What is not for this start of the rig is a greeting: answered, and nothing more.
+        if isinstance(obeyed, Reference) and obeyed.rig:
             self.obeyed.append(obeyed.motion)
         return obeyed
 
