@@ -44,7 +44,7 @@ def visit_protocol(folder):
 
 
 def do_check_list(operator):
-    """As an operator does it: what a file answers is done; the subject pushes, lifts, relaxes."""
+    """Carry out the check list: what a file answers is done; the subject pushes, lifts, relaxes."""
     # The estimator compiles at its first start, for three minutes on a busy computer, and the
     # simulated rig waits for it; until then nothing can be measured.
     operator.wait_for_timeout(2000)

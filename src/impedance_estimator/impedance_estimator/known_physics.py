@@ -15,7 +15,7 @@ What is left is the torque of a joint with K, B, I and a reflex, which the estim
 reflex whose shape the calibration tells is a regressor of its own, with all that shapes it. The
 stated K and G are again those of the whole joint at its operating point
 (`ankle_physics.impedance`): what the held terms add to the tangent and to the reflex' area is
-added to the estimate. `known_physics_run` carries it out.
+added to the estimate. `known_physics_run` and `known_physics_stream` carry it out.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from ankle_interfaces.units import split_column
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
 from impedance_estimator.known_physics import KnownPhysics
-from impedance_estimator.known_physics_run import KnownPhysicsStream
+from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
 from impedance_estimator.rig_watch import RigWatch
 from impedance_estimator.settings import EstimatorSettings

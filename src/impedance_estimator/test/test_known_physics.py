@@ -15,11 +15,8 @@ from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import KnownPhysics, load_known_physics
-from impedance_estimator.known_physics_run import (
-    SMOOTHING,
-    KnownPhysicsRun,
-    KnownPhysicsStream,
-)
+from impedance_estimator.known_physics_run import SMOOTHING, KnownPhysicsRun
+from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.simultaneous.gaussian_derivatives import (
     gaussian_derivatives,
     weighted_stretches,

@@ -204,7 +204,7 @@ def _calibration_table(results: dict[str, dict[str, Any]]) -> str:
 
 
 def _duel_table(results: dict[str, dict[str, Any]], ours: str = "simultaneous") -> str:
-    """In how many runs, each read by all estimators, ours is faster, or varies less."""
+    """Return in how many runs, each read by all estimators, ours is faster, or varies less."""
     lines = []
     for part, quantity, number in DUELS:
         found = [

@@ -1,0 +1,119 @@
+"""Estimates behind corrected samples are completed to those of the whole joint.
+
+`known_physics_run` corrects the samples; here the contribution of the held terms to K and G at the
+present operating point, and the errors of the calibration, are added to what the estimator finds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.known_physics_run import KnownPhysicsRun
+
+OPERATING_POINT_TIME = 10.0
+"""Position and torque are averaged over so long [s]: as long as the estimator's memory."""
+OPERATING_POINT_STEP = np.array([0.005, 0.5])
+"""Position [rad] and torque [N.m] must change by so much for the reflex gain of the held terms to
+be stated anew: a gain that follows them changes by some per cent."""
+_STATED = ("K[N.m/rad]", "G[N.m.s/rad]", "I[kg.m^2]")
+
+
+class KnownPhysicsStream:
+    """Corrects samples, and states what the held terms contribute to the estimates.
+
+    Parameters
+    ----------
+    known, rate, measured_velocity, modelled_reflex
+        As for `KnownPhysicsRun`.
+    """
+
+    def __init__(
+        self,
+        known: KnownPhysics,
+        rate: float,
+        measured_velocity: bool,
+        modelled_reflex: bool = False,
+    ) -> None:
+        self._known = known
+        self._rate = rate
+        self._columns = (1, 3 if measured_velocity else 2)
+        rig = known.rig
+        self._zeros = (rig.zero_position, rig.zero_torque) if rig is not None else (0.0, 0.0)
+        self._modelled_reflex = modelled_reflex
+        self._run = KnownPhysicsRun(known, rate, measured_velocity, modelled_reflex)
+        self._nominal = known.calibrated_gain or 1.0
+        self._means = [np.nan, np.nan]
+        self._samples = 0
+        self._stiffness, self._gain = 0.0, 0.0
+        self._stated: np.ndarray = np.full(2, np.nan)
+        self._core_stiffness = np.nan
+        self._share = 1.0
+
+    def correct(self, samples: np.ndarray) -> np.ndarray:
+        """Correct samples as `KnownPhysicsRun.correct` does; position and torque are averaged on
+        the way.
+        """
+        decay = np.exp(-1.0 / (OPERATING_POINT_TIME * self._rate))
+        for k, column in enumerate(self._columns):
+            values = samples[np.isfinite(samples[:, column]), column]
+            if len(values):
+                if not np.isfinite(self._means[k]):
+                    self._means[k] = values[0]
+                out, _ = signal.lfilter(
+                    [1.0 - decay], [1.0, -decay], values, zi=[decay * self._means[k]]
+                )
+                self._means[k] = float(out[-1])
+        self._samples += len(samples)
+        corrected = self._run.correct(samples)
+        if self._modelled_reflex:
+            # Of unit gain: the estimator's own limits are in N.m.s/rad.
+            corrected[:, -2:] /= self._nominal
+        return corrected
+
+    def restate(self) -> None:
+        """State the contribution of the held terms at the present operating point, and let the foot
+        in its straps follow the stiffness.
+        """
+        position, torque = (
+            mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
+        )
+        time = self._samples / self._rate
+        if np.isfinite(position + torque):
+            self._stiffness = self._known.added_stiffness(position, torque, time)
+            moved = np.abs(np.array([position, torque]) - self._stated)
+            if not np.all(moved < OPERATING_POINT_STEP):
+                # The reflex' area is simulated, which takes a few milliseconds.
+                self._gain = self._known.added_gain(position, torque, time)
+                self._stated = np.array([position, torque])
+        self._share = self._run.follow(self._core_stiffness)
+
+    def complete(self, rows: np.ndarray) -> np.ndarray:
+        """Return estimates of the whole joint: with the held terms, without the plate.
+
+        The standard errors hold those of the calibrated session, too.
+        """
+        rows = rows.copy()
+        K, G, I = (ESTIMATE_COLUMNS.index(name) for name in _STATED)
+        error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{name}") for name in _STATED[:2])
+        if len(rows) and rows[-1, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0:
+            self._core_stiffness = float(rows[-1, K])
+        rows[:, K] += self._stiffness
+        if not self._known.has_straps:
+            rows[:, I] -= self._known.plate_inertia
+        calibrated = self._known.calibrated_gain
+        if self._modelled_reflex:
+            rows[:, [G, error_G]] *= (calibrated + self._gain) / self._nominal
+        else:
+            rows[:, [G, error_G]] /= self._share
+        if calibrated > 0.0 and not self._modelled_reflex:
+            # The whole reflex changes in proportion, and its core shows a share of the change.
+            slope = (calibrated + self._gain) / (calibrated * self._run.projection)
+            rows[:, G] = calibrated + self._gain + slope * (rows[:, G] - calibrated)
+            rows[:, error_G] *= abs(slope)
+        stiffness_error, gain_error = self._known.calibration_errors()
+        rows[:, error_K] = np.hypot(rows[:, error_K], stiffness_error)
+        rows[:, error_G] = np.hypot(rows[:, error_G], gain_error * rows[:, G])
+        return rows
