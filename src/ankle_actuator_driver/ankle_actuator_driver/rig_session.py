@@ -41,7 +41,7 @@ LONG_PAUSE = LOST_AFTER / 2
 
 @dataclass(frozen=True)
 class News:
-    """What a look at the line gave.
+    """Holds what a look at the line gave.
 
     Attributes
     ----------

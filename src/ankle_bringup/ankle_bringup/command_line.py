@@ -31,8 +31,8 @@ def verb_names() -> dict[str, str]:
 
 
 class VerbGroup(TyperGroup):
-    """A group whose commands are the modules of `ankle_bringup.verbs`; a module is imported when
-    its verb is used or listed.
+    """Groups the modules of `ankle_bringup.verbs` as commands; a module is imported when its verb
+    is used or listed.
     """
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -141,8 +141,7 @@ def ankle(
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
-    """Software of an ankle-perturbation laboratory: run it, record it, estimate joint impedance
-    from it.
+    """Work in an ankle-perturbation laboratory: run it, record it, estimate joint impedance.
 
     'ankle VERB --help' describes a verb, with an example.
     """

@@ -47,7 +47,7 @@ MEANINGS = {
 
 @dataclass
 class Result:
-    """What the demo found, for its last tables."""
+    """Holds what the demo found, for its last tables."""
 
     rows: list[tuple[str, str, str]] = field(default_factory=list)
     trials: dict[str, dict[str, float]] = field(default_factory=dict)

@@ -2,8 +2,8 @@
 
 
 class GraphError(ValueError):
-    """A graph description or a setting that cannot be used."""
+    """Reports a graph description or a setting that cannot be used."""
 
 
 class RunError(RuntimeError):
-    """A process of the graph that failed or did not do its part in time."""
+    """Reports a process of the graph that failed or did not do its part in time."""

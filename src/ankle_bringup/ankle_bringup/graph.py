@@ -35,7 +35,7 @@ _NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """The description of one process of a graph."""
+    """Describes one process of a graph."""
 
     package: str
     executable: str
@@ -47,7 +47,7 @@ class NodeDescription:
 
     @property
     def full_name(self) -> str:
-        """Name with its namespace, as ``/left/ankle_sim``."""
+        """Return the name with its namespace, as ``/left/ankle_sim``."""
         return "/" + "/".join(part for part in (self.namespace.strip("/"), self.name) if part)
 
     def ros_arguments(self) -> list[str]:
@@ -83,14 +83,14 @@ class NodeDescription:
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes that run together."""
+    """Describes nodes that run together."""
 
     description: str
     nodes: tuple[NodeDescription, ...]
 
     @property
     def namespace(self) -> str:
-        """Namespace of its nodes; empty for the root."""
+        """Return the namespace of its nodes; empty for the root."""
         return self.nodes[0].namespace if self.nodes else ""
 
     def with_settings(self, settings: Iterable[str]) -> Graph:

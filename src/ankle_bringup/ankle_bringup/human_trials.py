@@ -16,7 +16,7 @@ TRIAL = "trial_{}"
 
 @dataclass(frozen=True)
 class Recording:
-    """A public file of recordings.
+    """Describes a public file of recordings.
 
     Attributes
     ----------

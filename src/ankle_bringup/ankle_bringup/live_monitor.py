@@ -36,7 +36,7 @@ monitor hears it.
 
 @dataclass
 class Stream:
-    """One topic as the monitor sees it."""
+    """Holds what the monitor knows of one topic."""
 
     continuity: Continuity = field(default_factory=Continuity)
     blocks: int = 0
@@ -107,5 +107,5 @@ class LiveMonitor:
 
     @property
     def missing(self) -> int:
-        """The number of samples missing so far in the sampled topics."""
+        """Return the number of samples missing so far in the sampled topics."""
         return sum(stream.continuity.missing for stream in self.streams.values())

@@ -130,12 +130,12 @@ class Processes:
 
     @property
     def names(self) -> list[str]:
-        """The names of the nodes that still run."""
+        """Return the names of the nodes that still run."""
         return [name for name, process in self._running.items() if process.poll() is None]
 
     @property
     def pids(self) -> dict[str, int]:
-        """The process ids of all nodes by name."""
+        """Return the process ids of all nodes by name."""
         return {name: process.pid for name, process in self._running.items()}
 
     def log(self, name: str) -> Path:

@@ -60,7 +60,7 @@ def regenerate_by_replay(
 
 @dataclass(frozen=True)
 class Agreement:
-    """Two tables of estimates held against each other.
+    """Holds how well two tables of estimates agree.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ _BIG_ENDIAN = b"\x00\x00\x00\x00"
 
 @dataclass(frozen=True)
 class Block:
-    """A block of n samples of m columns.
+    """Holds a block of n samples of m columns.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Block:
 
     @property
     def time(self) -> np.ndarray:
-        """Sample times [s], shape (n,)."""
+        """Return the sample times [s], shape (n,)."""
         return self.data[:, 0]
 
     def column(self, name: str) -> np.ndarray:

@@ -17,7 +17,7 @@ STEP_TOLERANCE = 0.5
 
 @dataclass(frozen=True)
 class Finding:
-    """A finding about the samples between or inside blocks.
+    """Describes a finding about the samples between or inside blocks.
 
     Attributes
     ----------

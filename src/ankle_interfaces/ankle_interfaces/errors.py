@@ -2,12 +2,14 @@
 
 
 class BlockError(ValueError):
-    """A message whose layout contradicts its data or misses a column."""
+    """Reports a message whose layout contradicts its data or misses a column."""
 
 
 class UnitError(BlockError):
-    """A unit that is unknown or does not fit the quantity."""
+    """Reports a unit that is unknown or does not fit the quantity."""
 
 
 class QuantityError(ValueError):
-    """A value that a quantity refuses; names the quantity, the value, its unit and the range."""
+    """Reports a value that a quantity refuses; names the quantity, the value, its unit and the
+    range.
+    """

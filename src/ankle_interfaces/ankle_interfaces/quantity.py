@@ -21,7 +21,7 @@ Value = Union[bool, int, float, str]
 
 @dataclass(frozen=True)
 class Quantity:
-    """One declared quantity: its symbol, unit, allowed range, default and reason.
+    """Declares one quantity: its symbol, unit, allowed range, default and reason.
 
     Attributes
     ----------
@@ -56,17 +56,17 @@ class Quantity:
 
     @property
     def name(self) -> str:
-        """The symbol, as the name of a node parameter or a setting."""
+        """Return the symbol, as the name of a node parameter or a setting."""
         return self.symbol
 
     @property
     def key(self) -> str:
-        """Symbol with unit, as files write it: ``K[N.m/rad]``."""
+        """Return the symbol with its unit, as files write it: ``K[N.m/rad]``."""
         return f"{self.symbol}[{self.unit}]"
 
     @property
     def allowed(self) -> str:
-        """The allowed values in words, as ``0 to 1000 N.m/rad``."""
+        """Return the allowed values in words, as ``0 to 1000 N.m/rad``."""
         if isinstance(self.default, bool):
             return "true or false"
         if isinstance(self.default, str):

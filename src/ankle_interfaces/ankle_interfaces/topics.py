@@ -26,7 +26,7 @@ section III-B)."""
 
 
 class Delivery(Enum):
-    """How messages of a topic reach their readers; `ankle_node.qos` has the profiles."""
+    """Names how messages of a topic reach their readers; `ankle_node.qos` has the profiles."""
 
     BLOCKS = "reliable; a reader keeps a second of blocks, so that none is lost"
     EVENTS = "reliable; a reader keeps a hundred"
@@ -36,7 +36,7 @@ class Delivery(Enum):
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of the laboratory.
+    """Describes one topic of the laboratory.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Topic:
 
     @property
     def required(self) -> tuple[str, ...]:
-        """The columns that every block has, without the first one."""
+        """Return the columns that every block has, without the first one."""
         return tuple(name for name in self.columns[1:] if name not in self.optional)
 
     def columns_of(self, count: int) -> tuple[str, ...]:
@@ -96,7 +96,7 @@ class Topic:
 
     @property
     def absolute(self) -> str:
-        """Name in the root namespace, as in a bag: ``/ankle/samples``."""
+        """Return the name in the root namespace, as in a bag: ``/ankle/samples``."""
         return f"/{self.name.lstrip('/')}"
 
     def among(self, names: Iterable[str]) -> tuple[str, ...]:

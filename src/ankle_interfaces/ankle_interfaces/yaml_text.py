@@ -13,7 +13,7 @@ LARGEST_FILE = 10_000_000
 
 
 class YamlError(ValueError):
-    """Text that is no YAML, or a file that is no text."""
+    """Reports text that is no YAML, or a file that is no text."""
 
 
 def parse_yaml(text: str) -> Any:

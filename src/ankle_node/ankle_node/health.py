@@ -15,7 +15,7 @@ NEWS_PERIOD = 0.1
 
 
 class Health:
-    """The states and figures of a node by name, safe to use from several threads."""
+    """Holds the states and figures of a node by name; safe to use from several threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

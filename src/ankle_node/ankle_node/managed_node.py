@@ -19,7 +19,7 @@ the sentence is in the log and in the health."""
 
 
 class ManagedNode(LifecycleNodeMixin, AnkleNode):
-    """An `AnkleNode` whose subclass says what happens at each transition.
+    """Runs as a life-cycle node; its subclass says what happens at each transition.
 
     Parameters
     ----------

@@ -61,8 +61,8 @@ MessageInfo = dict[str, Any]
 
 
 class AnkleNode(Node):
-    """A node with declared parameters and health on ``/diagnostics`` once a second, and at once
-    when something goes wrong.
+    """Declares parameters and publishes health on ``/diagnostics``, once a second and at once when
+    something goes wrong.
 
     Parameters
     ----------
@@ -365,8 +365,8 @@ class AnkleNode(Node):
         return self.get_clock().now().nanoseconds * 1e-9
 
     def health(self, what: str, level: bytes, message: str) -> None:
-        """State the health of one thing, from any thread; a warning or error is shown for at least
-        ten seconds.
+        """State the health of one thing, from any thread; a warning or error is shown
+        for at least ten seconds.
         """
         if self._health.state(what, level, message):
             self._publish_health()
@@ -383,8 +383,9 @@ class AnkleNode(Node):
 
 
 class StopSignal:
-    """SIGINT and SIGTERM: while the node is made they interrupt whatever it does (a compilation
-    takes half a minute), afterwards they are noted, so that the node ends in good order.
+    """Receives SIGINT and SIGTERM: while the node is made they interrupt whatever it does (a
+    compilation takes half a minute), afterwards they are noted, so that the node ends in good
+    order.
     """
 
     def __init__(self) -> None:
@@ -395,7 +396,7 @@ class StopSignal:
 
     @property
     def received(self) -> bool:
-        """Whether the process was asked to stop."""
+        """Tell whether the process was asked to stop."""
         return self._received.is_set()
 
     def _receive(self, number: int, frame: FrameType | None) -> None:

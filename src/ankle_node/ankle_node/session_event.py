@@ -25,12 +25,12 @@ TORQUE_TARGET = "torque_target[N.m]"
 
 
 class SessionEventError(ValueError):
-    """A line that is no session event."""
+    """Reports a line that is no session event."""
 
 
 @dataclass(frozen=True)
 class SessionEvent:
-    """An event of a session.
+    """Describes an event of a session.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ def oversampling(rate: float) -> int:
 
 @dataclass(frozen=True)
 class Servo:
-    """Second-order position servo.
+    """Describes a second-order position servo.
 
     Attributes
     ----------
@@ -66,13 +66,13 @@ class Servo:
 
     @property
     def ideal(self) -> bool:
-        """Say whether the plate follows the reference exactly."""
+        """Tell whether the plate follows the reference exactly."""
         return self.bandwidth == 0.0
 
 
 class Actuator:
-    """Plate motion at the internal rate, stretch by stretch; the same whatever the size of the
-    stretches.
+    """Computes the plate's motion at the internal rate, stretch by stretch; the same whatever the
+    size of the stretches.
 
     Before the first sample the plate rests at the first commanded position.
 

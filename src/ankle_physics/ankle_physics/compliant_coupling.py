@@ -51,7 +51,7 @@ RENEWAL_CHANGE = 0.1
 
 
 class CompliantCoupling(Term):
-    """A term at `Place.COUPLING` through which the plate drives the foot by a torque.
+    """Describes a term at `Place.COUPLING` through which the plate drives the foot by a torque.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class _Linear:
 
 
 class FootLoop:
-    """The motion of a foot behind a compliant coupling, stretch by stretch, from rest in
+    """Computes the motion of a foot behind a compliant coupling, stretch by stretch, from rest in
     equilibrium.
 
     Parameters
@@ -134,7 +134,7 @@ class FootLoop:
 
     @property
     def moving(self) -> tuple[Any, ...]:
-        """State of the foot's motion; the terms keep theirs."""
+        """Return the state of the foot's motion; the terms keep theirs."""
         return self._linear, self._dynamics, self._other, self._window
 
     @moving.setter

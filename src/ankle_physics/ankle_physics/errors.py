@@ -2,4 +2,4 @@
 
 
 class ModelError(ValueError):
-    """A model file or a parameter value that cannot be used."""
+    """Reports a model file or a parameter value that cannot be used."""

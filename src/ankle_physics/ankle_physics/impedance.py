@@ -81,7 +81,7 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class Impedance:
-    """Impedance of a joint at an operating point.
+    """Holds the impedance of a joint at an operating point.
 
     Attributes
     ----------

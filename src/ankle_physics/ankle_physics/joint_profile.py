@@ -30,7 +30,7 @@ UNIT_PAIRS = {("rad", "N.m"), ("m", "N")}
 
 @dataclass(frozen=True)
 class JointProfile:
-    """A joint, or an axis of a machine.
+    """Describes a joint, or an axis of a machine.
 
     Attributes
     ----------
@@ -91,22 +91,22 @@ class JointProfile:
 
     @property
     def linear(self) -> bool:
-        """Say whether it moves along a line."""
+        """Tell whether it moves along a line."""
         return self.position_unit == "m"
 
     @property
     def position_column(self) -> str:
-        """Column of the position in a recording."""
+        """Return the column of the position in a recording."""
         return f"position[{self.position_unit}]"
 
     @property
     def torque_column(self) -> str:
-        """Column of the torque, or force, in a recording."""
+        """Return the column of the torque, or force, in a recording."""
         return "force[N]" if self.linear else "torque[N.m]"
 
     @property
     def velocity_column(self) -> str:
-        """Column of the velocity in a recording."""
+        """Return the column of the velocity in a recording."""
         return f"velocity[{self.position_unit}/s]"
 
     def scale(self, unit: str) -> float:

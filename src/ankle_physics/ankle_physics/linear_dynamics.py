@@ -14,7 +14,8 @@ from scipy.linalg import expm
 
 
 class Delay:
-    """``y(t) = x(t - delay)``, linear between samples; zero before the first sample.
+    """Delays a signal: ``y(t) = x(t - delay)``, linear between samples; zero before the first
+    sample.
 
     Parameters
     ----------
@@ -51,7 +52,9 @@ class Delay:
 
 
 class SecondOrder:
-    """``y'' + 2 z w y' + w^2 y = w^2 x``: unit gain at rest; `run` also gives y' and y''."""
+    """Filters a signal: ``y'' + 2 z w y' + w^2 y = w^2 x``, unit gain at rest; `run` also gives y'
+    and y''.
+    """
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -69,7 +72,7 @@ class SecondOrder:
 
     @property
     def state(self) -> tuple[float, float, float]:
-        """y, y' and the last input."""
+        """Return y, y' and the last input."""
         return float(self._state[0]), float(self._state[1]), float(self._state[2])
 
     def run(self, x: np.ndarray, omega: float, damping: float) -> np.ndarray:
@@ -127,7 +130,9 @@ def _second_order(
 
 
 class FirstOrder:
-    """``T y' + y = x`` for a time constant T [s]; exact for an input linear between samples."""
+    """Filters a signal: ``T y' + y = x`` for a time constant T [s]; exact for an input linear
+    between samples.
+    """
 
     def __init__(self, rate: float) -> None:
         self._rate = rate

@@ -15,7 +15,7 @@ from numba import njit
 
 
 class DahlSpring:
-    """Spring that slips: ``z' = v - |v| z / yield_size - z / recovery``; z starts at 0.
+    """Models a spring that slips: ``z' = v - |v| z / yield_size - z / recovery``; z starts at 0.
 
     For a step much larger than `yield_size` z saturates there (Dahl 1968); at rest it is forgotten
     with the time constant `recovery` (infinite: never, which is friction).
@@ -51,7 +51,7 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
 
 
 class BacklashOperator:
-    """The output follows the input only when the gap is used up.
+    """Follows its input only when the gap is used up.
 
     It starts in the middle of the gap.
     """
@@ -78,7 +78,8 @@ def _play(x: np.ndarray, half: float, state: np.ndarray) -> np.ndarray:
 
 
 class Structure:
-    """Movement breaks it and rest rebuilds it: ``s' = (1 - s)/recovery - |u| s / breaking``.
+    """Follows a structure that movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s /
+    breaking``.
 
     s starts at 1.
 
@@ -90,7 +91,7 @@ class Structure:
         self._state = np.ones(1)
 
     def run(self, u: np.ndarray, breaking: float, recovery: float) -> np.ndarray:
-        """Structure s in 0...1, shape (n,), before the sample's own movement has broken it."""
+        """Return s in 0...1, shape (n,), before the sample's own movement has broken it."""
         return _structure(
             np.ascontiguousarray(u, dtype=float), 1.0 / self._rate, breaking, recovery, self._state
         )
@@ -111,7 +112,7 @@ def _structure(
 
 
 class UnequalLag:
-    """First-order lag with one time constant while rising and another while falling."""
+    """Filters by a first-order lag that has another time constant while falling."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate

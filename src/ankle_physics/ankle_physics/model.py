@@ -32,7 +32,7 @@ SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 
 @dataclass
 class Entry:
-    """A term in a model.
+    """Holds a term in a model.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Entry:
 
 
 class Model:
-    """Terms with values, in the order of the signal path.
+    """Holds terms with values, in the order of the signal path.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class Model:
 
 
 class ModelRun:
-    """A model on its way through time; keeps the state of every term between stretches.
+    """Runs a model through time; keeps the state of every term between stretches.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ SHORT_LATENCY = Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to
 
 
 class ReflexArc(Term):
-    """A term whose torque is a muscle's response to a delayed drive.
+    """Describes a term whose torque is a muscle's response to a delayed drive.
 
     ``torque = w^2/(s^2 + 2 z w s + w^2) * drive(t - delay)`` for each unit of its gain. A subclass
     has the parameters ``delay`` and ``omega`` and gives the drive in `torque`.

@@ -59,7 +59,7 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 class Measured(NamedTuple):
-    """A measured value.
+    """Holds a measured value.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ NO_DELAY = Measured(0.0)
 
 @dataclass(frozen=True)
 class RigFile:
-    """A calibrated rig.
+    """Describes a calibrated rig.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class RigFile:
 
     @property
     def servo(self) -> Servo | None:
-        """The position servo; None where it is not known."""
+        """Return the position servo; None where it is not known."""
         if self.bandwidth is None:
             return None
         damping = self.damping.value if self.damping is not None else float(DAMPING.default)

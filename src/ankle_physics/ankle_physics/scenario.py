@@ -60,7 +60,7 @@ class Change:
 
 
 class Track:
-    """The script of one parameter: changes in the order of their times."""
+    """Lists the changes of one parameter in the order of their times."""
 
     def __init__(self, term: str, parameter: Parameter, changes: list[Change]) -> None:
         self.term = term
@@ -69,7 +69,7 @@ class Track:
 
     @property
     def key(self) -> str:
-        """The name in scenario files is ``stiffness.K[N.m/rad]``."""
+        """Return the name in scenario files: ``stiffness.K[N.m/rad]``."""
         return f"{self.term}.{self.parameter.key}"
 
     def values(self, time: np.ndarray, before: float) -> np.ndarray:
@@ -101,7 +101,7 @@ def _course(change: Change, start: float, time: np.ndarray) -> np.ndarray:
 
 
 class Scenario:
-    """Scripts of several parameters."""
+    """Holds the changes of several parameters over time."""
 
     def __init__(self, tracks: list[Track], title: str = "") -> None:
         self.tracks = tracks

@@ -23,7 +23,7 @@ _NOISE_STREAM = 7_301
 
 
 class Sampler:
-    """Anti-alias filter and sampling, stretch by stretch; settled at the first value.
+    """Filters against aliases and samples, stretch by stretch; settled at the first value.
 
     Parameters
     ----------
@@ -95,7 +95,8 @@ def _filter_and_sample(
 
 @dataclass(frozen=True)
 class SignalToNoise:
-    """Signal-to-noise ratios [dB]: 20 log10 of the standard deviations of clean signal and noise.
+    """Holds signal-to-noise ratios [dB]: 20 log10 of the standard deviations of clean signal and
+    noise.
 
     Defaults of van 't Veld et al. 2018, sections II-C and II-D, measured on their device. Infinite:
     no noise.
@@ -129,7 +130,7 @@ NO_NOISE = SignalToNoise(np.inf, np.inf, np.inf)
 
 
 class Noise:
-    """White noise on the samples; the same for a seed whatever the size of the stretches.
+    """Adds white noise to the samples; the same for a seed whatever the size of the stretches.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ SETTLING_ROUNDS = 50
 
 
 class ServoLoop:
-    """Plate and joint together, stretch by stretch, from rest under load.
+    """Computes plate and joint together, stretch by stretch, from rest under load.
 
     Parameters
     ----------

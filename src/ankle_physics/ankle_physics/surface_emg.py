@@ -96,7 +96,7 @@ class Electrodes:
 
 @dataclass(frozen=True)
 class Variability:
-    """Coefficients of variation.
+    """Holds coefficients of variation.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Variability:
 
 
 class SurfaceEmg:
-    """EMG sample by sample; the same for a seed whatever the size of the stretches.
+    """Makes EMG sample by sample; the same for a seed whatever the size of the stretches.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ class VirtualRig:
 
 @dataclass(frozen=True)
 class Recording:
-    """A simulated recording of n samples.
+    """Holds a simulated recording of n samples.
 
     Attributes
     ----------
@@ -194,22 +194,22 @@ class Recording:
 
     @property
     def time(self) -> np.ndarray:
-        """Sample times [s], the first 0, shape (n,)."""
+        """Return the sample times [s], the first 0, shape (n,)."""
         return np.arange(len(self.measured)) / self.rate
 
     @property
     def position(self) -> np.ndarray:
-        """Measured position [rad], shape (n,)."""
+        """Return the measured position [rad], shape (n,)."""
         return self.measured[:, 0]
 
     @property
     def velocity(self) -> np.ndarray:
-        """Measured velocity [rad/s], shape (n,)."""
+        """Return the measured velocity [rad/s], shape (n,)."""
         return self.measured[:, 1]
 
     @property
     def torque(self) -> np.ndarray:
-        """Measured torque [N.m], shape (n,)."""
+        """Return the measured torque [N.m], shape (n,)."""
         return self.measured[:, 2]
 
 

@@ -57,7 +57,7 @@ class Setup:
 
     @property
     def servo_in_force(self) -> Servo:
-        """The servo of the calibrated rig where there is one that knows it."""
+        """Return the servo of the calibrated rig where there is one that knows it."""
         return (self.rig.servo if self.rig is not None else None) or self.servo
 
 
@@ -66,7 +66,7 @@ NOISE_KEYS = ("position[rad]", "velocity[rad/s]", "torque[N.m]")
 
 @dataclass(frozen=True)
 class Stretch:
-    """Uninterrupted samples.
+    """Holds uninterrupted samples.
 
     Attributes
     ----------

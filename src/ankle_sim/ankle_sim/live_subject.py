@@ -43,7 +43,7 @@ def subject_model(subject: Subject, rms: float = 0.5) -> Model:
 
 @dataclass(frozen=True)
 class Piece:
-    """Uninterrupted samples of rig and electrodes.
+    """Holds uninterrupted samples of rig and electrodes.
 
     Attributes
     ----------

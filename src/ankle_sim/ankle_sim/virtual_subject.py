@@ -62,7 +62,7 @@ REACHING_TIME = 2.0
 
 @dataclass(frozen=True)
 class Subject:
-    """The numbers in which one simulated subject differs from another (`draw_subject`).
+    """Holds the numbers in which one simulated subject differs from another (`draw_subject`).
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ class Drive:
 
 
 class VirtualSubject:
-    """A subject who goes from one commanded state to the next.
+    """Simulates a subject who goes from one commanded state to the next.
 
     Parameters
     ----------

@@ -2,16 +2,16 @@
 
 
 class ProtocolError(ValueError):
-    """A session protocol that cannot be used; names file, key, value and range."""
+    """Reports a session protocol that cannot be used; names file, key, value and range."""
 
 
 class CommandError(ValueError):
-    """A command that is well formed but refused; it says why, and the sender receives it."""
+    """Reports a command that is well formed but refused; the sender receives the reason."""
 
 
 class MalformedMessageError(ValueError):
-    """Something that none of our pages sends. The sender is disconnected."""
+    """Reports something that none of our pages sends. The sender is disconnected."""
 
 
 class AccessError(ValueError):
-    """Settings under which the pages would be open to strangers."""
+    """Reports settings under which the pages would be open to strangers."""

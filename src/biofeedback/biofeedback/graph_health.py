@@ -24,7 +24,7 @@ FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing sam
 
 @dataclass(frozen=True)
 class Status:
-    """The last status message of a node.
+    """Holds the last status message of a node.
 
     Attributes
     ----------

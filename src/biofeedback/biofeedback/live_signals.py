@@ -30,7 +30,7 @@ WAITING, INVALID, STALE, GOOD = "waiting", "invalid", "stale", "valid"
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The values of the signals at one moment.
+    """Holds the values of the signals at one moment.
 
     Attributes
     ----------

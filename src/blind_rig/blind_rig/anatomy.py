@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 
 class Muscle(NamedTuple):
-    """Torque of the joint itself against displacement x and velocity v of the foot.
+    """Describes the torque of the joint itself against displacement x and velocity v of the foot.
 
     Attributes
     ----------
@@ -59,7 +59,8 @@ class Muscle(NamedTuple):
 
 
 class Reflex(NamedTuple):
-    """Stretch reflex: what the spindles see, what the cord makes of it, how the muscle answers.
+    """Describes the stretch reflex: what the spindles see, what the cord makes of it, how the
+    muscle answers.
 
     Attributes
     ----------
@@ -105,7 +106,7 @@ class Reflex(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """The foot on its plate beyond what straps do.
+    """Describes the foot on its plate beyond what straps do.
 
     Attributes
     ----------
@@ -127,7 +128,7 @@ class Interface(NamedTuple):
 
 
 class Rig(NamedTuple):
-    """Drive, plate and foot as MuJoCo bodies (`mechanics`).
+    """Describes drive, plate and foot as MuJoCo bodies (`mechanics`).
 
     Attributes
     ----------

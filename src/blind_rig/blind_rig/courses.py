@@ -35,7 +35,7 @@ DELAY_RANGE = (0.025, 0.070)
 
 
 class Course(NamedTuple):
-    """Momentary values at every step, each of shape (n,).
+    """Holds momentary values at every step, each of shape (n,).
 
     Attributes
     ----------

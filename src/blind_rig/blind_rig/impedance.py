@@ -17,7 +17,7 @@ from blind_rig.trial import Run, Trial
 
 
 class TrueImpedance(NamedTuple):
-    """Values over a stretch of a trial.
+    """Holds values over a stretch of a trial.
 
     Attributes
     ----------

@@ -248,8 +248,8 @@ def simulate(
 
 @njit(cache=True)
 def driven(command: np.ndarray, hertz: float, zeta: float, rate: float) -> np.ndarray:
-    """Position, velocity, acceleration, shape (3, n), that a drive of finite bandwidth makes of its
-    reference [rad].
+    """Return position, velocity and acceleration, shape (3, n), that a drive of finite bandwidth
+    makes of its reference [rad].
     """
     omega, dt = 2.0 * math.pi * hertz, 1.0 / rate
     moved = np.empty((3, len(command)))

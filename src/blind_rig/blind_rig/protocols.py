@@ -11,7 +11,7 @@ PROTOCOLS = ("pulse_step", "equal_steps", "random_levels")
 
 
 class Protocol(NamedTuple):
-    """A perturbation as it is commanded.
+    """Describes a perturbation as it is commanded.
 
     Attributes
     ----------

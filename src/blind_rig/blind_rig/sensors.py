@@ -21,7 +21,7 @@ ALIAS_SHARE, ALIAS_ORDER = 0.9, 4
 
 
 class Reading(NamedTuple):
-    """Signals of the sensors, each of shape (n,): [rad], [rad/s], [N.m]."""
+    """Holds signals of the sensors, each of shape (n,): [rad], [rad/s], [N.m]."""
 
     position: np.ndarray
     velocity: np.ndarray

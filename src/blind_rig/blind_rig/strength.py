@@ -39,7 +39,7 @@ SEARCH_TOLERANCE = 0.02
 
 
 class Scaled(NamedTuple):
-    """An effect brought to a strength.
+    """Holds an effect brought to a strength.
 
     Attributes
     ----------
@@ -180,8 +180,8 @@ def scale(
 
 
 def strength_of(reached: float) -> str:
-    """Name of the strength that is nearest to a share, on a logarithmic scale; ``invisible`` below
-    `MIN_VISIBLE_SHARE`.
+    """Return the name of the strength that is nearest to a share, on a logarithmic scale;
+    ``invisible`` below `MIN_VISIBLE_SHARE`.
     """
     if reached < MIN_VISIBLE_SHARE:
         return "invisible"

@@ -54,8 +54,8 @@ class Trial(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A trial as it went, at the simulation's rate [Hz]: drive's reference [rad], motion, courses,
-    sensor signals without noise.
+    """Holds a trial as it went, at the simulation's rate [Hz]: drive's reference [rad], motion,
+    courses, sensor signals without noise.
     """
 
     rate: float
@@ -66,7 +66,7 @@ class Run(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """Samples as a laboratory stores them.
+    """Holds samples as a laboratory stores them.
 
     Attributes
     ----------

@@ -2,4 +2,4 @@
 
 
 class CalibrationError(RuntimeError):
-    """A recording from which a rig or a session cannot be calibrated; says what it lacks."""
+    """Reports what a recording lacks from which a rig or a session cannot be calibrated."""

@@ -60,7 +60,7 @@ class KnownLoad:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A calibrated rig.
+    """Holds a calibrated rig.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ SERVO_STARTS = (15.0, 30.0, 60.0)  # Hz
 
 @dataclass(frozen=True)
 class Found:
-    """A value with its standard error, in the unit of its use."""
+    """Holds a value with its standard error, in the unit of its use."""
 
     value: float
     error: float
@@ -67,7 +67,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Signals:
-    """A recording of a rig.
+    """Holds a recording of a rig.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ from model_discrepancy.report.result_folder import AUGMENTED_FILE
 
 @dataclass(frozen=True)
 class CalibratedSession:
-    """A calibrated session.
+    """Holds a calibrated session.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ on a busy computer too."""
 
 
 class Backlog:
-    """A queue that hands out blocks in order, never faster than readers can process them."""
+    """Hands out queued blocks in order, never faster than readers can process them."""
 
     def __init__(self) -> None:
         self._blocks: deque[np.ndarray] = deque()

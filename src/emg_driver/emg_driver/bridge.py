@@ -42,7 +42,7 @@ busy for a moment at one end of the window."""
 
 @dataclass
 class Bridged:
-    """The blocks that one chunk gave.
+    """Holds the blocks that one chunk gave.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Bridged:
 
 
 class EmgBridge:
-    """One connection to a stream.
+    """Turns one connection to a stream into blocks.
 
     Parameters
     ----------
@@ -115,12 +115,12 @@ class EmgBridge:
 
     @property
     def drift(self) -> float:
-        """The drift of the sender's stamps [1], positive when they lose time."""
+        """Return the drift of the sender's stamps [1], positive when they lose time."""
         return self._line.drift_filter.drift
 
     @property
     def bad(self) -> dict[str, bool]:
-        """The bad electrodes, by muscle."""
+        """Return the bad electrodes, by muscle."""
         return dict(zip(MUSCLES, self._bad.tolist(), strict=True))
 
     def feed(self, chunk: Chunk) -> Bridged:

@@ -81,7 +81,7 @@ LONGEST_READING_TIME = 0.2e-3
 
 
 class ClockDifference:
-    """The difference of two clocks of this computer.
+    """Measures the difference of two clocks of this computer.
 
     Readings that another program interrupted are left out.
 
@@ -113,7 +113,7 @@ class ClockDifference:
 
 
 class SteadyCorrection:
-    """LSL's time correction without its outliers.
+    """Keeps LSL's time correction without its outliers.
 
     A measurement on a busy computer is off by tens of milliseconds.
 
@@ -140,7 +140,8 @@ class SteadyCorrection:
 
 
 class DriftFilter:
-    """A Kalman filter for latency, shift and drift of a sender's clock from smallest delays.
+    """Estimates latency, shift and drift of a sender's clock from smallest delays by a Kalman
+    filter.
 
     The state is the latency L, the shift x of the stamps against ROS time since the start, and the
     drift d with ``x' = d``. Measured is L + x.
@@ -153,17 +154,17 @@ class DriftFilter:
 
     @property
     def shift(self) -> float:
-        """The time [s] by which the stamps lag behind ROS time by now."""
+        """Return the time [s] by which the stamps lag behind ROS time by now."""
         return float(self._state[1])
 
     @property
     def drift(self) -> float:
-        """The seconds that the sender's clock loses per second [1]."""
+        """Return the seconds that the sender's clock loses per second [1]."""
         return float(self._state[2])
 
     @property
     def delay(self) -> float:
-        """The smallest delay that is expected now [s]."""
+        """Return the smallest delay that is expected now [s]."""
         return float(self._state[0] + self._state[1])
 
     def advance(self, seconds: float) -> None:
@@ -197,7 +198,7 @@ class DriftFilter:
 
 @dataclass(frozen=True)
 class Jump:
-    """The meaning of a chunk far off the line.
+    """Names the meaning of a chunk far off the line.
 
     Attributes
     ----------
@@ -215,7 +216,7 @@ class Jump:
 
 
 class SampleLine:
-    """The line that gives ROS times to the samples of one connection to a stream.
+    """Gives ROS times to the samples of one connection to a stream, by a line through their stamps.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ electrode."""
 
 @dataclass(frozen=True)
 class Defect:
-    """The defect of a channel.
+    """Describes the defect of a channel.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ ROOM = 4
 
 
 class EmgMemory:
-    """The times, raw and rectified EMG of the last samples.
+    """Keeps the times, raw and rectified EMG of the last samples.
 
     Parameters
     ----------
@@ -30,17 +30,17 @@ class EmgMemory:
 
     @property
     def time(self) -> np.ndarray:
-        """The times [s], shape (n,)."""
+        """Return the times [s], shape (n,)."""
         return self._data[self._first : self._stop, 0]
 
     @property
     def raw(self) -> np.ndarray:
-        """The raw EMG [V], shape (n, m)."""
+        """Return the raw EMG [V], shape (n, m)."""
         return self._data[self._first : self._stop, 1 : 1 + self._channels]
 
     @property
     def rectified(self) -> np.ndarray:
-        """The rectified EMG [V], shape (n, m)."""
+        """Return the rectified EMG [V], shape (n, m)."""
         return self._data[self._first : self._stop, 1 + self._channels :]
 
     def append(self, time: np.ndarray, raw: np.ndarray, rectified: np.ndarray) -> None:

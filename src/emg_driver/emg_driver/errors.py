@@ -2,4 +2,4 @@
 
 
 class StreamRefused(ValueError):  # noqa: N818 - it is the stream that is refused, as /diagnostics says
-    """A stream whose data would not be EMG in volts of the wanted muscles at a known rate."""
+    """Reports a stream that is no EMG in volts of the wanted muscles at a known rate."""

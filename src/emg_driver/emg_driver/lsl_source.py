@@ -38,21 +38,21 @@ REST = 2.0
 
 @dataclass(frozen=True)
 class Searching:
-    """An event: no stream fits; `predicate` says what is looked for."""
+    """Tells that no stream fits; `predicate` says what is looked for."""
 
     predicate: str
 
 
 @dataclass(frozen=True)
 class Connected:
-    """An event: samples of this stream follow."""
+    """Tells that samples of this stream follow."""
 
     stream: StreamDescription
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Samples of a stream that came together.
+    """Holds samples of a stream that came together.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Lost:
-    """An event: the connection is gone."""
+    """Tells that the connection is gone."""
 
     reason: str
 

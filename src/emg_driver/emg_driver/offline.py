@@ -38,7 +38,7 @@ MAX_GROUPED_BLOCKS = 16
 
 @dataclass(frozen=True)
 class OfflineResponses:
-    """The responses of a whole recording.
+    """Holds the responses of a whole recording.
 
     Attributes
     ----------

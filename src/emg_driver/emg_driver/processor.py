@@ -44,7 +44,7 @@ RATE_SAMPLES = 256
 
 @dataclass
 class Responses:
-    """The responses that became due.
+    """Holds the responses that became due.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class EmgProcessor:
 
     @property
     def lag(self) -> float:
-        """The median time from a command to the plate's movement [s].
+        """Return the median time from a command to the plate's movement [s].
 
         It is that of the last `SHOWN_LAGS` onsets; NaN before any was measured.
         """

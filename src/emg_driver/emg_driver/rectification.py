@@ -18,7 +18,7 @@ SETTLED = 6.0
 
 
 class Rectifier:
-    """A rectifier for EMG of m channels; the result does not depend on the size of the blocks.
+    """Rectifies EMG of m channels; the result does not depend on the size of the blocks.
 
     A channel's filter starts afresh behind a gap and behind samples that are not finite, and its
     output is NaN until it has

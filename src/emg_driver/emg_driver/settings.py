@@ -151,7 +151,7 @@ ELECTRODES = (
 
 @dataclass(frozen=True)
 class ElectrodeSettings:
-    """Limits for a good electrode; each is described in `ELECTRODES`.
+    """Holds limits for a good electrode; each is described in `ELECTRODES`.
 
     Raises
     ------
@@ -171,7 +171,7 @@ class ElectrodeSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers of the processing; each is described in `PROCESSING`.
+    """Holds numbers of the processing; each is described in `PROCESSING`.
 
     Raises
     ------

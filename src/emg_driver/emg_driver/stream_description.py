@@ -33,7 +33,7 @@ VOLTS = {
 
 @dataclass(frozen=True)
 class StreamDescription:
-    """A Lab Streaming Layer stream.
+    """Describes a Lab Streaming Layer stream.
 
     Attributes
     ----------
@@ -59,13 +59,13 @@ class StreamDescription:
 
     @property
     def title(self) -> str:
-        """The name of the stream in messages."""
+        """Return the name of the stream in messages."""
         return f"stream '{self.name}'" + (f" ({self.source_id})" if self.source_id else "")
 
 
 @dataclass(frozen=True)
 class ChannelMap:
-    """The channel of each muscle.
+    """Holds the channel of each muscle.
 
     Attributes
     ----------

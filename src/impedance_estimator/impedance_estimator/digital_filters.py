@@ -36,8 +36,8 @@ def bessel_lowpass(order: int, cutoff: float, rate: float) -> np.ndarray:
 
 
 def exponential_average(cutoff: float, rate: float) -> np.ndarray:
-    """Sections, shape (2, 6), of two equal first-order low-passes in a row with poles at `cutoff`
-    [Hz].
+    """Return the sections, shape (2, 6), of two equal first-order low-passes in a row with poles at
+    `cutoff` [Hz].
 
     Its weights are nowhere negative, so a running variance made with it is not either; a
     Butterworth average's are.
@@ -69,7 +69,7 @@ def weight_energy(sections: np.ndarray, rate: float) -> float:
 
 
 def filter_state(sections: np.ndarray, channels: int) -> np.ndarray:
-    """State of a cascade at rest, shape (sections, 2, channels)."""
+    """Return the state of a cascade at rest, shape (sections, 2, channels)."""
     return np.zeros((max(len(sections), 1), 2, channels))
 
 

@@ -109,8 +109,8 @@ class Estimator(ABC):
 
     @property
     def sample_columns(self) -> int:
-        """Columns of the samples: t, position, velocity where it is measured, torque, the
-        reference where the estimator uses it, and both torques of a modelled reflex.
+        """Return the columns of the samples: t, position, velocity where it is measured, torque,
+        the reference where the estimator uses it, and both torques of a modelled reflex.
         """
         return 3 + self.measured_velocity + self.uses_reference + 2 * self.modelled_reflex
 
@@ -156,15 +156,15 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def reflex_response(self) -> np.ndarray:
-        """The newest reflex impulse response, shape (k, 2), columns `REFLEX_COLUMNS`; h is NaN
-        before the first valid estimate.
+        """Return the newest reflex impulse response, shape (k, 2), columns `REFLEX_COLUMNS`; h is
+        NaN before the first valid estimate.
         """
 
     @property
     @abstractmethod
     def torques(self) -> np.ndarray:
-        """Measured and predicted torque during the last call of `process`, shape (k, 4), columns
-        `TORQUE_COLUMNS`.
+        """Return the measured and predicted torque during the last call of `process`, shape (k, 4),
+        columns `TORQUE_COLUMNS`.
         """
 
     @property
@@ -183,7 +183,7 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def rate_lost(self) -> bool:
-        """Say whether the samples come at another rate than `rate`.
+        """Tell whether the samples come at another rate than `rate`.
 
         `process` then has stopped at `consumed`.
         """
@@ -191,4 +191,6 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def consumed(self) -> int:
-        """Samples that the last call of `process` used: all of them unless the rate was lost."""
+        """Return how many samples the last call of `process` used: all of them unless the rate was
+        lost.
+        """

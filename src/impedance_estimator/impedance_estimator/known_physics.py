@@ -61,7 +61,7 @@ ACTIVATION_TIME = 1.0
 
 @dataclass(frozen=True)
 class KnownPhysics:
-    """A rig and a subject's model.
+    """Holds a rig and a subject's model.
 
     Attributes
     ----------
@@ -93,13 +93,15 @@ class KnownPhysics:
 
     @property
     def plate_inertia(self) -> float:
-        """Inertia of the plate, which is in the measured torque and not in the joint [kg.m²]."""
+        """Return the inertia of the plate, which is in the measured torque and not in the joint
+        [kg.m²].
+        """
         return self._value("footplate_inertia", "Ip")
 
     @property
     def models_reflex(self) -> bool:
-        """Whether the calibrated session tells the shape of the reflex, so that only its size has
-        to be followed.
+        """Tell whether the calibrated session tells the shape of the reflex, so that only its size
+        has to be followed.
         """
         if self.subject is None or not self.subject.has("reflex"):
             return False
@@ -115,12 +117,14 @@ class KnownPhysics:
 
     @property
     def has_straps(self) -> bool:
-        """Whether the foot moves otherwise than the plate."""
+        """Tell whether the foot moves otherwise than the plate."""
         return coupling(self.model) is not None
 
     @property
     def calibrated_gain(self) -> float:
-        """G of the reflex' core in the calibrated session [N.m.s/rad]; 0 where none is known."""
+        """Return G of the reflex' core in the calibrated session [N.m.s/rad]; 0 where none is
+        known.
+        """
         return self._value("reflex", "G")
 
     def added_stiffness(self, position: float, torque: float, time: float) -> float:

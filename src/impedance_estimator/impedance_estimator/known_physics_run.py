@@ -137,7 +137,7 @@ class KnownPhysicsRun:
 
     @property
     def projection(self) -> float:
-        """Share of a change of the reflex that the regression sees [1]; see `_Extras`."""
+        """Return the share of a change of the reflex that the regression sees; see `_Extras`."""
         return 1.0 if self._path is None else self._path.projection
 
     def follow(self, stiffness: float) -> float:
@@ -195,7 +195,7 @@ class _Path:
 
     @property
     def projection(self) -> float:
-        """Share of a change of the reflex that the regression sees [1]."""
+        """Return the share of a change of the reflex that the regression sees [1]."""
         return self._extras.projection
 
     def settle(self, sample: np.ndarray) -> None:
@@ -346,7 +346,8 @@ class _Extras:
 
     @property
     def projection(self) -> float:
-        """How much of the plain reflex a regression finds in the shaped one [1]; 1 without a shape.
+        """Return how much of the plain reflex a regression finds in the shaped one [1]; 1 without a
+        shape.
 
         A reflex that is g times the calibrated one leaves (g - 1) times the shaped reflex beside
         the plain one, and only this share of it shows in the regression.

@@ -74,8 +74,8 @@ class KnownPhysicsStream:
         return corrected
 
     def restate(self) -> None:
-        """State the contribution of the held terms at the present operating point, and let the foot
-        in its straps follow the stiffness.
+        """State the contribution of the held terms at the present operating point, and
+        let the foot in its straps follow the stiffness.
         """
         position, torque = (
             mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)

@@ -37,7 +37,7 @@ class Compilation:
 
     @property
     def finished(self) -> bool:
-        """Say whether the process has ended."""
+        """Tell whether the process has ended."""
         return self._process.poll() is not None
 
     def stop(self) -> None:
@@ -64,7 +64,7 @@ class LiveEstimates:
 
     @property
     def changing(self) -> bool:
-        """Say whether another stream prepares to take over."""
+        """Tell whether another stream prepares to take over."""
         return self._successor is not None
 
     def replace(self, successor: EstimateStream, prepare: Callable[[], bool]) -> None:

@@ -11,7 +11,7 @@ HIGHPASS_CHOICES = ("torque", "all")
 
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """Settings that every estimator has.
+    """Holds the settings that every estimator has.
 
     Raises
     ------
@@ -36,7 +36,7 @@ class EstimatorSettings:
 
 @dataclass(frozen=True)
 class Settings(EstimatorSettings):
-    """Numbers of the algorithms O, C and CE.
+    """Holds numbers of the algorithms O, C and CE.
 
     Raises
     ------

@@ -104,7 +104,7 @@ def intrinsic_variance(
 
 @njit
 def reflex_variance(moments: np.ndarray, gain: float, factor: float) -> float:
-    """Variance of G, the sum of the reflex response, whose score is (1' T⁻¹ v₊) e.
+    """Return the variance of G, the sum of the reflex response, whose score is (1' T⁻¹ v₊) e.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ LARGEST_CORE_STIFFNESS = 1000.0
 
 
 class Straps:
-    """The transfer from the plate to the foot, kept between blocks.
+    """Computes the transfer from the plate to the foot, kept between blocks.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Straps:
 
     @property
     def share(self) -> float:
-        """H at rest, the share of a slow movement that reaches the foot [1]."""
+        """Return H at rest, the share of a slow movement that reaches the foot [1]."""
         return self._k / (self._k + self._stiffness)
 
     def follow(self, stiffness: float) -> None:

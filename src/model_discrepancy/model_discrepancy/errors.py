@@ -2,6 +2,6 @@
 
 
 class DiagnosisError(ValueError):
-    """A recording or a request that cannot be diagnosed at all (a bad recording is a verdict, not
-    an error).
+    """Reports a recording or a request that cannot be diagnosed at all (a bad recording is a
+    verdict, not an error).
     """

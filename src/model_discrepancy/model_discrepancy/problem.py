@@ -74,7 +74,7 @@ class Problem:
 
     @property
     def in_a_loop(self) -> bool:
-        """Say whether the movement may hold torque that no movement causes.
+        """Tell whether the movement may hold torque that no movement causes.
 
         It may where the servo gives way and no command was recorded that would show it.
         """
@@ -151,8 +151,8 @@ def joint_impedance(base: Fit) -> tuple[float, float, float]:
 
 
 def clear_limit(fitter: Fitter, base: Fit) -> float:
-    """Highest frequency up to which the position's own noise, seen through the joint, is a small
-    part of the residual [Hz].
+    """Return the highest frequency up to which the position's own noise, seen through the joint, is
+    a small part of the residual [Hz].
 
     Above it the residual would hold the very noise that stands in the regressors, and they would
     seem to predict it.
@@ -174,7 +174,7 @@ def clear_limit(fitter: Fitter, base: Fit) -> float:
 
 
 def coherent_limit(motion: Motion) -> float:
-    """Highest frequency up to which torque and movement are coherent [Hz], 25 to 80."""
+    """Return the highest frequency up to which torque and movement are coherent [Hz], 25 to 80."""
     frequency, alike = coherence(
         motion.acceleration, motion.torque, motion.rate, nperseg=int(_SEGMENT_S * motion.rate)
     )

@@ -26,7 +26,7 @@ from model_discrepancy.search.screening import candidates, grid, screen
 
 
 class RecentSamples:
-    """The last seconds of the stream; one thread adds, another takes copies.
+    """Keeps the last seconds of the stream; one thread adds, another takes copies.
 
     Parameters
     ----------

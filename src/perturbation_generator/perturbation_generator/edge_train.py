@@ -25,7 +25,7 @@ class _Edge:
 
 
 class EdgeTrain:
-    """A train of edges that are added in the order of their times and sampled in order.
+    """Samples edges that are added in the order of their times.
 
     Edges are held at their exact times, not at samples, and every sample is evaluated by itself, so
     the signal is the same whatever the rate and in whatever blocks it is read.

@@ -26,8 +26,8 @@ from ankle_interfaces.quantity import Quantity, Value
 
 @dataclass(frozen=True)
 class Extremes:
-    """Upper bounds of the absolute position [rad], velocity [rad/s] and acceleration [rad/s^2] of a
-    signal.
+    """Holds upper bounds of the absolute position [rad], velocity [rad/s] and acceleration
+    [rad/s^2] of a signal.
     """
 
     position: float
@@ -36,7 +36,7 @@ class Extremes:
 
 
 class Shape(ABC):
-    """The shape of one edge of unit height.
+    """Describes the shape of one edge of unit height.
 
     Attributes
     ----------
@@ -48,13 +48,13 @@ class Shape(ABC):
 
     @property
     def length(self) -> float:
-        """Shortest time [s] from one edge to the next; 0 where edges may overlap."""
+        """Return the shortest time [s] from one edge to the next; 0 where edges may overlap."""
         return 0.0
 
     @property
     @abstractmethod
     def settling(self) -> float:
-        """Time [s] after which the edge is over, to the last bit of a double."""
+        """Return the time [s] after which the edge is over, to the last bit of a double."""
 
     @abstractmethod
     def unit(
@@ -95,7 +95,7 @@ class Shape(ABC):
 
 @dataclass(frozen=True)
 class Block(Shape):
-    """An edge that is an instant step.
+    """Moves by an instant step.
 
     Its velocity is infinite in theory; sampled, the position moves by the whole step in one sample.
     Velocity and acceleration are given as that: first and second backward difference of the
@@ -123,7 +123,7 @@ class Block(Shape):
 
 @dataclass(frozen=True)
 class Filtered(Shape):
-    """An edge that is a step behind a second-order low-pass.
+    """Moves by a step behind a second-order low-pass.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class Filtered(Shape):
 
 @dataclass(frozen=True)
 class Polynomial(Shape):
-    """An edge that is a 5th-order polynomial of a given duration [s]; 24 ms in the paper."""
+    """Moves by a 5th-order polynomial of a given duration [s]; 24 ms in the paper."""
 
     name: ClassVar[str] = "polynomial"
     duration: float = 0.024

@@ -11,12 +11,12 @@ from perturbation_generator.signal import Signal
 
 
 class LimitError(QuantityError):
-    """A signal that would pass a limit. The message names value, unit and limit."""
+    """Reports a signal that would pass a limit. The message names value, unit and limit."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest absolute position [rad], velocity [rad/s] and acceleration [rad/s^2].
+    """Holds the largest absolute position [rad], velocity [rad/s] and acceleration [rad/s^2].
 
     Defaults, with their reason:
 

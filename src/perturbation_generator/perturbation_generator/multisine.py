@@ -25,7 +25,7 @@ POINTS = 32
 
 
 class Multisine(Signal):
-    """Sines of equal amplitude and random phase, scaled so that the position never passes the
+    """Sums sines of equal amplitude and random phase, scaled so that the position never passes the
     amplitude.
 
     On one side (``dorsiflexing``, ``plantarflexing``) the position stays between rest and the
@@ -121,7 +121,7 @@ class Multisine(Signal):
 
     @property
     def frequencies(self) -> np.ndarray:
-        """Frequencies of the sines [Hz], shape (m,)."""
+        """Return the frequencies of the sines [Hz], shape (m,)."""
         return self._harmonics * self.settings.rate / len(self._table)
 
     def extremes(self, amplitude: float) -> Extremes:

@@ -22,7 +22,7 @@ response stands in the background of the next one."""
 
 
 class OnRequest(Signal):
-    """One stretch for each request, to the side of ``direction`` (``both``: dorsiflexing)."""
+    """Gives one stretch for each request, to the side of ``direction`` (``both``: dorsiflexing)."""
 
     name = "on_request"
     parameters = (

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Schedule:
-    """The absolute deadlines of blocks.
+    """Holds the absolute deadlines of blocks.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Schedule:
 
 @dataclass
 class Lateness:
-    """The account of how late blocks were.
+    """Counts how late blocks were.
 
     Attributes
     ----------

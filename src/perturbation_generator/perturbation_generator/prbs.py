@@ -59,17 +59,19 @@ class Prbs(StepSequence):
 
     @property
     def spacing(self) -> float:
-        """The clock interval [s]."""
+        """Return the clock interval [s]."""
         return float(self.own["clock"])
 
     @property
     def longest_cycle(self) -> float:
-        """The longest run of equal bits is as long as the register [s]."""
+        """Return the longest run of equal bits [s]: as many clock intervals as the register has
+        bits.
+        """
         return int(self.own["order"]) * self.spacing
 
     @property
     def largest_step(self) -> float:
-        """Twice the amplitude where the sequence switches between both sides."""
+        """Return the largest step in multiples of the amplitude: 2 between both sides."""
         return float(len(self.settings.sides))
 
     def _draw(self) -> Cycle:

@@ -26,7 +26,7 @@ GROUP = 20
 
 
 class PulseStep(StepSequence):
-    """Pulses and steps in random order.
+    """Draws pulses and steps in random order.
 
     The width is from start of rise to start of fall. With instant edges it is the paper's 40 ms. An
     edge of 24 ms takes part of those 40 ms: velocity lasts as long as the edge, so with a width of
@@ -113,12 +113,12 @@ class PulseStep(StepSequence):
 
     @property
     def spacing(self) -> float:
-        """The pulse's width [s]."""
+        """Return the pulse's width [s]."""
         return self._width
 
     @property
     def longest_cycle(self) -> float:
-        """A block with the largest stretch [s]."""
+        """Return the length of a block with the largest stretch [s]."""
         return self._block + float(self.own["stretch"])
 
     def _draw(self) -> Cycle:

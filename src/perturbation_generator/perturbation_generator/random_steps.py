@@ -62,12 +62,12 @@ class RandomSteps(StepSequence):
 
     @property
     def spacing(self) -> float:
-        """The shortest hold [s]."""
+        """Return the shortest hold [s]."""
         return float(self.own["shortest_hold"])
 
     @property
     def longest_cycle(self) -> float:
-        """Two of the longest holds [s]."""
+        """Return the length of two of the longest holds [s]."""
         return 2 * float(self.own["longest_hold"])
 
     def _draw(self) -> Cycle:

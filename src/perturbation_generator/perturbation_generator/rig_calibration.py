@@ -34,7 +34,7 @@ DURATION = REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + REST
 
 
 class RigCalibration(Signal):
-    """Steps of random size on both sides of rest, then slow sweeps over the same range."""
+    """Steps by random heights on both sides of rest, then sweeps slowly over the same range."""
 
     name = "rig_calibration"
     parameters = ()

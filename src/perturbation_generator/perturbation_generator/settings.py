@@ -14,7 +14,7 @@ SIDES: dict[str, tuple[int, ...]] = {"dorsiflexing": (1,), "plantarflexing": (-1
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings that every signal has.
+    """Holds the settings that every signal has.
 
     Attributes
     ----------
@@ -56,17 +56,19 @@ class Settings:
 
     @property
     def sides(self) -> tuple[int, ...]:
-        """Signs of the sides that the signal moves to: 1 dorsiflexion, -1 plantarflexion."""
+        """Return the signs of the sides that the signal moves to: 1 dorsiflexion, -1
+        plantarflexion.
+        """
         return SIDES[self.direction]
 
     @property
     def end(self) -> float:
-        """Duration [s], infinite when endless."""
+        """Return the duration [s], infinite when endless."""
         return self.duration if self.duration > 0 else math.inf
 
     @property
     def samples(self) -> int | None:
-        """Number of samples in the whole signal, None when endless."""
+        """Return the number of samples in the whole signal, None when endless."""
         return round(self.duration * self.rate) if self.duration > 0 else None
 
 

@@ -19,7 +19,7 @@ from perturbation_generator.settings import Settings
 
 @dataclass(frozen=True)
 class Onset:
-    """The start of a movement.
+    """Describes the start of a movement.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Onset:
 
 
 class Signal(ABC):
-    """A perturbation, sample after sample; its state is kept between calls.
+    """Makes a perturbation, sample after sample; its state is kept between calls.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Signal(ABC):
 
     @property
     def time(self) -> float:
-        """Time [s] of the next sample since the start of the signal."""
+        """Return the time [s] of the next sample since the start of the signal."""
         return self._given / self.settings.rate
 
     def next(self, n: int) -> np.ndarray:

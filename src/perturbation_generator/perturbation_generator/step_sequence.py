@@ -17,7 +17,7 @@ from perturbation_generator.signal import Onset, Signal
 
 @dataclass(frozen=True)
 class Cycle:
-    """The smallest piece of a sequence that is drawn at once.
+    """Describes the smallest piece of a sequence that is drawn at once.
 
     Attributes
     ----------
@@ -32,7 +32,8 @@ class Cycle:
 
 
 class StepSequence(Signal):
-    """A sequence of cycles. The amplitude is read when a cycle starts and holds for all of it.
+    """Draws a sequence of cycles. The amplitude is read when a cycle starts and holds for all of
+    it.
 
     During ``ramp_in`` each cycle has the amplitude times its end's share of the ramp. A cycle
     starts only where it ends and settles before ``duration``; after the last one the position
@@ -62,16 +63,16 @@ class StepSequence(Signal):
     @property
     @abstractmethod
     def spacing(self) -> float:
-        """Shortest time between the starts of two edges [s]."""
+        """Return the shortest time between the starts of two edges [s]."""
 
     @property
     @abstractmethod
     def longest_cycle(self) -> float:
-        """Longest cycle that can be drawn [s]."""
+        """Return the longest cycle that can be drawn [s]."""
 
     @property
     def largest_step(self) -> float:
-        """Height of the largest edge in multiples of the amplitude."""
+        """Return the height of the largest edge in multiples of the amplitude."""
         return 1.0
 
     @abstractmethod

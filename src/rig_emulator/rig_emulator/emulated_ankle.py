@@ -12,7 +12,7 @@ from rig_emulator.faulty_sensors import FaultySensors
 
 
 class EmulatedAnkle:
-    """The rig that `ankle_sim` runs, with the controller's command as its reference.
+    """Simulates the rig that `ankle_sim` runs, with the controller's command as its reference.
 
     Parameters
     ----------

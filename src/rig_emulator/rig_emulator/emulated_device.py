@@ -57,7 +57,7 @@ at 5 rad/s; twice that is a broken drive."""
 
 
 class Plant(Protocol):
-    """The plate with a foot on it."""
+    """Describes the interface to the plate with a foot on it."""
 
     def run(self, command: np.ndarray) -> np.ndarray:
         """Return measured position [rad], velocity [rad/s] and torque [N.m], shape (n, 3).
@@ -81,7 +81,7 @@ class _Host:
 
 
 class EmulatedDevice:
-    """One controller.
+    """Emulates one controller.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class EmulatedDevice:
 
     @property
     def host(self) -> int:
-        """Session of the driver that is obeyed; 0 for none."""
+        """Return the session of the driver that is obeyed; 0 for none."""
         return self._host.session
 
     def receive(self, data: bytes, now: float) -> Union[Heartbeat, Refusal]:

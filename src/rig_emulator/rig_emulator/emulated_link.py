@@ -18,7 +18,7 @@ from rig_emulator.settings import Settings
 
 
 class QueueEnd:
-    """One end of a line within a process.
+    """Carries packets between the two ends of a line within a process.
 
     Parameters
     ----------

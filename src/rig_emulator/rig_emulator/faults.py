@@ -34,7 +34,7 @@ SWITCHES = {
 
 @dataclass(frozen=True)
 class Faults:
-    """The switches of the rig's faults; see `SWITCHES`."""
+    """Holds the switches of the rig's faults; see `SWITCHES`."""
 
     drop: float = 0.0
     duplicate: float = 0.0

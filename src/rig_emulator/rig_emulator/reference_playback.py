@@ -21,7 +21,7 @@ Motion = tuple[float, float, float]
 
 
 class Empty(Enum):
-    """Reason why there is no motion at a time."""
+    """Names the reason why there is no motion at a time."""
 
     BEFORE = "the first sample is still to come"
     OVER = "the samples are over while the plate moves, or a gap is too long to bridge"
@@ -47,7 +47,7 @@ class ReferencePlayback:
 
     @property
     def end(self) -> float | None:
-        """Time of the last sample [s]; None where there is none."""
+        """Return the time of the last sample [s]; None where there is none."""
         return self._knots[-1][0] if self._knots else None
 
     def follows(self, first: float, interval: float) -> float | None:

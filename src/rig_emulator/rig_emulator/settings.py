@@ -82,7 +82,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class Settings:
-    """What a rig emulator is made of.
+    """Holds what a rig emulator is made of.
 
     Attributes
     ----------

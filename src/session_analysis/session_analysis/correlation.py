@@ -22,7 +22,7 @@ LEAST_PAIRS = 6
 
 @dataclass(frozen=True)
 class Correlation:
-    """A correlation over n pairs.
+    """Holds a correlation over n pairs.
 
     Attributes
     ----------

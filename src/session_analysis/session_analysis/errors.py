@@ -2,4 +2,4 @@
 
 
 class AnalysisError(ValueError):
-    """Recordings from which the question cannot be answered."""
+    """Reports recordings from which the question cannot be answered."""

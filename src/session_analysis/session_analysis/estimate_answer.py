@@ -35,7 +35,7 @@ below 1e-4, perturbations are above 5e-3."""
 
 @dataclass(frozen=True)
 class Answer:
-    """The result of estimating one recording.
+    """Holds the result of estimating one recording.
 
     Attributes
     ----------
@@ -75,12 +75,12 @@ class Answer:
 
     @property
     def valid(self) -> np.ndarray:
-        """Whether each estimate is valid, shape (n,)."""
+        """Tell whether each estimate is valid, shape (n,)."""
         return self.column("valid[1]") > 0
 
     @property
     def doubtful(self) -> np.ndarray:
-        """Whether each estimate is valid but doubtful, shape (n,).
+        """Tell whether each estimate is valid but doubtful, shape (n,).
 
         None is doubtful where the estimator states no doubt.
         """

@@ -30,7 +30,7 @@ faster is shown."""
 
 @dataclass(frozen=True)
 class Excerpt:
-    """Signals from shortly before one hold to shortly after the next.
+    """Holds signals from shortly before one hold to shortly after the next.
 
     Attributes
     ----------

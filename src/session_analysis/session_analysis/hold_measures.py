@@ -32,7 +32,7 @@ reflex that varies by 30 % from stretch to stretch is known to 4 %."""
 
 @dataclass(frozen=True)
 class HoldMeasures:
-    """One hold's paired data.
+    """Holds one hold's paired data.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ LARGEST_LOST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class HoldOpinion:
-    """The values of one hold by both methods.
+    """Holds the values of one hold by both methods.
 
     Attributes
     ----------

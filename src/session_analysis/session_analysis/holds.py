@@ -14,7 +14,7 @@ mean of a reflex (30 % variation from stretch to stretch) is less sure than 3 %.
 
 @dataclass(frozen=True)
 class Hold:
-    """A stretch of time in which the subject kept one state.
+    """Describes a stretch of time in which the subject kept one state.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Excluded:
-    """Something that is left out, and why."""
+    """Names something that is left out, and why."""
 
     what: str
     reason: str

@@ -44,7 +44,7 @@ def _with_doubt(block: Block) -> Block:
 
 @dataclass(frozen=True)
 class RecordedSession:
-    """The analysed data of one bag.
+    """Holds the analysed data of one bag.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ part."""
 
 @dataclass(frozen=True)
 class Track:
-    """One line of the page: evenly spaced values.
+    """Holds one line of the page: evenly spaced values.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ BAND = (0.5, 40.0)
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """The frequency response from position to torque; all arrays have the shape (k,).
+    """Holds the frequency response from position to torque; all arrays have the shape (k,).
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class FrequencyResponse:
 
 @dataclass(frozen=True)
 class SecondOpinion:
-    """The result of the offline method.
+    """Holds the result of the offline method.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ PAPER = {
 
 @dataclass(frozen=True)
 class Cell:
-    """One entry of the table with the data behind it.
+    """Holds one entry of the table with the data behind it.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Validation:
-    """The result of validating sessions.
+    """Holds the result of validating sessions.
 
     Attributes
     ----------

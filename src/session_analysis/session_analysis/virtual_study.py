@@ -59,7 +59,7 @@ DESCRIPTION_KEY = "virtual_session"
 
 @dataclass(frozen=True)
 class VirtualSession:
-    """The description of how one bag is made.
+    """Describes how one bag is made.
 
     Attributes
     ----------

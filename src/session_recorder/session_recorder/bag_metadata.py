@@ -52,7 +52,7 @@ BLOCK_QOS = qos(64)
 
 @dataclass
 class Topic:
-    """One topic of a bag.
+    """Describes one topic of a bag.
 
     Attributes
     ----------
@@ -80,8 +80,8 @@ class Topic:
 
 @dataclass
 class Contents:
-    """What ``metadata.yaml`` says about a bag: topics, counts, times [ns], files, free key-value
-    pairs.
+    """Holds what ``metadata.yaml`` says about a bag: topics, counts, times [ns], files, free
+    key-value pairs.
     """
 
     files: list[str]
@@ -92,7 +92,7 @@ class Contents:
 
     @property
     def count(self) -> int:
-        """The number of messages of all topics."""
+        """Return the number of messages of all topics."""
         return sum(topic.count for topic in self.topics)
 
 

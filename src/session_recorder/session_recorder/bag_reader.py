@@ -21,7 +21,7 @@ from session_recorder.mcap_file import McapFile, Progress
 
 
 class BagReader:
-    """A bag: a rosbag2 directory, or a single ``.mcap`` file.
+    """Reads a bag: a rosbag2 directory, or a single ``.mcap`` file.
 
     A bag whose writer was killed opens as well: `problems` says what is missing.
 
@@ -132,17 +132,17 @@ class BagReader:
 
     @property
     def count(self) -> int:
-        """The number of messages of all topics that can be read."""
+        """Return the number of messages of all topics that can be read."""
         return sum(topic.count for topic in self.topics.values())
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last message [s]."""
+        """Return the time from the first to the last message [s]."""
         return (self.end_ns - self.start_ns) * 1e-9
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is missing or damaged."""
+        """Tell whether nothing is missing or damaged."""
         return not self.problems
 
     def metadata_record(self, name: str) -> dict[str, str]:

@@ -37,7 +37,7 @@ CUSTOM_RECORD = "session_recorder"
 
 
 class BagWriter:
-    """A new bag: a rosbag2 directory with one MCAP file of zstd chunks.
+    """Writes a new bag: a rosbag2 directory with one MCAP file of zstd chunks.
 
     Use it in a ``with`` statement; leaving it writes the index and ``metadata.yaml``, also after an
     error.
@@ -108,22 +108,22 @@ class BagWriter:
 
     @property
     def topics(self) -> Mapping[str, Topic]:
-        """The topics so far, with their counts."""
+        """Return the topics so far, with their counts."""
         return self._topics
 
     @property
     def count(self) -> int:
-        """Messages written so far."""
+        """Return the number of messages written so far."""
         return sum(topic.count for topic in self._topics.values())
 
     @property
     def start_ns(self) -> int:
-        """Log time [ns] of the earliest message."""
+        """Return the log time [ns] of the earliest message."""
         return self._start_ns
 
     @property
     def end_ns(self) -> int:
-        """Log time [ns] of the latest message."""
+        """Return the log time [ns] of the latest message."""
         return self._end_ns
 
     def add_topic(

@@ -2,8 +2,8 @@
 
 
 class BagError(ValueError):
-    """A bag that is missing, damaged, not a bag, or cannot be written."""
+    """Reports a bag that is missing, damaged, not a bag, or cannot be written."""
 
 
 class ImportRefused(ValueError):  # noqa: N818 - the recording is refused, nothing failed
-    """A recording whose data contradict what was stated about them."""
+    """Reports a recording whose data contradict what was stated about them."""

@@ -19,7 +19,7 @@ WINDOW = 32
 
 
 class Flow:
-    """The messages of one topic on their way to its readers; safe to use from two threads.
+    """Follows the messages of one topic on their way to its readers; safe to use from two threads.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Flow:
 
     @property
     def sent(self) -> int:
-        """Messages sent so far."""
+        """Return the number of messages sent so far."""
         return len(self._sent_at)
 
     def sending(self, now_ns: int) -> None:
@@ -61,7 +61,7 @@ class Flow:
 
     @property
     def under_way(self) -> int:
-        """The number of messages that the slowest reader has not acknowledged.
+        """Return the number of messages that the slowest reader has not acknowledged.
 
         It is 0 without readers that report it.
 

@@ -32,7 +32,7 @@ Progress = Callable[[float], None]
 
 
 class LossAccount:
-    """The account of what a recording lacks, over all its topics.
+    """Counts what a recording lacks, over all its topics.
 
     Attributes
     ----------
@@ -78,17 +78,17 @@ class LossAccount:
 
     @property
     def missing(self) -> int:
-        """The number of samples that are missing in all topics."""
+        """Return the number of samples that are missing in all topics."""
         return sum(account.missing for account in self.topics.values())
 
     @property
     def missing_messages(self) -> int:
-        """The number of lost messages of other topics."""
+        """Return the number of lost messages of other topics."""
         return sum(self.lost_messages.values())
 
     @property
     def origin(self) -> float:
-        """Time [s] of the first sample of all topics, from which sentences count."""
+        """Return the time [s] of the first sample of all topics, from which sentences count."""
         return min(
             (account.first for account in self.topics.values() if account.first is not None),
             default=0.0,

@@ -61,7 +61,7 @@ class _Piece:
 
 
 class McapFile:
-    """The channels, counts and messages of one MCAP file.
+    """Reads the channels, counts and messages of one MCAP file.
 
     Attributes
     ----------

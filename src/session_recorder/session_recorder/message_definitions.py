@@ -20,7 +20,7 @@ from session_recorder.errors import BagError
 
 @dataclass(frozen=True)
 class Definition:
-    """The definition of a message type as a bag stores it.
+    """Holds the definition of a message type as a bag stores it.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ to the graph within a second; the messages of both look like loss until then."""
 
 
 class MessageNumbers:
-    """The account of the messages of one topic by their publisher's numbers.
+    """Counts the messages of one topic by their publisher's numbers.
 
     Numbers of several publishers cannot be distinguished, so a topic that ever had more than one is
     not judged; a jump in the numbers therefore waits until the graph would show a second one.

@@ -17,7 +17,7 @@ from session_recorder.message_numbers import MessageNumbers
 
 
 class Recording:
-    """Messages on their way into a bag.
+    """Writes messages into a bag, and keeps account of what is missing.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """The time since the start [s]."""
+        """Return the time since the start [s]."""
         return time.monotonic() - self._began
 
     def add_topic(self, topic: str, message_type: str, qos: Collection[Qos]) -> None:

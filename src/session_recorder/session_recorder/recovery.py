@@ -13,7 +13,7 @@ from session_recorder.mcap_file import Progress
 
 @dataclass(frozen=True)
 class Recovery:
-    """The outcome of `recover`.
+    """Holds the outcome of `recover`.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ def choose_topics(reader: BagReader, wanted: str) -> list[str]:
 
 
 class Outlet(Protocol):
-    """The place that a replay sends to: the graph, or a test."""
+    """Describes the place that a replay sends to: the graph, or a test."""
 
     def send(self, topic: str, message: bytes) -> None:
         """Publish a message."""
@@ -123,7 +123,7 @@ class Replay:
 
     @property
     def elapsed(self) -> float:
-        """The bag time replayed so far [s]."""
+        """Return the bag time replayed so far [s]."""
         return 0.0 if self._begin_ns is None else (self._time_ns - self._begin_ns) * 1e-9
 
     def run(self) -> bool:

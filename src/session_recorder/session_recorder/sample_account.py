@@ -43,7 +43,7 @@ MIN_IRREGULAR_GAP = 4
 
 @dataclass
 class Gap:
-    """A gap: samples that are missing between two others.
+    """Describes a gap: samples that are missing between two others.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Gap:
 
 @dataclass
 class SampleAccount:
-    """The account of the samples of one topic.
+    """Counts the samples of one topic.
 
     Attributes
     ----------
@@ -105,28 +105,30 @@ class SampleAccount:
 
     @property
     def irregular(self) -> bool:
-        """Whether the sampling is irregular, so that no single missing sample can be recognised."""
+        """Tell whether the sampling is irregular, so that no single missing sample can be
+        recognised.
+        """
         return self.uneven > MAX_IRREGULAR_SHARE * self.samples
 
     @property
     def lasting_gaps(self) -> list[Gap]:
-        """The gaps that count as loss."""
+        """Return the gaps that count as loss."""
         least = MIN_IRREGULAR_GAP if self.irregular else 1
         return [gap for gap in self.gaps if gap.missing >= least]
 
     @property
     def missing(self) -> int:
-        """The number of samples that are missing in all gaps."""
+        """Return the number of samples that are missing in all gaps."""
         return sum(gap.missing for gap in self.lasting_gaps)
 
     @property
     def missing_time(self) -> float:
-        """The length of what is missing [s]."""
+        """Return the length of what is missing [s]."""
         return self.missing / self.rate if self.rate else 0.0
 
     @property
     def mixed(self) -> bool:
-        """Whether time runs back so often that two sources are likely to publish the topic."""
+        """Tell whether time runs back so often that two sources are likely to publish the topic."""
         return self._steps_back >= max(MIN_MIXED_STEPS, MIXED_SHARE * self.blocks)
 
     def add(self, block: Block) -> list[str]:

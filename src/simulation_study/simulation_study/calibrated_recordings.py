@@ -72,7 +72,7 @@ EFFECTS = (
 
 @dataclass(frozen=True)
 class Session:
-    """One recording of the study.
+    """Describes one recording of the study.
 
     Attributes
     ----------

@@ -26,8 +26,8 @@ COLOURS = {"O": "tab:orange", "CE": "tab:blue"}
 
 @dataclass(frozen=True)
 class IntrinsicAccuracy:
-    """VAF of the true intrinsic torque [%], mean and standard deviation over seeds; shape (2,)
-    each.
+    """Holds the VAF of the true intrinsic torque [%], mean and standard deviation over seeds; shape
+    (2,) each.
 
     Attributes
     ----------

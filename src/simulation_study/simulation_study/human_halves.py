@@ -42,7 +42,7 @@ STATED = ("K[N.m/rad]", "G[N.m.s/rad]")
 
 
 class Half(NamedTuple):
-    """One half of a trial with the model that was found in the other.
+    """Holds one half of a trial with the model that was found in the other.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ INTRINSIC_TERMS = ("inertia", "viscosity", "stiffness")
 
 @dataclass(frozen=True)
 class Rig:
-    """Signal and model of one condition.
+    """Holds signal and model of one condition.
 
     Attributes
     ----------

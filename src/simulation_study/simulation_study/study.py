@@ -46,14 +46,14 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """Names the file of the result."""
+        """Return the name of the result's file."""
 
 
 Item = TypeVar("Item", bound=Named)
 
 
 class StudyError(RuntimeError):
-    """A study that cannot begin or go on as asked."""
+    """Reports a study that cannot begin or go on as asked."""
 
 
 def run_study(

@@ -30,7 +30,7 @@ RESAMPLES = 400
 
 @dataclass(frozen=True)
 class Cell:
-    """A number and the range within which it may lie.
+    """Holds a number and the range within which it may lie.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ DURATION = 240.0
 
 @dataclass(frozen=True)
 class Ankle:
-    """Parameters of the joint; defaults from van 't Veld et al. 2018, section III-A."""
+    """Holds parameters of the joint; defaults from van 't Veld et al. 2018, section III-A."""
 
     K: float = 100.0
     """[N.m/rad]"""

@@ -85,7 +85,7 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """Name of the case, unique within a study."""
+        """Return the name of the case, unique within a study."""
         return f"{self.kind}-{self.number:03d}-{'+'.join(self.hidden) or 'nothing'}"
 
 

@@ -27,7 +27,7 @@ DEVICE_PORT = 20480
 
 @dataclass(frozen=True)
 class Arrival:
-    """Something that the link gives.
+    """Holds something that the link gives.
 
     Attributes
     ----------
@@ -58,7 +58,9 @@ class Clocks:
 
 
 class RigLink(ABC):
-    """A line to one rig. Made by `open_link`; used by one thread, but for `send` and `silence`."""
+    """Connects a driver to one rig. Made by `open_link`; used by one thread, but for `send` and
+    `silence`.
+    """
 
     def __init__(self, values: Mapping[str, Value], clocks: Clocks) -> None:
         """Open the line.

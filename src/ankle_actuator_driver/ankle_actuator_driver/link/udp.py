@@ -15,7 +15,7 @@ from ankle_interfaces.quantity import Value
 
 
 class Link(PacketLink):
-    """UDP to one pinned address."""
+    """Sends packets by UDP to one pinned address, and receives them from there."""
 
     line: UdpTransport
 

@@ -75,7 +75,7 @@ longer than a page needs to reload, and no longer than an operator takes to look
 
 
 class Bridge:
-    """The safety logic of one driver.
+    """Holds the safety logic of one driver.
 
     Parameters
     ----------
@@ -143,12 +143,12 @@ class Bridge:
 
     @property
     def report(self) -> RigReport | None:
-        """The newest report of the rig."""
+        """Return the newest report of the rig."""
         return self._report
 
     @property
     def expectations(self) -> Expectations:
-        """What the sensors are checked against; it may be set at any time."""
+        """Return what the sensors are checked against; it may be set at any time."""
         return self.sensors.expectations
 
     @expectations.setter

@@ -43,7 +43,7 @@ The paper's edges are within 2 %."""
 
 
 class Verdict(Enum):
-    """What becomes of a stretch of reference."""
+    """Names what becomes of a stretch of reference."""
 
     FOLLOWED = "followed"
     LEFT_OUT = "left out"
@@ -53,7 +53,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Decision:
-    """The decision about one stretch.
+    """Holds the decision about one stretch.
 
     Attributes
     ----------

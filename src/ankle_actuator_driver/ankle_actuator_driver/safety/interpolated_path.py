@@ -20,7 +20,7 @@ smoothly."""
 
 @dataclass(frozen=True)
 class Path:
-    """Motion at many places of an interpolated path, knots included.
+    """Holds the motion at many places of an interpolated path, knots included.
 
     Attributes
     ----------

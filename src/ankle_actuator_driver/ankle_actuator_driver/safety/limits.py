@@ -26,7 +26,7 @@ PATH_MARGIN = 1e-6
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest absolute values, with the reason of each default.
+    """Holds the largest absolute values, with the reason of each default.
 
     Attributes
     ----------

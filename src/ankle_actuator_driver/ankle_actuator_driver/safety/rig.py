@@ -9,8 +9,8 @@ import numpy as np
 
 
 class Wanted(IntEnum):
-    """What the driver wants the rig to do. OFF always means: a smooth stop first, if the plate
-    moves.
+    """Names what the driver wants the rig to do. OFF always means: a smooth stop first, if the
+    plate moves.
     """
 
     OFF = 0
@@ -19,7 +19,7 @@ class Wanted(IntEnum):
 
 
 class DeviceState(IntEnum):
-    """What the rig does."""
+    """Names what the rig does."""
 
     OFF = 0
     HOLD = 1
@@ -29,7 +29,7 @@ class DeviceState(IntEnum):
 
 
 class DeviceFault(IntEnum):
-    """Why the rig is, or is about to be, in `DeviceState.FAULT`."""
+    """Names why the rig is, or is about to be, in `DeviceState.FAULT`."""
 
     NONE = 0
     HEARTBEAT_LOST = 1
@@ -42,7 +42,7 @@ class DeviceFault(IntEnum):
 
 
 class Status(IntFlag):
-    """Bits that say more about the rig."""
+    """Lists the bits that say more about the rig."""
 
     EMERGENCY_STOP_PRESSED = 1
     YIELDING = 2
@@ -55,7 +55,9 @@ UNPOWERED = (DeviceState.OFF, DeviceState.FAULT)
 
 
 class Purpose(Enum):
-    """Reason why an order leaves; a driver that no longer hears the rig may send a stop only."""
+    """Names the reason why an order leaves; a driver that no longer hears the rig may send a stop
+    only.
+    """
 
     HEARTBEAT = "heartbeat"
     REFERENCE = "reference"
@@ -64,7 +66,7 @@ class Purpose(Enum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Evenly spaced samples of the motion that the plate is to follow.
+    """Holds evenly spaced samples of the motion that the plate is to follow.
 
     Attributes
     ----------
@@ -80,7 +82,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Order:
-    """What the driver orders; every order is a heartbeat as well.
+    """Holds what the driver orders; every order is a heartbeat as well.
 
     Attributes
     ----------
@@ -102,7 +104,7 @@ class Order:
 
 @dataclass(frozen=True)
 class RigReport:
-    """What a rig says of itself, in ROS time.
+    """Holds what a rig says of itself, in ROS time.
 
     Attributes
     ----------
@@ -138,7 +140,7 @@ class RigReport:
 
 @dataclass(frozen=True)
 class Interruption:
-    """An interruption of the line: the rig has started anew, or a clock was set.
+    """Says that the line was interrupted: the rig has started anew, or a clock was set.
 
     Attributes
     ----------
@@ -151,7 +153,7 @@ class Interruption:
 
 @dataclass(frozen=True)
 class Remark:
-    """A sentence for the operator that changes nothing.
+    """Tells the operator a sentence that changes nothing.
 
     Attributes
     ----------

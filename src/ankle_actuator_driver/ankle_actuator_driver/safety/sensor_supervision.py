@@ -61,7 +61,7 @@ VELOCITY_AVERAGE_SAMPLES = 8
 
 @dataclass(frozen=True)
 class Expectations:
-    """What the least stiff joint and the worst allowed drive let the sensors show.
+    """Holds what the least stiff joint and the worst allowed drive let the sensors show.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ the rest is for packets lost on the way."""
 
 
 class State(Enum):
-    """State of the driver."""
+    """Names the state of the driver."""
 
     DISABLED = "disabled"
     READY = "ready"
@@ -46,7 +46,7 @@ _ANSWER = {Wanted.HOLD: DeviceState.HOLD, Wanted.FOLLOW: DeviceState.FOLLOW}
 
 @dataclass(frozen=True)
 class Answer:
-    """Answer to an operator's command.
+    """Holds the answer to an operator's command.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Answer:
 
 
 class SafetyStates:
-    """The state machine that follows commands and the rig.
+    """Follows the operator's commands and the rig from state to state.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class SafetyStates:
 
     @property
     def wanted(self) -> Wanted:
-        """What the rig is ordered to do."""
+        """Return what the rig is ordered to do."""
         return _WANTED.get(self.state, Wanted.OFF)
 
     def _enter(self, state: State, now: float, reason: str = "") -> None:

@@ -31,7 +31,7 @@ def stopping_distance(velocity: Number, deceleration: float) -> Number:
 
 @dataclass(frozen=True)
 class StopMotion:
-    """The motion of one stop.
+    """Computes the motion of one stop.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ perturbation.
 
 @dataclass(frozen=True)
 class Admittance:
-    """How a plate yields.
+    """Describes how a plate yields.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ reference is ahead: a block each way and the servo."""
 
 
 class TorqueYield:
-    """The offset by which the plate gives way.
+    """Computes the offset by which the plate gives way.
 
     Parameters
     ----------

@@ -12,8 +12,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ActivationDynamics(Term):
-    """Calcium is released within milliseconds and taken up within tenths of a second (Zajac 1989,
-    Crit. Rev. Biomed. Eng. 17, 359: 10 to 20 ms up, 40 to 200 ms down).
+    """Models that calcium is released within milliseconds and taken up within tenths of a second
+    (Zajac 1989, Crit. Rev. Biomed. Eng. 17, 359: 10 to 20 ms up, 40 to 200 ms down).
     """
 
     name = "activation_dynamics"

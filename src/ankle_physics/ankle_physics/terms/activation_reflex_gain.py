@@ -12,8 +12,8 @@ from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 
 class ActivationReflexGain(ReflexArc):
-    """Automatic gain compensation: the reflex grows with the background activity of its muscle
-    (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque.
+    """Models automatic gain compensation: the reflex grows with the background activity of its
+    muscle (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque.
     """
 
     name = "activation_reflex_gain"

@@ -12,8 +12,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ActivationStiffness(Term):
-    """Intrinsic stiffness and viscosity grow with the background torque that the muscles hold; K
-    and B are what is left at zero torque.
+    """Models that intrinsic stiffness and viscosity grow with the background torque that the
+    muscles hold; K and B are what is left at zero torque.
 
     Weiss, Hunter & Kearney 1988 (J. Biomech. 21, 539): stiffness rises linearly with torque, by 1
     to 8 N.m/rad per N.m.

@@ -13,9 +13,9 @@ from ankle_physics.term import Parameter, Place, State, Values
 
 
 class AntagonistReflex(ReflexArc):
-    """Stretch reflex of the shin muscle (tibialis anterior), or the calf's activity falling away
-    when it is unloaded; without EMG the two cannot be told apart. It sees the foot's velocity, not
-    the calf's reflex input.
+    """Models the stretch reflex of the shin muscle (tibialis anterior), or the calf's activity
+    falling away when it is unloaded; without EMG the two cannot be told apart. It sees the foot's
+    velocity, not the calf's reflex input.
     """
 
     name = "antagonist_reflex"

@@ -9,8 +9,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class AsymmetricDamping(Term):
-    """B holds in plantarflexion, B + b in dorsiflexion; without delay, which tells it from a
-    reflex.
+    """Models damping that differs by direction: B in plantarflexion, B + b in dorsiflexion; without
+    delay, which tells it from a reflex.
 
     Lengthening muscle resists more than shortening muscle gives way (Katz 1939: the slopes of the
     force-velocity curve differ by a factor of up to 6).

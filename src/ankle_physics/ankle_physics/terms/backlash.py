@@ -10,9 +10,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Backlash(Term):
-    """The foot follows the backlash operator of the plate's position; it moves only while it is in
-    touch. Its acceleration is the plate's while in touch: the impact itself is shorter than the
-    band that is measured.
+    """Models a foot that follows the backlash operator of the plate's position; it moves only while
+    it is in touch. Its acceleration is the plate's while in touch: the impact itself is shorter
+    than the band that is measured.
     """
 
     name = "backlash"

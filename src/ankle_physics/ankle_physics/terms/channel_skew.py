@@ -10,7 +10,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ChannelSkew(Term):
-    """Two acquisition cards, or a driver that buffers one channel.
+    """Models two acquisition cards, or a driver that buffers one channel.
 
     Simulation delays the channel that is late.
     """

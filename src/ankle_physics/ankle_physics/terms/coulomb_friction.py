@@ -9,8 +9,8 @@ from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 
 
 class CoulombFriction(Term):
-    """Dry friction of footplate bearings and seals; v0 rounds the jump at rest so that noise does
-    not switch it.
+    """Models the dry friction of footplate bearings and seals; v0 rounds the jump at rest so that
+    noise does not switch it.
     """
 
     name = "coulomb_friction"

@@ -11,7 +11,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class CyclicStiffness(Term):
-    """Stiffness rises and falls with the phase of a rhythm: breathing, stepping or a tracked sine.
+    """Models stiffness that rises and falls with the phase of a rhythm: breathing, stepping or a
+    tracked sine.
 
     Over the stance phase of walking the stiffness of the ankle changes by a factor of four (Rouse
     et al. 2014, IEEE Trans. Neural Syst. Rehabil. Eng. 22, 870). t counts from the first sample. K

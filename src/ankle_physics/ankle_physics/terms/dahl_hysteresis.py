@@ -10,8 +10,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class DahlHysteresis(Term):
-    """Rate-independent hysteresis: a bristle that bends over `slide` and then slips with the torque
-    F.
+    """Models rate-independent hysteresis: a bristle that bends over `slide` and then slips with the
+    torque F.
 
     Dahl 1968; the rate-independent part of the LuGre model (Canudas de Wit et al. 1995, IEEE Trans.
     Autom. Control 40, 419). It keeps its torque at rest.

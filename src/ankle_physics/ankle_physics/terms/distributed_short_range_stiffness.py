@@ -23,7 +23,8 @@ _SOURCE = (
 
 
 class DistributedShortRangeStiffness(Term):
-    """Cross-bridges and tissues of different reach hold and let go at different extensions.
+    """Models cross-bridges and tissues of different reach, which hold and let go at different
+    extensions.
 
     A parallel arrangement of springs that slip at different sizes (Iwan 1966, J. Appl. Mech. 33,
     893) with recovery at rest. Its stiffness falls gradually with the size of the movement, where

@@ -15,8 +15,8 @@ from ankle_physics.term import Parameter, Place, Values
 
 
 class FixationCompliance(CompliantCoupling):
-    """A spring and a damper between footplate and foot; the torque sensor at the plate sees what
-    they transmit.
+    """Models a spring and a damper between footplate and foot; the torque sensor at the plate sees
+    what they transmit.
 
     With the foot's inertia of 0.0137 kg.m^2 the fixation resonates at sqrt(k_s / I) / (2 pi): 24 Hz
     at 300 N.m/rad, 61 Hz at 2000, 192 Hz at 20000, where it is rigid for a 30 Hz actuator.

@@ -10,7 +10,7 @@ from ankle_physics.terms.coulomb_friction import CoulombFriction
 
 
 class FootplateFriction(Term):
-    """Friction between plate and frame, as a calibration with the plate empty finds it.
+    """Models the friction between plate and frame, as a calibration with the plate empty finds it.
 
     It acts on the plate's velocity; a recording with a foot strapped on rigidly cannot tell it
     from `coulomb_friction`.

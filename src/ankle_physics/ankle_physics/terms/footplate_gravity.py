@@ -10,7 +10,8 @@ from ankle_physics.terms.gravity import Gravity
 
 
 class FootplateGravity(Term):
-    """Moment of the plate's weight about the axis, as a calibration with the plate empty finds it.
+    """Models the moment of the plate's weight about the axis, as a calibration with the plate empty
+    finds it.
 
     `level` is the angle at which the plate's centre of mass is straight below the axis.
     """

@@ -9,8 +9,8 @@ from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 
 
 class FootplateInertia(Term):
-    """Moves with the plate, not with the foot; it can be told from I only where the two move
-    differently.
+    """Models an inertia that moves with the plate, not with the foot; it can be told from I only
+    where the two move differently.
     """
 
     name = "footplate_inertia"

@@ -15,7 +15,7 @@ _SPACING = np.log(_RATES[1] / _RATES[0])
 
 
 class FractionalDamping(Term):
-    """``s^alpha = sin(pi alpha)/pi * integral over p of p^(alpha-1) s/(s+p)``, as a sum of
+    """Models ``s^alpha = sin(pi alpha)/pi * integral over p of p^(alpha-1) s/(s+p)`` as a sum of
     relaxations.
 
     Biological tissue creeps and relaxes by a power law (Fabry et al. 2001, Phys. Rev. Lett. 87,

@@ -9,8 +9,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Gravity(Term):
-    """Moment of the weight about the ankle axis; `level` is the angle at which the centre of mass
-    is straight below the axis.
+    """Models the moment of the weight about the ankle axis; `level` is the angle at which the
+    centre of mass is straight below the axis.
 
     Over small movements it is a constant and a stiffness of m * cos(x - level): a recording cannot
     tell it from K, a change of posture can.

@@ -10,8 +10,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class HardeningStiffness(Term):
-    """Odd curvature of the static torque-angle curve (Duffing): hardening for k3 > 0, softening for
-    k3 < 0.
+    """Models odd curvature of the static torque-angle curve (Duffing): hardening for k3 > 0,
+    softening for k3 < 0.
     """
 
     name = "hardening_stiffness"

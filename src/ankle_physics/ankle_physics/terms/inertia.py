@@ -9,7 +9,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Inertia(Term):
-    """``torque = I * foot acceleration`` (van 't Veld et al. 2018, figure 1)."""
+    """Models the inertia of the foot: ``torque = I * foot acceleration`` (van 't Veld et al. 2018,
+    figure 1).
+    """
 
     name = "inertia"
     place = Place.INTRINSIC

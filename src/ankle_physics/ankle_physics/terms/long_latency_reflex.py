@@ -10,7 +10,7 @@ from ankle_physics.term import Parameter, Place, State, Values
 
 
 class LongLatencyReflex(ReflexArc):
-    """Medium- and long-latency components of the stretch reflex (Grey et al. 2001).
+    """Models medium- and long-latency components of the stretch reflex (Grey et al. 2001).
 
     They come after 60 to 80 ms, transcortical ones after 90 to 120 ms (J. Physiol. 534, 925).
     """

@@ -10,7 +10,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class MaxwellRelaxation(Term):
-    """``torque = k * (x - x lagged by T)``: extra stiffness that relaxes with the time constant T.
+    """Models extra stiffness that relaxes with the time constant T: ``torque = k * (x - x lagged by
+    T)``.
 
     Beside stiffness and viscosity this is the standard linear solid of muscle and tendon (Fung,
     Biomechanics, 1993, section 2.11).

@@ -35,7 +35,7 @@ def _levels() -> tuple[Parameter, ...]:
 
 
 class MissingBlock(Term):
-    """A diagnosis could describe this effect and not name it: a Hammerstein block.
+    """Models an effect that a diagnosis could describe and not name: a Hammerstein block.
 
     Source: Westwick & Kearney 2003, Identification of Nonlinear Physiological Systems, chapter 6.
 

@@ -13,7 +13,7 @@ from ankle_physics.terms.torque_sensor_mode import TorqueSensorMode
 
 
 class PartialSensorMode(TorqueSensorMode):
-    """The load reaches the reading on two ways, and one of them vibrates.
+    """Models a load that reaches the reading on two ways, of which one vibrates.
 
     Of a foot on two force cells, or a plate with a stiff and an elastic bearing, a share of the
     torque passes the elastic part; `torque_sensor_mode` is the case in which all of it does.

@@ -13,7 +13,8 @@ from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 
 
 class PlateAppendage(Term):
-    """A cable, a handle, a counterweight or a loose cover: an inertia on a spring and a damper.
+    """Models a cable, a handle, a counterweight or a loose cover: an inertia on a spring and a
+    damper.
 
     It adds its own torque to the plate and takes nothing from the joint's, which tells it from a
     resonance in the load path (`torque_sensor_mode`).

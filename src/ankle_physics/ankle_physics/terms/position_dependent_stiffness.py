@@ -13,7 +13,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class PositionDependentStiffness(Term):
-    """Even curvature of the static torque-angle curve; K is the stiffness at the angle xc.
+    """Models even curvature of the static torque-angle curve; K is the stiffness at the angle xc.
 
     Passive ankle torque grows about exponentially towards dorsiflexion (Weiss, Kearney & Hunter
     1986, J. Biomech. 19, 727: stiffness doubles to triples over 0.2 to 0.3 rad).

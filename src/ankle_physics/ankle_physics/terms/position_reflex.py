@@ -13,8 +13,8 @@ from ankle_physics.term import Parameter, Place, State, Values
 
 
 class PositionReflex(ReflexArc):
-    """Tonic stretch reflex of length-sensitive (group II) afferents; it holds as long as the
-    stretch does.
+    """Models the tonic stretch reflex of length-sensitive (group II) afferents; it holds as long as
+    the stretch does.
     """
 
     name = "position_reflex"

@@ -13,7 +13,7 @@ from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 
 class PositionReflexGain(ReflexArc):
-    """A longer calf has a stronger reflex (Mirbagheri, Barbeau & Kearney 2000).
+    """Models that a longer calf has a stronger reflex (Mirbagheri, Barbeau & Kearney 2000).
 
     The gain rises severalfold towards dorsiflexion (Exp. Brain Res. 135, 423).
     """

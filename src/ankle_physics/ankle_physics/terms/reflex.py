@@ -13,8 +13,8 @@ from ankle_physics.term import Parameter, Place, State, Values
 
 
 class Reflex(ReflexArc):
-    """The reflex pathway of van 't Veld et al. 2018, figure 1 and section III-A (w = 21 rad/s, z =
-    0.8, 40 ms).
+    """Models the reflex pathway of van 't Veld et al. 2018, figure 1 and section III-A (w = 21
+    rad/s, z = 0.8, 40 ms).
 
     The gain multiplies the response, not the input, so that G is a linear parameter; for a constant
     G the two are the same.

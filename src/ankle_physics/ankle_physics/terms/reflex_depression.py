@@ -13,8 +13,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ReflexDepression(Term):
-    """A stretch uses up readiness r, which comes back with time (post-activation depression,
-    Hultborn et al. 1996: recovery 0.1 to 10 s).
+    """Models that a stretch uses up readiness r, which comes back with time (post-activation
+    depression, Hultborn et al. 1996: recovery 0.1 to 10 s).
     """
 
     name = "reflex_depression"

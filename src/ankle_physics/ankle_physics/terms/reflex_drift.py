@@ -13,8 +13,8 @@ from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 
 class ReflexDrift(ReflexArc):
-    """Habituation or fatigue of the reflex at the constant rate Gt; G is the gain half a minute
-    into the run.
+    """Models habituation or fatigue of the reflex at the constant rate Gt; G is the gain half a
+    minute into the run.
     """
 
     name = "reflex_drift"

@@ -9,7 +9,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ReflexExponent(Term):
-    """Spindles signal a low power of velocity (Houk, Rymer & Crago 1981).
+    """Models that spindles signal a low power of velocity (Houk, Rymer & Crago 1981).
 
     The exponent is 0.3 there (J. Neurophysiol. 46, 143) and 0.5 to 0.6 in Prochazka's work.
     """

@@ -9,7 +9,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ReflexSaturation(Term):
-    """The reflex cannot recruit more than its pool: fast stretches evoke no more than vs would."""
+    """Models that the reflex cannot recruit more than its pool: fast stretches evoke no more than
+    vs would.
+    """
 
     name = "reflex_saturation"
     place = Place.REFLEX_INPUT

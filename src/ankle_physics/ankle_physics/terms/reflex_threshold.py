@@ -9,8 +9,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ReflexThreshold(Term):
-    """Stretches slower than vt do not reach the motoneurons' threshold (Powers, Campbell & Rymer
-    1989).
+    """Models that stretches slower than vt do not reach the motoneurons' threshold (Powers,
+    Campbell & Rymer 1989).
     """
 
     name = "reflex_threshold"

@@ -9,7 +9,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class SaturatingDamping(Term):
-    """Damping D for slow movements that levels off at the torque D * vs.
+    """Models damping D for slow movements that levels off at the torque D * vs.
 
     Resistance to stretch levels off with speed in active muscle (Hill 1938; Krylow & Sandercock
     1997).

@@ -6,7 +6,8 @@ from ankle_physics.term import Parameter, Place, Term
 
 
 class ServoCompliance(Term):
-    """A position servo of finite stiffness: a torque T moves the plate by ``-T / k_a`` at rest.
+    """Models a position servo of finite stiffness: a torque T moves the plate by ``-T / k_a`` at
+    rest.
 
     With the servo's natural frequency w the drive has the apparent inertia ``k_a / w^2``:
     ``y'' + 2 z w y' + w^2 y = w^2 (x - T / k_a)``. The loop between plate and torque is closed by

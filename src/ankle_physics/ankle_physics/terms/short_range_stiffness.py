@@ -12,8 +12,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class ShortRangeStiffness(Term):
-    """Attached cross-bridges are stiff until they are pulled off; new ones attach while the muscle
-    rests.
+    """Models attached cross-bridges, which are stiff until they are pulled off; new ones attach
+    while the muscle rests.
 
     Rack & Westbury 1974 (J. Physiol. 240, 331); for the ankle Loram, Maganaris & Lakie 2007
     (J. Physiol. 584, 661): stiffness is several times higher below 0.4 degrees (7 mrad).

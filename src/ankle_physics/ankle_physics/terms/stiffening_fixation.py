@@ -16,7 +16,8 @@ _STRAIGHT_BEYOND = 1.1
 
 
 class StiffeningFixation(FixationCompliance):
-    """The stiffness of sole and straps rises in proportion to the torque that presses on them.
+    """Models sole and straps whose stiffness rises in proportion to the torque that presses on
+    them.
 
     Soft tissue in compression and webbing in tension follow an exponential (Fung, Biomechanics,
     1993, section 7.5). Seen from any load an exponential is one again, so that k_s is the stiffness

@@ -9,7 +9,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Stiffness(Term):
-    """``torque = K * (foot position - x0)`` (van 't Veld et al. 2018, figure 1).
+    """Models the stiffness of the joint: ``torque = K * (foot position - x0)`` (van 't Veld et al.
+    2018, figure 1).
 
     x0, the angle at which the spring is at rest, is 0 unless given; its torque cannot be told from
     a constant voluntary torque.

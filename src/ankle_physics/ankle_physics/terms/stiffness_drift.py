@@ -13,7 +13,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class StiffnessDrift(Term):
-    """K and B change at the constant rates kt and bt: fatigue, warming up or a new posture."""
+    """Models that K and B change at the constant rates kt and bt: fatigue, warming up or a new
+    posture.
+    """
 
     name = "stiffness_drift"
     place = Place.INTRINSIC

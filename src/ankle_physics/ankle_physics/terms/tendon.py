@@ -8,8 +8,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Tendon(Term):
-    """The muscle's stretch lags behind the joint's while the tendon gives way; T is its compliance
-    times the muscle's viscosity (Loram, Maganaris & Lakie 2007).
+    """Models that the muscle's stretch lags behind the joint's while the tendon gives way; T is its
+    compliance times the muscle's viscosity (Loram, Maganaris & Lakie 2007).
     """
 
     name = "tendon"

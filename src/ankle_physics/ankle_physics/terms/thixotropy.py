@@ -13,9 +13,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Thixotropy(Term):
-    """``s' = (1 - s)/recovery - |v| s / breaking`` (Lakie & Campbell 2019, J. Physiol.
-
-    597, 3445).
+    """Models bonds that movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |v| s /
+    breaking`` (Lakie & Campbell 2019, J. Physiol. 597, 3445).
     """
 
     name = "thixotropy"

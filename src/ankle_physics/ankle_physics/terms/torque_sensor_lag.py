@@ -10,7 +10,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class TorqueSensorLag(Term):
-    """Filter of a bridge amplifier, or a sensor softer than it should be."""
+    """Models the filter of a bridge amplifier, or a sensor softer than it should be."""
 
     name = "torque_sensor_lag"
     place = Place.TORQUE_SENSOR

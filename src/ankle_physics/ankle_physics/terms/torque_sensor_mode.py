@@ -12,7 +12,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class TorqueSensorMode(Term):
-    """The plate on the elastic torque sensor is a resonator between the joint's torque and the
+    """Models the plate on the elastic torque sensor: a resonator between the joint's torque and the
     reading.
     """
 

@@ -9,7 +9,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class Viscosity(Term):
-    """``torque = B * foot velocity`` (van 't Veld et al. 2018, figure 1)."""
+    """Models the viscosity of the joint: ``torque = B * foot velocity`` (van 't Veld et al. 2018,
+    figure 1).
+    """
 
     name = "viscosity"
     place = Place.INTRINSIC

@@ -36,7 +36,7 @@ DEFAULT_AXES = {"K": (0.0, 200.0), "G": (0.0, 20.0), "reflex": (0.0, 3.0)}
 
 @dataclass(frozen=True)
 class Baseline:
-    """The impedance and torque of the relaxed ankle.
+    """Holds the impedance and torque of the relaxed ankle.
 
     Attributes
     ----------

@@ -60,12 +60,12 @@ class CalibrationProgram:
 
     @property
     def running(self) -> bool:
-        """Whether the program was started and `ended` has not told its end yet."""
+        """Tell whether the program was started and `ended` has not told its end yet."""
         return self._process is not None
 
     @property
     def recording(self) -> bool:
-        """Whether the program still needs the perturbation."""
+        """Tell whether the program still needs the perturbation."""
         passed = time.monotonic() - self._began
         return self.running and not self._reason and passed < self._seconds
 

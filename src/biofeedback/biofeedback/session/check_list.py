@@ -36,7 +36,7 @@ not a peak."""
 
 @dataclass(frozen=True)
 class Check:
-    """One entry of the check list.
+    """Describes one entry of the check list.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ def checked_names(content: Any, name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class BodyReading:
-    """The signals that a check needs, at one moment.
+    """Holds the signals that a check needs, at one moment.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class BodyReading:
 
 
 class CheckList:
-    """The check list of one visit.
+    """Keeps the check list of one visit.
 
     Parameters
     ----------
@@ -156,7 +156,9 @@ class CheckList:
 
     @property
     def missing(self) -> list[str]:
-        """The titles of the checks that are neither done nor skipped before the perturbation."""
+        """Return the titles of the checks that are neither done nor skipped before the
+        perturbation.
+        """
         return [
             CHECKS[name].title
             for name, state in self.states.items()

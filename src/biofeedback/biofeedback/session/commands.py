@@ -27,7 +27,7 @@ a second.
 
 @dataclass(frozen=True)
 class Number:
-    """A field with a number within limits [unit of the key].
+    """Describes a field with a number within limits [unit of the key].
 
     An optional one may be null, which withdraws a setting.
     """
@@ -39,14 +39,14 @@ class Number:
 
 @dataclass(frozen=True)
 class Choice:
-    """A field with one of a few words."""
+    """Describes a field with one of a few words."""
 
     words: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Text:
-    """A field with printable text."""
+    """Describes a field with printable text."""
 
     longest: int
 
@@ -95,7 +95,7 @@ _ALL_NEEDED = ("note", "check")
 
 @dataclass(frozen=True)
 class Command:
-    """A command that may be carried out.
+    """Describes a command that may be carried out.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ def parse(text: str) -> Command:
 
 
 class RefusedCommandError(CommandError):
-    """A refused command whose number is known."""
+    """Reports a refused command whose number is known."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(reason)
@@ -178,7 +178,7 @@ def _checked(key: str, value: Any, field: Field) -> Any:
 
 
 class RateLimit:
-    """A bucket of `BURST` messages that fills at `RATE` a second."""
+    """Limits messages by a bucket of `BURST` messages that fills at `RATE` a second."""
 
     def __init__(self, now: float) -> None:
         self._left, self._last = BURST, now

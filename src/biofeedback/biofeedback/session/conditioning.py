@@ -51,7 +51,7 @@ SHOWN_SCALE = {"reflex_emg": 1e6, "G": 1.0}
 
 @dataclass(frozen=True)
 class Response:
-    """The measured response to a perturbation.
+    """Holds the measured response to a perturbation.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ def course_protocol(course: Course, session: CourseSession) -> Protocol:
 
 
 class Conditioning:
-    """The trials of one session, in real or virtual time.
+    """Leads the trials of one session, in real or virtual time.
 
     Parameters
     ----------
@@ -113,17 +113,17 @@ class Conditioning:
 
     @property
     def course(self) -> Course:
-        """The plan."""
+        """Return the plan."""
         return self.session.course
 
     @property
     def waiting(self) -> bool:
-        """Whether a perturbation was asked for and its response has not come."""
+        """Tell whether a perturbation was asked for and its response has not come."""
         return self._asked_at is not None
 
     @property
     def last(self) -> Trial | None:
-        """The last trial that counted."""
+        """Return the last trial that counted."""
         return self.session.trials[-1] if self.session.trials else None
 
     def take_request(self) -> bool:
@@ -142,7 +142,7 @@ class Conditioning:
 
     @property
     def failed(self) -> str:
-        """Why no trial can go on; empty while they can."""
+        """Tell why no trial can go on; empty while they can."""
         if self._unanswered < MAX_UNANSWERED:
             return ""
         return (
@@ -267,7 +267,7 @@ class Conditioning:
 
     @property
     def shown_size(self) -> float:
-        """The reflex of the last trial, as shown; NaN before the first."""
+        """Return the reflex of the last trial, as shown; NaN before the first."""
         last = self.last
         return math.nan if last is None else last.size * SHOWN_SCALE[self.course.measure]
 

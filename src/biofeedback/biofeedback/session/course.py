@@ -66,7 +66,7 @@ _BACKGROUND: dict[str, _Range] = {
 
 @dataclass(frozen=True)
 class Background:
-    """The state that the subject holds before a perturbation is given.
+    """Describes the state that the subject holds before a perturbation is given.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class Background:
 
 @dataclass(frozen=True)
 class Course:
-    """A plan of a conditioning course for one subject.
+    """Describes a conditioning course for one subject.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class Course:
 
     @property
     def sessions(self) -> int:
-        """The number of sessions."""
+        """Return the number of sessions."""
         return self.baseline_sessions + self.conditioning_sessions
 
     def criterion(self, sizes: np.ndarray) -> float:
@@ -174,7 +174,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial of a session.
+    """Holds one trial of a session.
 
     Attributes
     ----------
@@ -249,7 +249,7 @@ class TrialGate:
 
 
 class CourseSession:
-    """One session of a course, trial by trial.
+    """Follows one session of a course, trial by trial.
 
     Parameters
     ----------
@@ -269,30 +269,30 @@ class CourseSession:
 
     @property
     def conditioning(self) -> bool:
-        """Whether this session conditions the reflex."""
+        """Tell whether this session conditions the reflex."""
         return self.number > self.course.baseline_sessions
 
     @property
     def planned(self) -> int:
-        """The number of trials of the whole session."""
+        """Return the number of trials of the whole session."""
         blocks = self.course.blocks * self.course.trials_per_block
         return blocks + (self.course.control_trials if self.conditioning else 0)
 
     @property
     def finished(self) -> bool:
-        """Whether all trials were done."""
+        """Tell whether all trials were done."""
         return len(self.trials) >= self.planned
 
     @property
     def block(self) -> int:
-        """The block of the next trial, from 1; 0 before the blocks."""
+        """Return the block of the next trial, from 1; 0 before the blocks."""
         first = self.course.control_trials if self.conditioning else 0
         done = len(self.trials) - first
         return 0 if done < 0 else done // self.course.trials_per_block + 1
 
     @property
     def criterion(self) -> float | None:
-        """The criterion of the next trial; None where it is a control trial."""
+        """Return the criterion of the next trial; None where it is a control trial."""
         if not self.conditioning or self.block == 0 or self.finished:
             return None
         if self._criterion is None:
@@ -331,7 +331,7 @@ class CourseSession:
 
     @property
     def success_rate(self) -> float:
-        """The share of successes so far; NaN before the first conditioned trial."""
+        """Return the share of successes so far; NaN before the first conditioned trial."""
         known = [trial.success for trial in self.trials if trial.success is not None]
         return sum(known) / len(known) if known else math.nan
 

@@ -75,8 +75,8 @@ class CourseFile:
 
     @property
     def progress(self) -> tuple[int, float]:
-        """The number of sessions that are done, and the success rate of the last one; NaN before
-        the first conditioned session.
+        """Return the number of sessions that are done, and the success rate of the last one; NaN
+        before the first conditioned session.
         """
         results = self.record.results
         return len(results), results[-1].success_rate if results else math.nan

@@ -32,7 +32,7 @@ MEANINGFUL_TRIALS = 0.5
 
 @dataclass(frozen=True)
 class SessionResult:
-    """The result of one session of a course.
+    """Holds the result of one session of a course.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class SessionResult:
 
 @dataclass(frozen=True)
 class Trend:
-    """The change of a mean against the baseline sessions.
+    """Holds the change of a mean against the baseline sessions.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Trend:
 
 @dataclass
 class CourseRecord:
-    """The sessions of one subject.
+    """Holds the sessions of one subject.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class CourseRecord:
 
     @property
     def next_session(self) -> int:
-        """Number of the session that comes next."""
+        """Return the number of the session that comes next."""
         return len(self.results) + 1
 
     def add(self, session: CourseSession, date: str) -> SessionResult:

@@ -10,19 +10,19 @@ from typing import Any, Protocol
 
 
 class Rig(Protocol):
-    """The interface to the rig's drivers, as far as a session commands them."""
+    """Describes the interface to the rig's drivers, as far as a session commands them."""
 
     @property
     def present(self) -> bool:
-        """Whether there is exactly one driver, which may be commanded."""
+        """Tell whether there is exactly one driver, which may be commanded."""
 
     @property
     def several(self) -> bool:
-        """Whether there is more than one driver."""
+        """Tell whether there is more than one driver."""
 
     @property
     def problem(self) -> str:
-        """What is wrong with the drivers; empty where nothing is."""
+        """Return what is wrong with the drivers; empty where nothing is."""
 
     def describe(self) -> dict[str, Any]:
         """Return the fields of `messages.RigState`."""
@@ -38,7 +38,7 @@ class Rig(Protocol):
 
 
 class Subject(Protocol):
-    """The interface to a simulated subject whose behaviour can be set."""
+    """Describes the interface to a simulated subject whose behaviour can be set."""
 
     def describe(self) -> dict[str, float] | None:
         """Return the present values; None where there is no simulated subject."""
@@ -48,7 +48,7 @@ class Subject(Protocol):
 
 
 class Perturbation(Protocol):
-    """The interface to a generator that gives single stretches.
+    """Describes the interface to a generator that gives single stretches.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Perturbation(Protocol):
 
 @dataclass(frozen=True)
 class CalibrationEnd:
-    """The end of a session's calibration.
+    """Holds the end of a session's calibration.
 
     Attributes
     ----------
@@ -79,15 +79,15 @@ class CalibrationEnd:
 
 
 class Calibration(Protocol):
-    """The interface to the program that calibrates a session; nothing of it waits."""
+    """Describes the interface to the program that calibrates a session; nothing of it waits."""
 
     @property
     def running(self) -> bool:
-        """Whether it was begun and its end has not been given yet."""
+        """Tell whether it was begun and its end has not been given yet."""
 
     @property
     def recording(self) -> bool:
-        """Whether it still needs the perturbation."""
+        """Tell whether it still needs the perturbation."""
 
     def begin(self, seconds: float) -> None:
         """Record so many seconds of the running perturbation; raises `CommandError`."""

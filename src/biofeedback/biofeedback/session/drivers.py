@@ -15,7 +15,7 @@ NO_DRIVER = "no rig driver in this graph: arm, start and stop concern the sessio
 
 
 class Drivers:
-    """The account of the rig drivers in the graph.
+    """Keeps account of the rig drivers in the graph.
 
     Parameters
     ----------

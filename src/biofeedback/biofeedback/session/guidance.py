@@ -97,7 +97,7 @@ def trial_direction(conditioning: Conditioning, reading: Reading, now: float) ->
 
 
 class Guidance:
-    """A hint that stays long enough to be read.
+    """Shows a hint long enough to be read.
 
     Attributes
     ----------

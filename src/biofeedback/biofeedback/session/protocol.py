@@ -37,7 +37,7 @@ _HOLD_KEYS = ("torque_target[N.m]", "level[1]")
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a session: a break or a hold.
+    """Describes one step of a session: a break or a hold.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Protocol:
-    """The plan of a session: blocks, breaks, holds and targets.
+    """Describes the plan of a session: blocks, breaks, holds and targets.
 
     Attributes
     ----------
@@ -95,27 +95,27 @@ class Protocol:
 
     @property
     def targets(self) -> list[float]:
-        """Every torque target [N.m]."""
+        """Return every torque target [N.m]."""
         return sorted({step.torque_target for step in self.steps})
 
     @property
     def blocks(self) -> int:
-        """Number of blocks."""
+        """Return the number of blocks."""
         return max(step.block for step in self.steps)
 
     @property
     def holds(self) -> int:
-        """Number of holds."""
+        """Return the number of holds."""
         return max(step.hold for step in self.steps)
 
     @property
     def calibrates(self) -> bool:
-        """Whether a step calibrates the session before the baseline."""
+        """Tell whether a step calibrates the session before the baseline."""
         return any(step.kind == CALIBRATION for step in self.steps)
 
     @property
     def duration(self) -> float:
-        """The duration of all steps together [s]."""
+        """Return the duration of all steps together [s]."""
         return sum(step.duration for step in self.steps)
 
 

@@ -95,26 +95,26 @@ class RigServices:
 
     @property
     def present(self) -> bool:
-        """Whether there is exactly one driver, which may be commanded."""
+        """Tell whether there is exactly one driver, which may be commanded."""
         return self._drivers.selected is not None
 
     @property
     def problem(self) -> str:
-        """Why no driver can be commanded, or what is wrong with it; empty where nothing is."""
+        """Tell why no driver can be commanded, or what is wrong with it; empty where nothing is."""
         return self._drivers.problem
 
     @property
     def several(self) -> bool:
-        """Whether more drivers than one are in the graph."""
+        """Tell whether more drivers than one are in the graph."""
         return self._drivers.several
 
     @property
     def waits_for_stop(self) -> bool:
-        """Whether a driver has not confirmed the last stop yet."""
+        """Tell whether a driver has not confirmed the last stop yet."""
         return bool(self._unconfirmed)
 
     def describe(self) -> dict[str, Any]:
-        """Name, problem, state and unconfirmed stops, by the fields of `messages.RigState`."""
+        """Return name, problem, state and unconfirmed stops, as `messages.RigState` has them."""
         overdue = time.monotonic() - self._stop_requested_at > UNCONFIRMED_AFTER
         return {
             "name": self._drivers.selected,

@@ -10,7 +10,7 @@ from biofeedback.session.session_program import Session
 
 
 class ScreenAxes:
-    """The axes of one session's screens.
+    """Holds the axes of one session's screens.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class ScreenAxes:
 
     @property
     def set_by_operator(self) -> list[str]:
-        """The names of the ends that the operator has set."""
+        """Return the names of the ends that the operator has set."""
         return sorted(self._set)
 
     def ends(self) -> dict[str, tuple[float, float]]:

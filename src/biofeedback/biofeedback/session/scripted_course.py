@@ -23,7 +23,7 @@ SETTLING = 4.0
 
 
 class ScriptedCourse(ScriptedSession):
-    """One session of a course that a program leads.
+    """Leads one session of a course by a program.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ LIMITS = {"excitability": (0.02, 1.0), "cocontraction": (0.0, 1.0)}
 
 
 class ScriptedSession:
-    """A session that a program leads instead of an operator.
+    """Leads a session by a program instead of an operator.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ of 0.3 baselines on an axis of 2.2 is met for a seventh of the time."""
 
 @dataclass(frozen=True)
 class Reading:
-    """The values that the screen shows at one moment.
+    """Holds the values that the screen shows at one moment.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Target:
-    """The place where the cursor is wanted.
+    """Describes the place where the cursor is wanted.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Target:
 
 
 class Session:
-    """The state of a session that follows a protocol.
+    """Follows a protocol, and holds the state of its session.
 
     Parameters
     ----------
@@ -173,22 +173,22 @@ class Session:
 
     @property
     def step(self) -> Step:
-        """The present step."""
+        """Return the present step."""
         return self.protocol.steps[self.index]
 
     @property
     def holding(self) -> bool:
-        """Whether the subject is in a hold."""
+        """Tell whether the subject is in a hold."""
         return self.state == RUNNING and self.step.kind == HOLD
 
     @property
     def remaining(self) -> float:
-        """The rest of the present step [s]."""
+        """Return the rest of the present step [s]."""
         return max(self.step.duration - self.elapsed, 0.0)
 
     @property
     def target(self) -> Target:
-        """The present target: the protocol's, with what the operator has set instead."""
+        """Return the present target: the protocol's, with what the operator has set instead."""
         step = self.step
         lower = upper = None
         if self.conditioning is not None:

@@ -22,7 +22,7 @@ from biofeedback.session.session_program import RUNNING, Reading, Session, Targe
 
 @dataclass(frozen=True)
 class SessionView:
-    """The state of the session at one moment, for whoever shows it.
+    """Holds the state of the session at one moment, for whoever shows it.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ LONGEST_WAIT = 600.0
 
 @dataclass(frozen=True)
 class Learner:
-    """The properties of a simulated subject.
+    """Holds the properties of a simulated subject.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Learner:
 
 
 class SimulatedLearner:
-    """The subject in virtual time.
+    """Simulates the subject in virtual time.
 
     Parameters
     ----------

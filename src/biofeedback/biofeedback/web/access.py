@@ -118,7 +118,7 @@ class Access:
 
     @property
     def needs_token(self) -> bool:
-        """Whether pages have to be opened with a token first."""
+        """Tell whether pages have to be opened with a token first."""
         return bool(self._tokens)
 
     def tokens(self) -> dict[str, str]:

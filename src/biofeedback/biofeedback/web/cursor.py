@@ -22,7 +22,7 @@ beyond the estimator."""
 
 
 class Cursor:
-    """A point (x, y) that follows its target.
+    """Holds a point (x, y) that follows its target.
 
     Parameters
     ----------

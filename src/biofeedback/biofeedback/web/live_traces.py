@@ -20,7 +20,7 @@ DIGITS = 4
 
 
 class MinMaxTraces:
-    """The extremes of several channels with common times.
+    """Keeps the extremes of several channels with common times.
 
     Bin number k holds the samples with ``k <= t / width < k + 1``; bins are counted from the epoch,
     so that those of different traces lie under each other. Samples that are older than the window

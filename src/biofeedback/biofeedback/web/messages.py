@@ -15,7 +15,7 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """The moving part of the pages, sent at the frame rate.
+    """Holds the moving part of the pages, sent at the frame rate.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Frame:
 
 @dataclasses.dataclass(frozen=True)
 class SessionState:
-    """The state of the session."""
+    """Holds the state of the session."""
 
     state: str
     stop_reason: str
@@ -84,7 +84,7 @@ class SessionState:
 
 @dataclasses.dataclass(frozen=True)
 class TrialsState:
-    """The trials of a conditioning course.
+    """Holds the trials of a conditioning course.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class TrialsState:
 
 @dataclasses.dataclass(frozen=True)
 class TargetState:
-    """The target of the cursor: feedback, its unit and region; torque and half width [N.m]."""
+    """Holds the cursor's target: feedback, its unit and region; torque and half width [N.m]."""
 
     feedback: str
     unit: str
@@ -133,7 +133,7 @@ class TargetState:
 
 @dataclasses.dataclass(frozen=True)
 class Axes:
-    """Ends of the axes, and which of them the operator has set."""
+    """Holds the ends of the axes, and which of them the operator has set."""
 
     x: list[float]
     y: list[float]
@@ -142,7 +142,7 @@ class Axes:
 
 @dataclasses.dataclass(frozen=True)
 class BaselineState:
-    """The relaxed subject: K [N.m/rad], G [N.m.s/rad], torque [N.m]."""
+    """Holds the relaxed subject's K [N.m/rad], G [N.m.s/rad] and torque [N.m]."""
 
     K: float
     G: float
@@ -151,7 +151,7 @@ class BaselineState:
 
 @dataclasses.dataclass(frozen=True)
 class RigState:
-    """The state of the rig's driver.
+    """Holds the state of the rig's driver.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ class RigState:
 
 @dataclasses.dataclass(frozen=True)
 class SubjectState:
-    """The behaviour of the simulated subject."""
+    """Holds the behaviour of the simulated subject."""
 
     cocontraction: float
     excitability: float
@@ -182,7 +182,7 @@ class SubjectState:
 
 @dataclasses.dataclass(frozen=True)
 class NodeState:
-    """The health of one node."""
+    """Holds the health of one node."""
 
     name: str
     level: str
@@ -191,7 +191,9 @@ class NodeState:
 
 @dataclasses.dataclass(frozen=True)
 class Recording:
-    """The recorder: messages, missing samples, free disk [MB]; None for what is not known."""
+    """Holds the recorder's messages, missing samples and free disk [MB]; None for what is not
+    known.
+    """
 
     on: bool
     messages: int | None
@@ -201,7 +203,7 @@ class Recording:
 
 @dataclasses.dataclass(frozen=True)
 class LogEntry:
-    """A session event: its time [s], name and details."""
+    """Holds a session event: its time [s], name and details."""
 
     t: float
     event: str
@@ -210,8 +212,8 @@ class LogEntry:
 
 @dataclasses.dataclass(frozen=True)
 class CheckState:
-    """An entry of the check list: its words, whether it is measured, a file answers it, or it needs
-    the running perturbation, and what came of it.
+    """Holds an entry of the check list: its words, whether it is measured, a file answers it, or it
+    needs the running perturbation, and what came of it.
     """
 
     name: str
@@ -226,7 +228,7 @@ class CheckState:
 
 @dataclasses.dataclass(frozen=True)
 class Pages:
-    """Open pages by role, and whether one of them is in command."""
+    """Holds the open pages by role, and whether one of them is in command."""
 
     subject: int
     operator: int
@@ -235,7 +237,7 @@ class Pages:
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """All values that do not change with every frame; sent when it changes.
+    """Holds all values that do not change with every frame; sent when it changes.
 
     The body mass [kg] is None where it is not stated.
     """
@@ -262,7 +264,9 @@ class State:
 
 @dataclasses.dataclass(frozen=True)
 class Bins:
-    """New bins of a group of traces: number of the first, least and largest values by channel."""
+    """Holds new bins of a group of traces: number of the first, least and largest values by
+    channel.
+    """
 
     first: int
     low: dict[str, list[float | None]]
@@ -271,7 +275,7 @@ class Bins:
 
 @dataclasses.dataclass(frozen=True)
 class TracesMessage:
-    """New bins by group, and the width of a bin [s]; to operators."""
+    """Holds new bins by group, and the width of a bin [s]; to operators."""
 
     groups: dict[str, Bins]
     widths: dict[str, float]
@@ -280,7 +284,7 @@ class TracesMessage:
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """The answer to one page about its command."""
+    """Answers one page about its command."""
 
     id: int
     ok: bool
@@ -290,7 +294,7 @@ class Answer:
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """The message to one page that says whether it may command."""
+    """Tells one page whether it may command."""
 
     yours: bool
     type: str = "command"

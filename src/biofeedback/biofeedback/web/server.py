@@ -97,7 +97,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Page:
-    """One open page."""
+    """Holds one open page."""
 
     def __init__(self, socket: web.WebSocketResponse, role: str) -> None:
         self.socket = socket

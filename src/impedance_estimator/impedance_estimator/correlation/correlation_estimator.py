@@ -42,8 +42,8 @@ CHUNK = 8192
 
 
 class CorrelationEstimator(Estimator):
-    """Intrinsic parameters and reflex response from running correlations (van 't Veld et al. 2018,
-    section II).
+    """Estimates intrinsic parameters and reflex response from running correlations (van 't Veld et
+    al. 2018, section II).
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class CorrelationEstimator(Estimator):
     @staticmethod
     @abstractmethod
     def averaging(order: int, cutoff: float, rate: float) -> np.ndarray:
-        """Design of the averaging low-passes: sections, shape (k, 6), for a cut-off [Hz] at a
+        """Return the averaging low-passes as sections, shape (k, 6), for a cut-off [Hz] at a
         sampling rate [Hz].
         """
 

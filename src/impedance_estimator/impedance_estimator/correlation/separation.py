@@ -50,7 +50,7 @@ feedback needs 20-30 (paper, III-B).
 
 
 class Plan(NamedTuple):
-    """Constants of a separation at one sampling rate."""
+    """Holds the constants of a separation at one sampling rate."""
 
     rate: float
     measured_velocity: bool

@@ -46,7 +46,7 @@ GAIN = "G[N.m.s/rad]"
 
 
 class ModelPrediction(NamedTuple):
-    """Predicted and measured torque within the band that is judged.
+    """Holds predicted and measured torque within the band that is judged.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class ModelPrediction(NamedTuple):
 
     @property
     def vaf(self) -> float:
-        """Variance of the measured torque that is accounted for [%]."""
+        """Return the variance of the measured torque that is accounted for [%]."""
         return 100.0 * (1.0 - float(np.var(self.measured - self.torque) / np.var(self.measured)))
 
 

@@ -43,7 +43,7 @@ MOST_ROUNDS = 200
 
 @dataclass(frozen=True)
 class ParallelCascade:
-    """Two impulse responses; see the module."""
+    """Holds two impulse responses; see the module."""
 
     rate: float
     """Rate [Hz] of the samples that `predict` takes."""
@@ -62,12 +62,12 @@ class ParallelCascade:
 
     @property
     def stiffness(self) -> float:
-        """K, the intrinsic pathway at rest: the integral of its response [N.m/rad]."""
+        """Return K, the intrinsic pathway at rest: the integral of its response [N.m/rad]."""
         return float(np.sum(self.intrinsic) * decimation(self.rate) / self.rate)
 
     @property
     def gain(self) -> float:
-        """G, the reflex pathway at rest: the integral of its response [N.m.s/rad]."""
+        """Return G, the reflex pathway at rest: the integral of its response [N.m.s/rad]."""
         return float(np.sum(self.reflex) * decimation(self.rate) / self.rate)
 
     def predict(

@@ -36,7 +36,7 @@ BLOCKS_PER_CALL = 256
 
 @dataclass(frozen=True)
 class OfflineResult:
-    """Estimates of a whole recording.
+    """Holds the estimates of a whole recording.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class OfflineResult:
 
     @property
     def valid(self) -> np.ndarray:
-        """The valid rows."""
+        """Return the valid rows."""
         return self.rows[self.rows[:, ESTIMATE_COLUMNS.index("valid[1]")] > 0]
 
     def median(self) -> dict[str, float]:

@@ -31,7 +31,7 @@ Hz.
 
 @dataclass(frozen=True)
 class Prediction:
-    """Torques after the filters, at the working rate. All of shape (n,)."""
+    """Holds torques after the filters, at the working rate. All of shape (n,)."""
 
     time: np.ndarray
     """Time [s] since the first sample given."""
@@ -44,12 +44,12 @@ class Prediction:
 
     @property
     def torque(self) -> np.ndarray:
-        """Intrinsic and reflex torque together [N.m]."""
+        """Return the intrinsic and reflex torque together [N.m]."""
         return self.intrinsic + self.reflex
 
     @property
     def vaf(self) -> float:
-        """Variance of the measured torque that is accounted for [%]."""
+        """Return the variance of the measured torque that is accounted for [%]."""
         return 100.0 * (1.0 - float(np.var(self.measured - self.torque) / np.var(self.measured)))
 
 

@@ -80,7 +80,7 @@ SHORTEST_HALF_MEMORY = 5.0
 
 
 class Memory(NamedTuple):
-    """Sums of a stretch of data: Z'Z, Z'[X, τ], τ'τ, and the number of samples."""
+    """Holds the sums of a stretch of data: Z'Z, Z'[X, τ], τ'τ, and the number of samples."""
 
     instruments: np.ndarray
     cross: np.ndarray
@@ -89,7 +89,7 @@ class Memory(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """A regression: unknowns, their covariance, and the evidence ln L for its model."""
+    """Holds a regression: unknowns, their covariance, and the evidence ln L for its model."""
 
     unknowns: np.ndarray
     covariance: np.ndarray
@@ -115,7 +115,7 @@ def memory_of(p: Plan, s: State, sums: np.ndarray, blocks: int) -> Memory:
 
 
 def explained(memory: Memory, referenced: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Π, shape (n, n), and the sums X̂'[X̂, τ] of the explained motion, shape (n, n + 1)."""
+    """Return Π, shape (n, n), and the sums X̂'[X̂, τ] of the explained motion, shape (n, n + 1)."""
     size = len(memory.instruments)
     if not referenced:
         return np.eye(size), memory.cross
@@ -130,7 +130,7 @@ def explained(memory: Memory, referenced: bool) -> tuple[np.ndarray, np.ndarray]
 
 
 def eliminated(explained_sums: np.ndarray, terms: tuple[int, ...], variance: float) -> np.ndarray:
-    """Γ, shape (EXTRAS, n - EXTRAS + 1); rows of terms that are left out are zero."""
+    """Return Γ, shape (EXTRAS, n - EXTRAS + 1); rows of terms that are left out are zero."""
     base = len(explained_sums) - EXTRAS
     chosen = list(terms)
     gamma = np.zeros((EXTRAS, base + 1))

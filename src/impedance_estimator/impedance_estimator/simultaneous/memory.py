@@ -26,7 +26,7 @@ def sum_memory(s: State, model: int) -> None:
 
 @part
 def blocks_of(p: Plan, s: State, memory: int) -> int:
-    """Blocks in one of the memories that `memory_length` chooses from."""
+    """Return how many blocks one of the memories holds that `memory_length` chooses from."""
     c = s.counters[0]
     return min(p.lengths[memory], c.since) if memory < p.lengths.shape[0] else c.kept
 

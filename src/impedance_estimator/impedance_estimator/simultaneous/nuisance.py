@@ -65,7 +65,7 @@ def reducible_size(signals: int) -> int:
 
 
 def packed_size(signals: int) -> int:
-    """Numbers that `accumulate` keeps for so many signals."""
+    """Return how many numbers `accumulate` keeps for so many signals."""
     return reducible_size(signals) + signals * signals
 
 

@@ -13,7 +13,7 @@ CHANGE_DETECTION_CHOICES = ("on", "off")
 
 @dataclass(frozen=True)
 class SimultaneousSettings(EstimatorSettings):
-    """Numbers of the simultaneous estimator.
+    """Holds numbers of the simultaneous estimator.
 
     Raises
     ------

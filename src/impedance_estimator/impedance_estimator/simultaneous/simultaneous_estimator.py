@@ -41,7 +41,7 @@ CHUNK = 8192
 
 
 class Simultaneous(Estimator):
-    """Generalised least squares over an adaptive memory; see ``docs/estimators.md``."""
+    """Estimates by generalised least squares over an adaptive memory (``docs/estimators.md``)."""
 
     name = "simultaneous"
     title = (

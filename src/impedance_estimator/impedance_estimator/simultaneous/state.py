@@ -72,7 +72,7 @@ VAF [%], mean scatter of the scores [1]."""
 
 
 class Plan(NamedTuple):
-    """Constants at one sampling rate."""
+    """Holds the constants of the estimator at one sampling rate."""
 
     rate: float
     measured_velocity: bool

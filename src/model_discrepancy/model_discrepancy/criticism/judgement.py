@@ -22,8 +22,8 @@ MIN_GAP_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Scores:
-    """VAF on unseen data [%]: base model, augmented model, that with generic regressors, and the
-    upper end of what is explainable.
+    """Holds the VAF on unseen data [%]: base model, augmented model, that with generic regressors,
+    and the upper end of what is explainable.
     """
 
     base: float

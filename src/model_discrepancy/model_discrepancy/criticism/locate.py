@@ -24,7 +24,7 @@ _RESAMPLINGS = 200
 
 @dataclass(frozen=True)
 class Cell:
-    """Mean residual in one window after movements of one direction and size.
+    """Holds the mean residual in one window after movements of one direction and size.
 
     Attributes
     ----------
@@ -44,13 +44,13 @@ class Cell:
 
     @property
     def significant(self) -> bool:
-        """Say whether the band excludes zero."""
+        """Tell whether the band excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
 
 @dataclass
 class ResidualMap:
-    """The residual by time, direction, size, band and dependence.
+    """Holds the residual by time, direction, size, band and dependence.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class ResidualMap:
 
     @property
     def _symmetry(self) -> str:
-        """How the mean residual responses of the two directions compare."""
+        """Return how the mean residual responses of the two directions compare."""
         compared = {c.direction for c in self.cells}
         if compared != {"up", "down"}:
             return NOT_SEEN

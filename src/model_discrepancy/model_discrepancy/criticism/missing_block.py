@@ -64,7 +64,7 @@ INPUTS: dict[str, tuple[str, Callable[[Motion], np.ndarray]]] = {
 
 @dataclass(frozen=True)
 class MissingBlock:
-    """Static curve and linear dynamics that predict the residual.
+    """Describes a static curve and linear dynamics that predict the residual.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class MissingBlock:
 
     @property
     def unit(self) -> str:
-        """Unit of the input."""
+        """Return the unit of the input."""
         return INPUTS[self.input][0]
 
     @property
@@ -127,7 +127,7 @@ class MissingBlock:
 
     @property
     def _acts(self) -> tuple[float, float]:
-        """First and last lag [s] at which the response is sure and strong."""
+        """Return the first and last lag [s] at which the response is sure and strong."""
         low, middle, high = self.response
         strong = ((low > 0.0) | (high < 0.0)) & (np.abs(middle) > 0.2 * np.abs(middle).max())
         lags = self.lags[strong] if strong.any() else self.lags[[int(np.argmax(np.abs(middle)))]]
@@ -135,7 +135,7 @@ class MissingBlock:
 
     @property
     def sentence(self) -> str:
-        """The block in plain words with its numbers."""
+        """Return the block in plain words with its numbers."""
         word = "adds" if self.peak >= 0 else "takes away"
         first, last = self._acts
         when = (
@@ -152,7 +152,7 @@ class MissingBlock:
 
     @property
     def _shape(self) -> str:
-        """The static curve in words."""
+        """Return the static curve in words."""
         middle = self.curve[1]
         below, above = abs(middle[0]), abs(middle[-1])
         if min(below, above) < _ONE_SIDED_RATIO * max(below, above):
@@ -417,8 +417,8 @@ def _rank_one(products: _Products, chosen: np.ndarray, hinges: int, ridge: float
 
 
 def _score(products: _Products, weights: np.ndarray, chosen: np.ndarray) -> float:
-    """Share of the residual's power on the chosen stretches that these weights predict; may be
-    negative.
+    """Return the share of the residual's power on the chosen stretches that these weights predict;
+    may be negative.
     """
     gram, right = products.gram[chosen].sum(axis=0), products.right[chosen].sum(axis=0)
     return float(2.0 * weights @ right - weights @ gram @ weights) / float(
@@ -439,7 +439,9 @@ def _tuned_ridge(products: _Products, train: np.ndarray, hinges: int) -> float:
 
 
 def _predicted(products: _Products, hinges: int) -> float:
-    """Share predicted on unseen stretches, mean of both directions between even and odd ones."""
+    """Return the share predicted on unseen stretches, mean of both directions between even and odd
+    ones.
+    """
     parts = np.arange(0, len(products.power), 2), np.arange(1, len(products.power), 2)
     shares = []
     for train, test in (parts, parts[::-1]):

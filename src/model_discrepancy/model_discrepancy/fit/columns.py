@@ -39,7 +39,7 @@ _CACHE_SIZE = 8
 
 
 class Columns:
-    """Columns for one recording; remembers what did not change since the last calls.
+    """Computes columns for one recording; remembers what did not change since the last calls.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ class Columns:
         self._known: dict[str, OrderedDict[Any, Any]] = {}
 
     def convention(self, name: str) -> dict[str, float]:
-        """Values of the parameters that are not fitted: angles at the recording's mean, all else
-        typical.
+        """Return the values of the parameters that are not fitted: angles at the recording's mean,
+        all else typical.
         """
         return {
             p.symbol: self.mean_angle if p.unit == joint_in_force().position_unit else p.default
@@ -202,7 +202,9 @@ class Columns:
 
 
 def transmission(frequency: np.ndarray, fixation: CompliantCoupling, values: Values) -> np.ndarray:
-    """Share of the plate's motion that reaches the foot, complex, at each frequency [Hz]."""
+    """Return the share of the plate's motion that reaches the foot, complex, at each frequency
+    [Hz].
+    """
     stiffness, damping = fixation.linearised(values[fixation.name])
     s = 2j * np.pi * frequency
     strap = stiffness + damping * s

@@ -22,7 +22,7 @@ _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
 
 
 class GenericBank:
-    """The bank for one recording.
+    """Holds the bank for one recording.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ class GenericBank:
         return np.where(first, predicted[1], np.where(second, predicted[0], 0.5 * sum(predicted)))
 
     def learn(self, plain: np.ndarray) -> np.ndarray:
-        """Weights with which the bank predicts this plain residual [N.m], shape (rows.count,); the
-        ridge as in `cross_score`.
+        """Return the weights with which the bank predicts this plain residual [N.m], shape
+        (rows.count,); the ridge as in `cross_score`.
         """
         matrix = self.plain()
         index = np.flatnonzero(self._rows.used)
@@ -135,13 +135,13 @@ class GenericBank:
         return _weights(matrix[index] / scale, plain[index], _tuned(matrix, plain, index)) / scale
 
     def prediction(self, weights: np.ndarray) -> np.ndarray:
-        """Spectrum of the torque that these weights predict here, as `Rows.spectrum`."""
+        """Return the spectrum of the torque that these weights predict here, as `Rows.spectrum`."""
         return np.tensordot(weights, np.stack(self._spectra), axes=1)
 
 
 def cross_score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-    """Share of the target's power on `test` rows predicted by ridge regression on `train` rows; may
-    be negative.
+    """Return the share of the target's power on `test` rows predicted by ridge regression on
+    `train` rows; may be negative.
 
     The ridge is chosen on the last third of the training rows, never on the test rows.
 

@@ -19,7 +19,7 @@ BLOCK_S = 5.0
 
 @dataclass(frozen=True)
 class HeldOut:
-    """VAF [%] on unseen rows.
+    """Holds the VAF [%] on unseen rows.
 
     Attributes
     ----------

@@ -19,7 +19,9 @@ _QUIET_S = 0.1
 
 @dataclass(frozen=True)
 class Onsets:
-    """Movements: time [s], direction (+1 dorsiflexion), and size [rad], each of shape (k,)."""
+    """Holds the time [s], direction (+1 dorsiflexion) and size [rad] of movements, each of shape
+    (k,).
+    """
 
     time: np.ndarray
     direction: np.ndarray

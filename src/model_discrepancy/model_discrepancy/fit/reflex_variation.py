@@ -39,8 +39,8 @@ def varying_reflex_torque(fitter: Fitter, fit: Fit) -> np.ndarray:
 def reflex_variation(
     fitter: Fitter, fit: Fit
 ) -> tuple[tuple[float, float] | None, np.ndarray, np.ndarray]:
-    """Relative spread of the reflex with its standard error, the whitened residual without what
-    each stretch's own size makes of it, and that part as plain torque.
+    """Return the relative spread of the reflex with its standard error, the whitened residual
+    without what each stretch's own size makes of it, and that part as plain torque.
     """
     residual = fit.residual.copy()
     varying = np.zeros(fitter.rows.count)

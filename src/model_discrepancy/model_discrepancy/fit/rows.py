@@ -30,7 +30,7 @@ WHITENING_ORDER = 40
 
 
 class Rows:
-    """The operator for recordings of n samples.
+    """Selects and whitens the rows of recordings of n samples.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ class Rows:
 
     @property
     def independent(self) -> int:
-        """Independent values in the fitted rows: they hold no more than twice the limit each
-        second.
+        """Return the number of independent values in the fitted rows: they hold no more than twice
+        the limit each second.
         """
         return int(self.used.sum() * min(2.0 * self.limit / self.rate, 1.0))
 

@@ -20,7 +20,7 @@ VELOCITY_GAIN, POSITION_GAIN, CHANNEL_GAIN = "velocity_gain", "position_gain", "
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is seen in the signals themselves, without a fit.
+    """Describes something that is seen in the signals themselves, without a fit.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ _SLOW_HZ = 2.0
 
 @dataclass(frozen=True)
 class FollowingResponse:
-    """Reference-to-position response.
+    """Holds the reference-to-position response.
 
     Attributes
     ----------

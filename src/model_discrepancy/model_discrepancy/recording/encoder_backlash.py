@@ -39,8 +39,8 @@ def motion_without_backlash(recording: Recording) -> np.ndarray:
 
 
 def encoder_gap(recording: Recording) -> tuple[float, float] | None:
-    """Width of the gap with its standard error [rad], or None where position and velocity agree
-    without one.
+    """Return the width of the gap with its standard error [rad], or None where position and
+    velocity agree without one.
     """
     if recording.velocity is None:
         return None

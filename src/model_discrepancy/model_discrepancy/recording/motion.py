@@ -72,7 +72,7 @@ class Motion:
 
     @property
     def time(self) -> np.ndarray:
-        """Time since the first sample [s], shape (n,)."""
+        """Return the time since the first sample [s], shape (n,)."""
         return np.arange(len(self.position)) / self.rate
 
     def undisturbed(

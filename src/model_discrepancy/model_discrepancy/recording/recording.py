@@ -91,12 +91,12 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Length [s]."""
+        """Return the length [s]."""
         return len(self.position) / self.rate
 
     @property
     def time(self) -> np.ndarray:
-        """Time since the first sample [s], shape (n,)."""
+        """Return the time since the first sample [s], shape (n,)."""
         return np.arange(len(self.position)) / self.rate
 
     @classmethod

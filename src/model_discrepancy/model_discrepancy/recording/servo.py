@@ -66,7 +66,7 @@ class Compliance:
 
     @property
     def significant(self) -> bool:
-        """Say whether it differs from zero by three standard errors and is positive."""
+        """Tell whether it differs from zero by three standard errors and is positive."""
         value, error = self.at_rest
         return value > 3.0 * error
 
@@ -77,7 +77,7 @@ class Compliance:
 
 @dataclass(frozen=True)
 class Servo:
-    """The servo of one recording.
+    """Describes the servo of one recording.
 
     Attributes
     ----------

@@ -21,8 +21,8 @@ def low_pass(frequency: np.ndarray, cutoff: float, order: int) -> np.ndarray:
 
 
 class Spectrum:
-    """A signal, extended at its ends, in the frequency domain, to be filtered and read at a lower
-    rate.
+    """Holds a signal, extended at its ends, in the frequency domain, to be filtered and read at a
+    lower rate.
     """
 
     def __init__(self, signal: np.ndarray, rate: float, step: int) -> None:

@@ -120,8 +120,8 @@ def _sections(result: Comparison, sides: tuple[Side, Side]) -> list[str]:
 
 
 def _mean_torques(result: Comparison, recorded: Side) -> str:
-    """Mean recorded torque after movements, and what is left of it when the difference is taken
-    off.
+    """Return the mean recorded torque after movements, and what is left of it when the difference
+    is taken off.
     """
     assert result.where is not None
     onsets = result.where.onsets

@@ -15,7 +15,7 @@ _AFTER_S = 0.4
 
 @dataclass(frozen=True)
 class Size:
-    """Torque that an effect adds.
+    """Holds the torque that an effect adds.
 
     Attributes
     ----------

@@ -43,8 +43,8 @@ def encoded(figure: Figure) -> str:
 def before_and_after(
     fitter: Fitter, base_map: ResidualMap, base: HeldOut, final: HeldOut | None, noise: float
 ) -> str:
-    """Mean torque around movements: recorded, and predicted on unseen data; the band is what no
-    model explains. `final` None: base only.
+    """Draw the mean torque around movements: recorded, and predicted on unseen data; the band is
+    what no model explains. `final` None: base only.
     """
     rows = fitter.rows
     figure = Figure(figsize=(10, 3.6))
@@ -128,8 +128,8 @@ def path_diagram(marked: set[str]) -> str:
 def residual_picture(
     base: ResidualMap, final: ResidualMap | None, label: str = "base model"
 ) -> str:
-    """Residual by time after onset and direction, and its share of torque by frequency band, before
-    and after (where there is an after).
+    """Draw the residual by time after onset and direction, and its share of torque by frequency
+    band, before and after (where there is an after).
     """
     shown = [(base, _RED, label)] + (
         [(final, _BLUE, "with the new physics")] if final is not None else []
@@ -175,8 +175,8 @@ def ladder(found: Found) -> str:
 
 
 def cells_picture(base: ResidualMap, final: ResidualMap | None, label: str = "base model") -> str:
-    """Mean residual by direction and size (rows) and window (columns) with its 95 % band; bold
-    where the band excludes zero.
+    """Draw the mean residual by direction and size (rows) and window (columns) with its 95 % band;
+    bold where the band excludes zero.
     """
     shown = [(base, label)] + ([(final, "with the new physics")] if final is not None else [])
     groups = list(dict.fromkeys((c.direction, c.size) for c in base.cells))
@@ -224,8 +224,8 @@ def _mean(cell: Cell | None) -> float:
 
 
 def dependence_picture(base: ResidualMap) -> str:
-    """Coherence of the residual with each input by frequency, and what the size of the misfit
-    depends on.
+    """Draw the coherence of the residual with each input by frequency, and what the size of the
+    misfit depends on.
     """
     figure = Figure(figsize=(10, 2.8))
     axes = figure.add_subplot(1, 2, 1)

@@ -12,8 +12,8 @@ MIN_GRID_POINTS = 3
 
 
 class Grids:
-    """Which points of the candidates' nonlinear parameters are worth trying, from what was tried
-    before.
+    """Chooses which points of the candidates' nonlinear parameters are worth trying, from what was
+    tried before.
     """
 
     def __init__(self, library: Sequence[str] | None, duration: float) -> None:

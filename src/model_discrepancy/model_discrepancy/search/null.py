@@ -38,7 +38,7 @@ _EULER = 0.5772156649
 
 @dataclass
 class Null:
-    """Surrogates of a recording's noise, and the largest gain of each candidate on each.
+    """Holds surrogates of a recording's noise, and the largest gain of each candidate on each.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Null:
 
     @property
     def drawn(self) -> np.ndarray:
-        """The surrogates as they were drawn, nothing projected out, shape (rows, DRAWS)."""
+        """Return the surrogates as they were drawn, nothing projected out, shape (rows, DRAWS)."""
         return self.own.astype(np.float32)[:, None] * self.signs[self.stretch]
 
     def project_out(self, basis: np.ndarray) -> None:
@@ -129,7 +129,7 @@ class Null:
 
     @property
     def observed(self) -> bool:
-        """Say whether any candidate has tried the surrogates."""
+        """Tell whether any candidate has tried the surrogates."""
         return bool(self.gains)
 
     def threshold(self, name: str) -> float:

@@ -42,7 +42,7 @@ Point = dict[str, float]
 
 @dataclass(frozen=True)
 class Screened:
-    """A candidate at the best point of its grid.
+    """Holds a candidate at the best point of its grid.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ def _additive(
     residual: np.ndarray,
     null: Null | None,
 ) -> tuple[float, dict[str, float]]:
-    """Share and start of a candidate that adds torque."""
+    """Return the share and start of a candidate that adds torque."""
     columns, rows = fitter.columns, fitter.rows
     values = _with(columns, fit, name, point)
     spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
@@ -212,7 +212,7 @@ def _additive(
 def _shaping(
     fitter: Fitter, fit: Fit, name: str, points: Sequence[Point], slopes: np.ndarray
 ) -> list[tuple[float, dict[str, float]]]:
-    """Share and start of a candidate that changes a signal on its way, at each point."""
+    """Return the share and start of a candidate that changes a signal on its way, at each point."""
     columns, used = fitter.columns, fitter.rows.used
     results = []
     for point in points:

@@ -46,8 +46,8 @@ def refitted(fitter: Fitter, current: Fit, name: str, start: Start, evaluations:
 
 
 def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float, float]:
-    """Sum of squares, whitened or plain, on each half of what the other half predicts: refitted
-    there, linearised about the fit.
+    """Return the sum of squares, whitened or plain, on each half of what the other half predicts:
+    refitted there, linearised about the fit.
     """
     parts = interleaved(fitter.rows)
     derivatives, labels = fitter.derivatives(fit, plain)
@@ -61,7 +61,9 @@ def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float,
 
 
 def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[float, float]:
-    """Share of the whitened error on unseen rows that a new model takes off, in both directions."""
+    """Return the share of the whitened error on unseen rows that a new model takes off, in both
+    directions.
+    """
     return 1.0 - new[0] / old[0], 1.0 - new[1] / old[1]
 
 
@@ -83,8 +85,8 @@ def drop_superfluous(
 
 
 def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
-    """Share of the whitened error that one term keeps off, as far as a linear refit of the others
-    tells.
+    """Return the share of the whitened error that one term keeps off, as far as a linear refit of
+    the others tells.
     """
     left = without_term(current.terms, name)
     used = fitter.rows.used

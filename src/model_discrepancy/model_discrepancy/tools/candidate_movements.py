@@ -37,7 +37,7 @@ ACCEPTANCE_DURATION_S = 30.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """A movement and the subject's task.
+    """Describes a movement and the subject's task.
 
     Attributes
     ----------

@@ -111,7 +111,7 @@ class Contribution:
 
     @property
     def significant(self) -> bool:
-        """Say whether it is large and sure enough."""
+        """Tell whether it is large and sure enough."""
         sure = bool(self.only) or any(
             abs(z) >= LEAST_ERRORS for _, _, z in self.parameters.values() if np.isfinite(z)
         )
@@ -138,7 +138,7 @@ class Comparison:
 
     @property
     def headline(self) -> str:
-        """The result in one or two sentences."""
+        """Return the result in one or two sentences."""
         if self.verdict == "bad_recording":
             return f"These bags cannot be compared: {self.reasons[0]}."
         actuator = f" {self.actuator[0]}" if self.actuator else ""
@@ -348,7 +348,9 @@ def _subtracted(simulated: Motion, recorded: Motion, second: Side) -> tuple[Fitt
 
 
 def _described(first: Side, fitter: Fitter) -> np.ndarray:
-    """Spectrum of the torque that the simulated bag's description gives on another movement."""
+    """Return the spectrum of the torque that the simulated bag's description gives on another
+    movement.
+    """
     final = first.found.final
     spectra = fitter.columns.spectra(final.values)
     total = sum(

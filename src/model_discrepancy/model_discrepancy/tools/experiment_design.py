@@ -54,7 +54,7 @@ _SHOWN_S = 6.0
 
 @dataclass(frozen=True)
 class RivalSet:
-    """Models that one recording could not tell apart.
+    """Holds models that one recording could not tell apart.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class RivalSet:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A candidate and what it is expected to tell.
+    """Holds a candidate and what it is expected to tell.
 
     Attributes
     ----------
@@ -96,13 +96,13 @@ class Proposal:
 
     @property
     def minutes(self) -> float:
-        """Recording time [min] after which the wrong model has lost."""
+        """Return the recording time [min] after which the wrong model has lost."""
         return DECIDING_MISFIT / self.misfit if self.misfit > 0 else float("inf")
 
 
 @dataclass(frozen=True)
 class Design:
-    """The ranking, best first, for the sets of a verdict.
+    """Ranks the movements, best first, for the sets of a verdict.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Design:
 
     @property
     def undecided(self) -> list[Pair]:
-        """Pairs, in either order once, that the best movement does not decide."""
+        """Return the pairs, in either order once, that the best movement does not decide."""
         if not self.proposals:
             return []
         pairs = self.proposals[0].pairs
@@ -128,7 +128,7 @@ class Design:
 
     @property
     def sentence(self) -> str:
-        """The proposal in one sentence."""
+        """Return the proposal in one sentence."""
         if not self.sets:
             return "The verdict leaves no rivals: no second recording is needed to tell them apart."
         best = self.proposals[0]

@@ -46,7 +46,7 @@ where the operator does not consent."""
 
 @dataclass
 class OpenSet:
-    """Names that could each stand for one effect.
+    """Holds names that could each stand for one effect.
 
     Attributes
     ----------
@@ -74,13 +74,13 @@ class OpenSet:
 
     @property
     def settled(self) -> bool:
-        """Say whether one name is left."""
+        """Tell whether one name is left."""
         return len(self.left) == 1
 
 
 @dataclass
 class Round:
-    """One recording that was designed and made.
+    """Describes one recording that was designed and made.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Round:
 
 @dataclass
 class Investigation:
-    """The story of an investigation.
+    """Holds the story of an investigation.
 
     Attributes
     ----------
@@ -126,7 +126,9 @@ class Investigation:
 
     @property
     def names(self) -> list[str]:
-        """Names that are left: one of each settled set, all of an open one, joined by a slash."""
+        """Return the names that are left: one of each settled set, all of an open one, joined by a
+        slash.
+        """
         known = {s.effect: "/".join(s.left) for s in self.sets}
         return [known.get(e["name"], e["name"]) for e in self.first.verdict.effects]
 
@@ -296,7 +298,7 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
 
 
 def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
-    """Names of a set that no recording excludes, the likeliest first.
+    """Return the names of a set that no recording excludes, the likeliest first.
 
     A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
     and all recordings together speak against it. A name of which another is a general case goes

@@ -38,7 +38,7 @@ _SHOWN_S = 3.0
 
 @dataclass(frozen=True)
 class Resimulation:
-    """Torque of both models on the recorded movement.
+    """Holds the torque of both models on the recorded movement.
 
     Attributes
     ----------

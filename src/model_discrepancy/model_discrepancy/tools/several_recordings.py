@@ -48,7 +48,7 @@ LEAST_RELATIVE_ERROR = 0.02
 
 @dataclass
 class Member:
-    """One of several recordings on its way through the search.
+    """Holds one of several recordings on its way through the search.
 
     Attributes
     ----------
@@ -69,13 +69,13 @@ class Member:
 
     @property
     def name(self) -> str:
-        """Name of the recording."""
+        """Return the name of the recording."""
         return self.problem.recording.name
 
 
 @dataclass(frozen=True)
 class SharedEffect:
-    """A term that several recordings need together.
+    """Describes a term that several recordings need together.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class SharedEffect:
 
     @property
     def sentence(self) -> str:
-        """To whom it belongs and why, in plain words."""
+        """Say to whom it belongs and why, in plain words."""
         what = term_library()[self.name].sentence
         same = self.probability_same > DIFFERENT
         odds = f"p = {self.probability_same:.2g}"
@@ -143,7 +143,7 @@ class Together:
 
     @property
     def verdict(self) -> str:
-        """``no_mismatch``, ``explained`` or ``unexplained``, of all recordings."""
+        """Return ``no_mismatch``, ``explained`` or ``unexplained``, of all recordings."""
         if any(m.after is not None and m.after.significant for m in self.members):
             return "unexplained"
         return "explained" if self.effects else "no_mismatch"

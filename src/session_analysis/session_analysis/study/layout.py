@@ -54,7 +54,7 @@ IMPORT_KEYS = ("columns", "rate[Hz]", "resample[Hz]")
 
 @dataclass(frozen=True)
 class Entry:
-    """One recording of a study.
+    """Describes one recording of a study.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """The name, as ``sub-S07_ses-03_run-01``."""
+        """Return the name, as ``sub-S07_ses-03_run-01``."""
         return recording_name(self.subject, self.visit, self.run)
 
     def stated(self) -> dict[str, Any]:
@@ -166,7 +166,7 @@ def check_stated(stated: object, where: Path | str) -> None:
 
 
 class Study:
-    """A study's folder.
+    """Describes a study's folder.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class Study:
 
     @property
     def results(self) -> Path:
-        """The table of all results."""
+        """Return the table of all results."""
         return self.folder / DERIVATIVES / "results.parquet"
 
     def derived(self, entry: Entry) -> Path:

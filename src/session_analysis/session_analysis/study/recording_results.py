@@ -32,7 +32,7 @@ PERCENT = 100.0
 
 @dataclass(frozen=True)
 class Row:
-    """One number of the table of results.
+    """Holds one number of the table of results.
 
     Attributes
     ----------

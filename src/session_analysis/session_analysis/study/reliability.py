@@ -20,7 +20,7 @@ below."""
 
 @dataclass(frozen=True)
 class Reliability:
-    """The reliability of one quantity over visits.
+    """Holds the reliability of one quantity over visits.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ _RATE = re.compile(
 
 @dataclass(frozen=True)
 class Layout:
-    """What a grid of cells is.
+    """Describes what a grid of cells is.
 
     Attributes
     ----------

@@ -64,7 +64,7 @@ _LIKELY_RATE = (50.0, 20_000.0)  # Hz
 
 @dataclass
 class Proposal:
-    """A mapping that is likely, and why.
+    """Holds a mapping that is likely, and why.
 
     Attributes
     ----------

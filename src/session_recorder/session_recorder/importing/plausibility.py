@@ -51,7 +51,7 @@ TORQUE_UNITS = {"mN.m": 1e-3, "N.cm": 1e-2, "kN.m": 1e3}
 
 @dataclass(frozen=True)
 class Intrinsic:
-    """The estimates over the segments of a recording.
+    """Holds the estimates over the segments of a recording.
 
     Attributes
     ----------

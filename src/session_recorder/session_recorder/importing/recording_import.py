@@ -58,7 +58,7 @@ SHOWN_FINDINGS = 5
 
 @dataclass(frozen=True)
 class ImportReport:
-    """The outcome of `import_recording`.
+    """Holds the outcome of `import_recording`.
 
     Attributes
     ----------

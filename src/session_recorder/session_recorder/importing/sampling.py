@@ -26,7 +26,7 @@ GAP_TOLERANCE = 0.2
 
 @dataclass(frozen=True)
 class Sampling:
-    """The spacing of a column of times.
+    """Describes the spacing of a column of times.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ READERS = {
 
 @dataclass
 class Table:
-    """The columns of one file.
+    """Holds the columns of one file.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """The names of every column, also of those that are refused."""
+        """Return the names of every column, also of those that are refused."""
         return [*self.columns, *(name for name in self.refused if name not in self.columns)]
 
     def choose(self, wanted: Collection[str]) -> dict[str, np.ndarray]:

@@ -32,7 +32,7 @@ _FILE_RIGHTS = 0b111 | 1 << 14 | 1 << 15
 
 
 class ConcealmentError(RuntimeError):
-    """The kernel refused to confine this process."""
+    """Reports that the kernel refused to confine this process."""
 
 
 class _RulesetAttributes(ctypes.Structure):

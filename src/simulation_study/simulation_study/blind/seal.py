@@ -23,7 +23,9 @@ SALT_BYTES = 32
 
 
 class SealError(RuntimeError):
-    """A truth that is missing, cannot be decrypted, or is not the one that was committed to."""
+    """Reports a truth that is missing, cannot be decrypted, or is not the one that was committed
+    to.
+    """
 
 
 def canonical(truth: dict[str, Any]) -> bytes:
@@ -44,7 +46,7 @@ def root(commitments: dict[str, str]) -> str:
 
 
 class Seal:
-    """The sealed truths of a study.
+    """Holds the sealed truths of a study.
 
     Parameters
     ----------

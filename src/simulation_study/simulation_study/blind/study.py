@@ -52,7 +52,7 @@ KEEP_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": Non
 
 
 class StudyError(RuntimeError):
-    """A study that cannot begin or go on as asked."""
+    """Reports a study that cannot begin or go on as asked."""
 
 
 @contextmanager

@@ -25,7 +25,7 @@ the samples which the estimates stand for.
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording and what was true in it.
+    """Holds a recording and what was true in it.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Recorded:
 
     @property
     def time(self) -> np.ndarray:
-        """Sample times [s], the first 0, shape (n,)."""
+        """Return the sample times [s], the first 0, shape (n,)."""
         return np.arange(len(self.position)) / self.rate
 
 

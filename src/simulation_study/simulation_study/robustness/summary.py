@@ -21,7 +21,7 @@ LARGE_ERROR = {"K": 15.0, "G": 25.0}
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one gain, of one estimator, over some recordings.
+    """Holds errors of one gain, of one estimator, over some recordings.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Arrivals:
-    """Arrival after one kind of jump.
+    """Holds the arrivals after one kind of jump.
 
     Attributes
     ----------

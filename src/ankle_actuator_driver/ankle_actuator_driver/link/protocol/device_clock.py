@@ -87,7 +87,7 @@ class DeviceClock:
 
     @property
     def ready(self) -> bool:
-        """Whether the clock is known well enough to convert times."""
+        """Tell whether the clock is known well enough to convert times."""
         return len(self._middles) >= FIRST
 
     def exchange(

@@ -48,7 +48,7 @@ CLOCK_LEAP = 1.0
 
 
 class DriverEnd:
-    """The driver's end of the protocol: it makes packets of orders and reports of packets.
+    """Makes packets of orders, and reports of packets: the driver's end of the protocol.
 
     Parameters
     ----------

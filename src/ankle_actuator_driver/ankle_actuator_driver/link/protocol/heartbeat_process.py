@@ -28,7 +28,7 @@ POLL = 0.005
 
 
 class HeartbeatProcess:
-    """The driver's side of the process.
+    """Starts the process that sends heartbeats, and hands it what to send.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class HeartbeatProcess:
 
     @property
     def pid(self) -> int:
-        """The process id."""
+        """Return the process id."""
         return self._process.pid
 
     def ended(self) -> bool:

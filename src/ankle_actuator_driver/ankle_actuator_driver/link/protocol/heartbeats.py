@@ -90,5 +90,5 @@ class Heartbeats:
 
     @property
     def next_due(self) -> float:
-        """The time at which the next heartbeat is due [s]."""
+        """Return the time at which the next heartbeat is due [s]."""
         return self._sent + HEARTBEAT_PERIOD

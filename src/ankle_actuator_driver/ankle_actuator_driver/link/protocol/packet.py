@@ -55,7 +55,7 @@ _BODY_SIZE = {
 
 
 class Refusal(Enum):
-    """Reason why bytes are no packet, or why a packet is not obeyed."""
+    """Names the reason why bytes are no packet, or why a packet is not obeyed."""
 
     TOO_SHORT = "shorter than a header and a digest"
     MAGIC = "does not start with 'ANKL'"
@@ -77,7 +77,7 @@ class Refusal(Enum):
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """Packet from driver to rig that says that the driver lives; sent at least every 20 ms.
+    """Tells the rig that the driver lives; sent by the driver at least every 20 ms.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Heartbeat:
 
 @dataclass(frozen=True)
 class Reference(Heartbeat):
-    """Packet from driver to rig with the motion that the plate is to follow; a heartbeat as well.
+    """Carries the motion that the plate is to follow from driver to rig; counts as a heartbeat.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class Reference(Heartbeat):
 
 @dataclass(frozen=True)
 class StateReport:
-    """Packet from rig to driver with the rig's state and samples; sent at least every 20 ms.
+    """Carries the rig's state and samples from rig to driver; sent at least every 20 ms.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ ALIVE_PERIOD = LOST_AFTER / 10
 
 
 class Sender(Protocol):
-    """What sends the packets of a driver."""
+    """Sends the packets of a driver."""
 
     def send(self, data: bytes) -> None:
         """Send a packet, given without its digest."""
@@ -68,7 +68,7 @@ class DirectSender:
 
 
 class PacketLink(RigLink):
-    """A link that sends packets over a transport.
+    """Links a driver to a rig by packets over a transport.
 
     A subclass opens the transport in `open_line` and may have another process send in
     `make_sender`.

@@ -26,7 +26,7 @@ set."""
 
 
 class Datagram(NamedTuple):
-    """A packet that has come.
+    """Holds a packet that has come.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Datagram(NamedTuple):
 
 
 class Transport(Protocol):
-    """A line to the other end."""
+    """Carries packets to and from the other end of a line."""
 
     def send(self, packet: bytes) -> None:
         """Send one packet; a line that is down loses it."""
@@ -109,7 +109,7 @@ class UdpTransport:
 
     @property
     def local(self) -> tuple[str, int]:
-        """The address at which packets come in."""
+        """Return the address at which packets come in."""
         address = self.socket.getsockname()
         return str(address[0]), int(address[1])
 
