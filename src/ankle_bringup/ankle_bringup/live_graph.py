@@ -227,12 +227,15 @@ def trigger(node: Node, name: str, command: str) -> tuple[bool, str]:
     return bool(answer.success), str(answer.message)
 
 
-def latched(node: Node, topic: str, seconds: float) -> str | None:
-    """Return the last text on a latched topic; None where nothing comes in time."""
+def latched(
+    node: Node, topic: str, seconds: float, wanted: Callable[[str], bool] = lambda text: True
+) -> str | None:
+    """Return the last text on a latched topic; None where no text that is wanted comes in time."""
     heard: list[str] = []
 
     def hear(message: Any) -> None:
-        heard.append(str(message.data))
+        if wanted(str(message.data)):
+            heard.append(str(message.data))
 
     node.create_subscription(String, topic, hear, LATEST_QOS)
     deadline = time.monotonic() + seconds

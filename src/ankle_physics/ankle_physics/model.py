@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,11 @@ class Model:
             content["joint"] = self.joint.content()
         content["terms"] = self.content()
         Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the terms, by which estimates state the model that they are made with."""
+        return sha256(yaml.safe_dump(self.content()).encode()).hexdigest()
 
     def content(self) -> list[dict[str, Any]]:
         """Return the list 'terms' of a model file."""

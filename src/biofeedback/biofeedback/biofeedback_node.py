@@ -6,6 +6,7 @@
 | ankle/samples | in | Float64MultiArray | t[s],position[rad],velocity[rad/s],torque[N.m] |
 | emg/samples | in | Float64MultiArray | t[s],SOL[V],TA[V],GL[V],GM[V]: traces, activity |
 | emg/responses | in, in a course | Float64MultiArray | each onset: the reflex of a trial |
+| impedance/provenance | in | String | the model that the estimates are made with |
 | /diagnostics | in, out | DiagnosticArray | health, recording, free disk; own frames and pages |
 | rig/state | in | String | state of the rig's driver |
 | rig/operator_alive | out | String | 10 Hz while an operator's page is alive: id of the session |
@@ -13,7 +14,7 @@
 
 Services that it calls: `arm`, `start`, `stop`, `reset_fault` of the rig's driver
 (std_srvs/Trigger), `perturb` of the perturbation generator in a conditioning course, parameters of
-`ankle_sim`.
+`ankle_sim`, the parameter `model` of the estimator.
 
 Threads: the executor takes the graph's messages; `SessionRunner` has the session and its clock;
 `RigServices` the calls to the rig; the pages' server and the file with the progress have one each.
@@ -55,6 +56,7 @@ from biofeedback.session.calibration_files import file_checks, subject_file_of
 from biofeedback.session.calibration_program import CalibrationProgram
 from biofeedback.session.course import load_course
 from biofeedback.session.course_file import CourseFile
+from biofeedback.session.estimator_model import ModelOfEstimator
 from biofeedback.session.event_outbox import EventOutbox
 from biofeedback.session.perturbation_request import PerturbationRequest
 from biofeedback.session.protocol import load_protocol
@@ -121,6 +123,7 @@ class BiofeedbackNode(AnkleNode):
                 str(model),
             ),
             self._calibration,
+            ModelOfEstimator(self),
         )
         presenter = Presenter(
             self._signals,

@@ -209,6 +209,11 @@ class LiveSignals:
         with self._lock:
             return self.health.new_faults()
 
+    def not_valid(self) -> str:
+        """Return why estimates are not valid, in the estimator's words; see `GraphHealth`."""
+        with self._lock:
+            return self.health.reason()
+
     def describe(self, heard_now: float) -> dict[str, Any]:
         """Return health, recording and reason, ready for JSON."""
         with self._lock:

@@ -8,6 +8,7 @@ import ipaddress
 import math
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 from cryptography import x509
@@ -111,6 +112,8 @@ class FakeSubject:
 class FakeCalibration:
     """A calibration that ends when a test says so."""
 
+    model = Path("S07.yaml")
+
     def __init__(self):
         self.begun, self.cancelled = [], []
         self.running = self.recording = False
@@ -139,6 +142,20 @@ class FakeCalibration:
         self.recording, self.end = False, CalibrationEnd(problem, figures)
 
 
+class FakeEstimator:
+    """An estimator that goes on with a model when a test says so, or at once."""
+
+    def __init__(self, at_once=True):
+        self.at_once, self.confirmed, self.handed = at_once, False, []
+        self.refusal = self.problem = ""
+
+    def hand_over(self, model):
+        self.handed.append(model)
+        if self.problem:
+            raise CommandError(self.problem)
+        self.confirmed = self.at_once
+
+
 class Laboratory:
     """Serves in a thread of its own and streams what `K`, `G`, `torque`, `valid` say, in real time,
     until it is closed.
@@ -165,6 +182,7 @@ class Laboratory:
             self.events.append,
             time.time,
             calibration=calibration,
+            estimator=FakeEstimator(),
         )
         self.presenter = Presenter(self.signals)
         self.server = Server(self.runner, self.presenter, Access(host, token), time.time, tls=tls)

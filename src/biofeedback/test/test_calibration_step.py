@@ -7,15 +7,26 @@ import time
 from pathlib import Path
 
 import pytest
-from laboratory import CALIBRATED, FakeCalibration, FakeRig, FakeSubject, short_protocol, until
+from laboratory import (
+    CALIBRATED,
+    FakeCalibration,
+    FakeEstimator,
+    FakeRig,
+    FakeSubject,
+    short_protocol,
+    until,
+)
 
 from ankle_node.session_event import SessionEvent
+from ankle_physics.model import Model
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.live_signals import LiveSignals
 from biofeedback.session.calibration_files import subject_file_of
 from biofeedback.session.calibration_program import CalibrationProgram
+from biofeedback.session.calibration_step import TAKEOVER_PATIENCE
 from biofeedback.session.check_list import DONE, FAILED, OPEN, RUNNING, SKIPPED
 from biofeedback.session.commands import Command
+from biofeedback.session.estimator_model import stated_model
 from biofeedback.session.event_outbox import DISCOVERY, LONGEST_DISCOVERY, EventOutbox
 from biofeedback.session.runner import SessionRunner
 from biofeedback.session.saved_session import SAVE_PERIOD, ProgressKeeper, worth_resuming
@@ -28,19 +39,30 @@ NAME = "session_calibration"
 class CalibratedSession:
     """A session with the step, in virtual time."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, file_checks=None):
         self.rig, self.events, self.calibration = FakeRig(), [], FakeCalibration()
+        self.estimator, self.signals = FakeEstimator(), LiveSignals()
         self.session = Session(short_protocol(folder, baseline=60, more=CALIBRATED))
         self.now = 1000.0
         self.runner = SessionRunner(
             self.session,
-            LiveSignals(),
+            self.signals,
             self.rig,
             FakeSubject(),
             self.events.append,
             lambda: self.now,
             calibration=self.calibration,
+            estimator=self.estimator,
+            file_checks=file_checks,
         )
+        self.runner._read_file_checks(self.now)
+        self.pass_time(0.1)
+
+    def diagnose(self, at_once=False):
+        """Start, and end the diagnosis; the estimator has the model and does not use it yet."""
+        self.estimator.at_once = at_once
+        self.start()
+        self.calibration.finish(found="tissue friction")
         self.pass_time(0.1)
 
     def pass_time(self, seconds):
@@ -83,13 +105,15 @@ def test_the_step_begins_the_calibration_and_ends_with_it(visit):
     visit.calibration.recording = False
     visit.pass_time(300.0)  # the step waits for the diagnosis, however long that takes
     assert visit.session.step.kind == "calibration"
-    visit.calibration.finish(found="tissue friction", estimator="goes on with this model")
+    visit.calibration.finish(found="tissue friction")
     visit.pass_time(0.1)
     assert visit.check[0] == DONE
     assert visit.session.step.kind == "baseline"
     names = [event.event for event in visit.events]
     assert names[-3:] == ["calibration started", "check done", "baseline started"]
     assert visit.events[-2].details["found"] == "tissue friction"
+    assert visit.events[-2].details["estimator"] == "goes on with this model"
+    assert visit.estimator.handed == [visit.calibration.model]
     assert visit.rig.stopped_at == []
 
 
@@ -121,13 +145,119 @@ def test_a_failed_calibration_is_repeated_or_skipped_by_the_operator(visit):
     assert visit.calibration.cancelled == ["skipped by the operator"]
 
 
-def test_a_new_session_is_calibrated_anew(visit):
+def test_a_new_session_is_calibrated_anew_and_forgets_the_model_of_the_last_subject(visit):
     visit.start()
     visit.calibration.finish()
     visit.pass_time(0.2)
     visit.command("stop")
     visit.command("restart")
     assert visit.check == (OPEN, {})
+    assert visit.estimator.handed == [visit.calibration.model, None]
+
+
+# ----- the estimator -----
+
+
+def test_the_baseline_waits_until_the_estimator_uses_the_model(visit):
+    visit.diagnose()
+    visit.pass_time(TAKEOVER_PATIENCE / 2)
+    assert visit.session.step.kind == "calibration"
+    state, shown = visit.check
+    assert state == RUNNING
+    assert "waiting for the estimator to go on with the model, 60 s so far" in shown["progress"]
+    with pytest.raises(CommandError, match="once the estimator uses the new model; 'Skip'"):
+        visit.command("next")
+    visit.estimator.confirmed = True
+    visit.pass_time(0.1)
+    assert visit.check[0] == DONE
+    assert visit.session.step.kind == "baseline"
+
+
+def test_an_estimator_that_does_not_take_the_model_is_named_and_can_be_left_without(visit):
+    reason = {"estimate": "not valid: no excitation in the memory"}
+    visit.signals.feed_status("impedance_estimator", 0, "running", reason, visit.now)
+    visit.diagnose()
+    visit.pass_time(TAKEOVER_PATIENCE + 1.0)
+    assert visit.session.step.kind == "calibration"
+    state, shown = visit.check
+    assert state == FAILED
+    assert "does not go on with the model after 120 s" in shown["problem"]
+    assert "are not valid: no excitation in the memory" in shown["problem"]
+    assert "skip to go on without" in shown["problem"]
+    assert [event.event for event in visit.events].count("check failed") == 1
+    visit.command("check", check=NAME, act="skip")
+    visit.pass_time(0.1)
+    assert visit.session.step.kind == "baseline"
+    assert visit.estimator.handed[-1] is None  # it must not take over in the middle of a hold
+
+
+def test_a_model_that_is_used_late_counts(visit):
+    visit.diagnose()
+    visit.pass_time(TAKEOVER_PATIENCE + 1.0)
+    assert visit.check[0] == FAILED
+    visit.estimator.confirmed = True
+    visit.pass_time(0.1)
+    assert visit.check[0] == DONE
+    assert visit.session.step.kind == "baseline"
+
+
+def test_time_without_perturbation_is_no_time_for_the_estimator(visit):
+    visit.diagnose()
+    visit.pass_time(TAKEOVER_PATIENCE - 10.0)
+    visit.command("stop")
+    visit.pass_time(300.0)
+    assert visit.check[0] == RUNNING
+    visit.command("arm")
+    visit.command("start")
+    visit.pass_time(5.0)
+    assert visit.check[0] == RUNNING
+    assert visit.calibration.begun == [90.0]  # what is diagnosed is not recorded again
+    visit.pass_time(10.0)
+    assert visit.check[0] == FAILED
+    visit.command("stop")
+    visit.pass_time(0.1)
+    visit.command("arm")
+    visit.command("start")
+    visit.pass_time(1.0)
+    assert visit.check[0] == RUNNING
+    assert visit.estimator.handed == 2 * [visit.calibration.model]
+
+
+@pytest.mark.parametrize("field", ["problem", "refusal"])
+def test_an_estimator_that_refuses_says_why(visit, field):
+    setattr(visit.estimator, field, "no node 'impedance_estimator' answers")
+    visit.diagnose()
+    assert visit.check[0] == FAILED
+    assert "no node 'impedance_estimator' answers" in visit.check[1]["problem"]
+    assert visit.session.step.kind == "calibration"
+
+
+def test_a_model_from_a_file_counts_once_the_estimator_uses_it(tmp_path):
+    visit = CalibratedSession(tmp_path, {NAME: lambda: {"terms": "stiffness"}})
+    assert visit.check == (DONE, {"terms": "stiffness"})
+    visit.estimator.at_once = False
+    visit.start()
+    assert visit.session.step.kind == "calibration"
+    assert visit.check[0] == RUNNING
+    assert visit.calibration.begun == []
+    visit.estimator.confirmed = True
+    visit.pass_time(0.1)
+    assert visit.check == (DONE, {"terms": "stiffness", "estimator": "goes on with this model"})
+    assert visit.session.step.kind == "baseline"
+
+
+def test_the_estimators_own_words_say_which_model_it_uses(tmp_path):
+    from impedance_estimator.known_physics import KnownPhysics
+    from impedance_estimator.provenance import provenance
+    from impedance_estimator.stream import EstimateStream
+
+    path = tmp_path / "S07.yaml"
+    Model.of(title="S07").save(path)
+    known = KnownPhysics(None, Model.load(path))
+    assert stated_model(provenance(EstimateStream(known=known))) == Model.load(path).sha256
+    assert stated_model(provenance(EstimateStream())) == ""
+    assert stated_model("algorithm: simultaneous") is None
+    assert stated_model("[") is None
 
 
 def test_a_step_of_calibration_needs_its_check(tmp_path):
@@ -162,7 +292,7 @@ def end_of(calibration):
 
 
 def test_the_programs_result_is_read(tmp_path):
-    printed = json.dumps({"effects": [{"name": "tissue_friction"}], "estimator": "goes on"})
+    printed = json.dumps({"effects": [{"name": "tissue_friction"}]})
     calibration = program(tmp_path, f"print({printed!r})")
     calibration.begin(90.0)
     assert calibration.recording
@@ -171,7 +301,7 @@ def test_the_programs_result_is_read(tmp_path):
         calibration.begin(90.0)
     end = end_of(calibration)
     assert end.problem == ""
-    assert end.figures == {"found": "tissue friction", "estimator": "goes on"}
+    assert end.figures == {"found": "tissue friction"}
     assert not calibration.running
     words = json.loads((tmp_path / "S07.yaml.words").read_text())
     assert words[:2] == ["calibrate", "session"]
@@ -206,7 +336,16 @@ def test_the_options_are_those_of_the_command():
 
     words = ["calibrate", "session", "--help"]
     shown = CliRunner().invoke(app, words, env={"TERMINAL_WIDTH": "200"})
-    for option in ("--seconds", "--out", "--bag", "--report", "--rig", "--namespace", "--json"):
+    for option in (
+        "--no-hand-over",
+        "--seconds",
+        "--out",
+        "--bag",
+        "--report",
+        "--rig",
+        "--namespace",
+        "--json",
+    ):
         assert option in shown.output
 
 

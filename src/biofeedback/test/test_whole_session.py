@@ -195,13 +195,17 @@ def test_a_session_is_calibrated_before_its_baseline(browser, tmp_path, monkeypa
             entry.locator("p", has_text="…").wait_for()
         baseline.wait_for()
         operator.locator("#log", has_text="goes on with this model").wait_for()
-        operator.wait_for_timeout(40_000)  # the new estimator settles before it takes over
+        operator.wait_for_timeout(1000)  # the baseline itself begins with the new model
         operator.close()
         assert set(processes.stop().values()) == {0}
     assert {"inertia", "stiffness"} <= {entry.term.name for entry in Model.load(model).entries}
-    messages = BagReader(bag).messages(["/impedance/provenance"])
-    stated = [
-        typestore().deserialize_cdr(raw, "std_msgs/msg/String").data for _, _, raw in messages
+    provenance, event = "/impedance/provenance", "/session/event"
+    stated: list[tuple[str, str]] = [
+        (topic, typestore().deserialize_cdr(raw, "std_msgs/msg/String").data)
+        for topic, _, raw in BagReader(bag).messages([provenance, event])
     ]
-    assert "model: null" in stated[0]
-    assert "model: null" not in stated[-1]
+    models = [text for topic, text in stated if topic == provenance]
+    assert "model: null" in models[0]
+    assert Model.load(model).sha256 in models[-1]
+    begun = [text for topic, text in stated if topic == provenance or "baseline started" in text]
+    assert "baseline started" in begun[-1], begun  # nothing changes the estimator after it

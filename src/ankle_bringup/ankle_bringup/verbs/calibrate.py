@@ -27,6 +27,10 @@ def _require_new(path: Path, overwrite: bool) -> None:
         raise RunError(f"{path} is there; give another --out, or replace it with --overwrite")
 
 
+TAKEOVER_SECONDS = 60.0
+"""[s] Time for a running estimator to go on with a new model: 15 to 30 s with the perturbation."""
+
+
 @verb.command()
 def rig(
     bag: Recorded = None,
@@ -113,13 +117,16 @@ def session(
     namespace: Annotated[
         str, typer.Option(help="Namespace of the running laboratory, as 'left'.")
     ] = "",
+    hand_over: Annotated[
+        bool, typer.Option(help="Hand the model to the running estimator.")
+    ] = True,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
     estimator.
 
     Writes subject.yaml, and the diagnosis with its report. A running impedance_estimator goes on
-    with the new model without a restart.
+    with the new model without a restart; the last line says whether it does.
 
     Example: ankle calibrate session --seconds 90 --rig rig.yaml --out subject.yaml
     """
@@ -142,8 +149,8 @@ def session(
     for effect in found.verdict["effects"]:
         console.print(f"- {effect['sentence']}")
     console.print(f"written to {out.resolve()}; report: {(report / 'report.html').resolve()}")
-    handed = _handed_over(out.resolve(), namespace) if live else ""
-    if live:
+    handed = _handed_over(out.resolve(), namespace) if live and hand_over else ""
+    if handed:
         console.print(handed)
     return {"out": out.resolve(), **found.verdict, "estimator": handed}
 
@@ -179,11 +186,23 @@ def _record_session(bag: Path, seconds: float, namespace: str) -> None:
 def _handed_over(model: Path, namespace: str) -> str:
     """Set the model of a running estimator; what became of it, in a sentence."""
     from ankle_bringup.errors import RunError
-    from ankle_bringup.live_graph import observer, set_parameter
+    from ankle_bringup.live_graph import latched, observer, set_parameter
+    from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
+    from ankle_physics.model import Model
 
+    name, sha256 = f"{namespace}/impedance_estimator".strip("/"), Model.load(model).sha256
     try:
-        with observer(namespace=namespace) as node:
-            set_parameter(node, f"{namespace}/impedance_estimator".strip("/"), "model", str(model))
+        with observer(namespace=namespace) as node, working("handing the model over"):
+            # The same path with new content would be no change to the estimator: it is emptied.
+            for value in ("''", str(model)):
+                set_parameter(node, name, "model", value)
+            topic = IMPEDANCE_PROVENANCE.name
+            taken = latched(node, topic, TAKEOVER_SECONDS, lambda stated: sha256 in stated)
     except RunError as error:
         return f"the running estimator goes on without it: {error}"
+    if taken is None:
+        return (
+            f"the running estimator has the model but does not use it after {TAKEOVER_SECONDS:g} s"
+            ": it goes on with it at its first valid estimate, which needs the perturbation"
+        )
     return "the running estimator goes on with this model"

@@ -35,11 +35,12 @@ class CalibrationProgram:
     Parameters
     ----------
     model
-        The ``subject.yaml`` that it writes; the recording and the report stand beside it.
+        The ``subject.yaml`` that it writes; the recording and the report stand beside it. Whoever
+        runs the program hands it to the estimator.
     rig_file
         The calibrated rig, undone before the diagnosis; empty for none.
     namespace
-        Of the estimator that receives the model.
+        Of the laboratory that is recorded.
     program
         The command and its first arguments; None finds ``ankle`` beside this Python or on the path.
     """
@@ -51,7 +52,7 @@ class CalibrationProgram:
         namespace: str = "",
         program: tuple[str, ...] | None = None,
     ) -> None:
-        self._model, self._rig_file, self._namespace = model, rig_file, namespace.strip("/")
+        self.model, self._rig_file, self._namespace = model, rig_file, namespace.strip("/")
         self._program = program
         self._process: subprocess.Popen[bytes] | None = None
         self._output = Path()
@@ -85,12 +86,12 @@ class CalibrationProgram:
         if self.running:
             raise CommandError("the session is being calibrated already")
         program = self._program or _installed_program()
-        self._model.parent.mkdir(parents=True, exist_ok=True)
-        prefix = f"{self._model.stem}_calibration_"
-        folder = Path(tempfile.mkdtemp(prefix=prefix, dir=self._model.parent))
+        self.model.parent.mkdir(parents=True, exist_ok=True)
+        prefix = f"{self.model.stem}_calibration_"
+        folder = Path(tempfile.mkdtemp(prefix=prefix, dir=self.model.parent))
         options = {
             "--seconds": f"{seconds:g}",
-            "--out": str(self._model),
+            "--out": str(self.model),
             "--bag": str(folder / "recording"),
             "--report": str(folder / "diagnosis"),
             "--rig": self._rig_file,
@@ -100,7 +101,15 @@ class CalibrationProgram:
         self._output = folder / "output.txt"
         with self._output.open("wb") as stream:
             self._process = subprocess.Popen(
-                [*program, "calibrate", "session", "--json", "--overwrite", *words],
+                [
+                    *program,
+                    "calibrate",
+                    "session",
+                    "--json",
+                    "--overwrite",
+                    "--no-hand-over",
+                    *words,
+                ],
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
@@ -166,7 +175,4 @@ def _figures(said: str) -> dict[str, Any]:
     except ValueError:
         return {}
     effects = [str(effect["name"]).replace("_", " ") for effect in found.get("effects", [])]
-    return {
-        "found": ", ".join(effects) or "nothing beyond the basic model",
-        "estimator": str(found.get("estimator", "")),
-    }
+    return {"found": ", ".join(effects) or "nothing beyond the basic model"}

@@ -1,11 +1,12 @@
 """What a session acts on, as it sees it: the rig, a simulated subject, the perturbation, the
-program that calibrates the session.
+program that calibrates the session, the estimator that goes on with its model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 
@@ -79,7 +80,15 @@ class CalibrationEnd:
 
 
 class Calibration(Protocol):
-    """Describes the interface to the program that calibrates a session; nothing of it waits."""
+    """Describes the interface to the program that calibrates a session; nothing of it waits.
+
+    Attributes
+    ----------
+    model
+        The file that it writes.
+    """
+
+    model: Path
 
     @property
     def running(self) -> bool:
@@ -100,3 +109,18 @@ class Calibration(Protocol):
 
     def ended(self) -> CalibrationEnd | None:
         """Return how it ended, once; None before."""
+
+
+class EstimatorModel(Protocol):
+    """Describes the interface to the model that the running estimator uses; nothing of it waits."""
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the estimates are made with the model that was handed over last."""
+
+    @property
+    def refusal(self) -> str:
+        """Why the estimator refused that model; empty where it did not."""
+
+    def hand_over(self, model: Path | None) -> None:
+        """Ask the estimator to go on with a model, or without one; raises `CommandError`."""

@@ -30,8 +30,15 @@ from biofeedback.session.calibration_step import CalibrationStep
 from biofeedback.session.check_list import CHECKS, SESSION_CALIBRATION, BodyReading, CheckList
 from biofeedback.session.commands import Command
 from biofeedback.session.conditioning import largest_activity
-from biofeedback.session.devices import Calibration, Perturbation, Rig, Subject
+from biofeedback.session.devices import (
+    Calibration,
+    EstimatorModel,
+    Perturbation,
+    Rig,
+    Subject,
+)
 from biofeedback.session.guidance import Guidance
+from biofeedback.session.protocol import CALIBRATION
 from biofeedback.session.readings import read
 from biofeedback.session.screen_axes import ScreenAxes
 from biofeedback.session.session_program import (
@@ -105,8 +112,9 @@ class SessionRunner:
         Gives the stretches of a conditioning course.
     file_checks
         What answers entries of the check list from files, by their names.
-    calibration
-        Calibrates the session, where the protocol has a step for it.
+    calibration, estimator
+        Calibrates the session, where the protocol has a step for it, and the estimator that goes on
+        with the model.
     """
 
     def __init__(
@@ -121,11 +129,16 @@ class SessionRunner:
         perturbation: Perturbation | None = None,
         file_checks: Mapping[str, FileCheck] | None = None,
         calibration: Calibration | None = None,
+        estimator: EstimatorModel | None = None,
     ) -> None:
         self.session = session
         self.axes = ScreenAxes(session)
         self._file_checks = file_checks
-        self._calibration = CalibrationStep(calibration) if calibration else None
+        self._calibration = (
+            CalibrationStep(calibration, estimator, signals.not_valid)
+            if calibration and estimator
+            else None
+        )
         self.checks = self._new_check_list()
         self._signals = signals
         self._rig = rig
@@ -389,6 +402,11 @@ class SessionRunner:
             self.axes.set(values)
         elif name == "subject":
             await self._subject.set(values)
+        elif name == "next" and session.step.kind == CALIBRATION and session.state == RUNNING:
+            raise CommandError(
+                "the session goes on by itself once the estimator uses the new model; 'Skip' in "
+                "the check list goes on without it"
+            )
         elif name == "note":
             self.record([SessionEvent("note", now, {"text": values["text"]})])
         else:
@@ -400,6 +418,8 @@ class SessionRunner:
             }
             self.record(steps[name](now))
             if name == "restart":
+                if self._calibration is not None:
+                    self._calibration.forget()
                 self.checks = self._new_check_list()
                 self._read_file_checks(now, another_subject=True)
             if session.state in (PAUSED, FINISHED):
