@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
 from session_analysis.estimate_answer import DOUBT_THRESHOLD, QUANTITIES, Answer
@@ -21,7 +22,7 @@ from session_analysis.html_page import (
     paragraph,
     table,
 )
-from session_analysis.values import with_error
+from session_analysis.values import with_error, with_unit
 
 MAX_POINTS = 4000
 """Largest number of points of a line on the page; more are averaged in groups, which no screen
@@ -32,8 +33,15 @@ MAX_TORQUE_POINTS = 40_000
 MAX_SPANS = 200
 """Largest number of shaded times; shorter ones than the two hundred longest would be thinner than a
 pixel."""
+INVALID, DOUBTFUL = "#888888", "#e69f00"
+"""Shades of times without a valid estimate, and with a doubtful one."""
 INTERVAL = 1.96
 """Half width of a 95 % interval in standard errors."""
+DOUBTS = (
+    "Doubtful means: the torque shows more than inertia, viscosity, stiffness and one reflex can "
+    "explain, so K and G may be off by more than their errors say. `ankle diagnose` looks for what "
+    "is missing; the offline value beside each one is a second opinion."
+)
 BASE_VALUES = (
     "These are the values that the online estimator tracks, as medians over the recording. `ankle "
     "diagnose` fits one model to the whole recording and states K and G at its mean position and "
@@ -89,6 +97,7 @@ def _parts(found: Answer) -> list[str]:
     parts = [
         paragraph(f"{share}. Estimator: {found.algorithm}.", "answer"),
         table(value_rows(found)),
+        *([paragraph(DOUBTS, "loss")] if doubtful.any() else []),
         paragraph(BASE_VALUES),
         heading("What the recording lacks"),
         bullets(found.losses.sentences(), "loss", "Nothing is missing."),
@@ -190,8 +199,8 @@ def _quantities(found: Answer) -> Any:
         line = Scatter(x=t, y=shown, mode="lines", line={"color": colour}, showlegend=False)
         line.name = name
         drawn.add_trace(line, row, 1)
-        drawn.update_yaxes(title_text=name.replace("[", "<br>[").replace(".", "·"), row=row, col=1)
-    for wanted, colour in ((~found.valid, "#888888"), (found.doubtful, "#e69f00")):
+        drawn.update_yaxes(title_text=with_unit(name).replace(" [", "<br>["), row=row, col=1)
+    for wanted, colour in ((~found.valid, INVALID), (found.doubtful, DOUBTFUL)):
         for start, end in _spans(time, wanted):
             drawn.add_vrect(start, end, fillcolor=colour, opacity=0.25, line_width=0)
     drawn.update_xaxes(title_text="time in the recording [s]", row=len(names), col=1)
@@ -276,9 +285,20 @@ def _picture(found: Answer, path: Path) -> None:
         t, shown, low, high = _thinned([time, value, value - error, value + error], MAX_POINTS)
         axis.fill_between(t, low, high, color=colour, alpha=0.25, lw=0)
         axis.plot(t, shown, color=colour, lw=1.2)
-        for wanted, shade in ((~found.valid, "0.5"), (found.doubtful, "#e69f00")):
+        for wanted, shade in ((~found.valid, INVALID), (found.doubtful, DOUBTFUL)):
             for start, end in _spans(time, wanted):
                 axis.axvspan(start, end, color=shade, alpha=0.2, lw=0)
-        axis.set_ylabel(name.replace("[", "\n[").replace(".", "·"))
+        axis.set_ylabel(with_unit(name).replace(" [", "\n["))
     axes[-1].set_xlabel("time in the recording [s]")
+    axes[0].set_title(f"Joint impedance of {found.bag.name}")
+    patches = [
+        Patch(color=colour, alpha=0.3, label=label)
+        for colour, label, shown in (
+            (COLOURS[0], "95 % interval", True),
+            (INVALID, "not valid", not found.valid.all()),
+            (DOUBTFUL, "doubtful", found.doubtful.any()),
+        )
+        if shown
+    ]
+    drawn.legend(handles=patches, loc="outside lower center", ncols=len(patches), frameon=False)
     drawn.savefig(path, dpi=110)

@@ -9,7 +9,8 @@ from typing import Any
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;
 color:#222}h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
 table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;
-text-align:left}.loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}"""
+text-align:left}.wide{overflow-x:auto}
+.loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}"""
 # Okabe & Ito: told apart by colour-blind readers.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 
@@ -32,8 +33,8 @@ def page(title: str, parts: Sequence[str], interactive: bool = True) -> str:
 
         script = f"<script>{get_plotlyjs()}</script>"
     return (
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
-        f"<style>{STYLE}</style>{script}</head><body><h1>{escape(title)}</h1>{''.join(parts)}"
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><meta name='viewport' "
+        f"content='width=device-width'><title>{escape(title)}</title><style>{STYLE}</style>{script}</head><body><h1>{escape(title)}</h1>{''.join(parts)}"
         "</body></html>"
     )
 
@@ -55,12 +56,12 @@ def paragraph(text: str, kind: str = "") -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; the first row names the columns."""
+    """Return a table, which scrolls where the screen is narrow; the first row names the columns."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:]
     )
-    return f"<table><tr>{head}</tr>{body}</table>"
+    return f"<div class='wide'><table><tr>{head}</tr>{body}</table></div>"
 
 
 def bullets(sentences: Sequence[str], kind: str = "", nothing: str = "Nothing.") -> str:

@@ -11,6 +11,20 @@ VALUE_DIGITS = 3
 """Least number of digits of a value whose error is not known; whole numbers keep all of theirs."""
 
 
+def with_unit(quantity: str) -> str:
+    """Return a quantity's name as people read it: ``K [N·m/rad]`` for ``K[N.m/rad]``.
+
+    Parameters
+    ----------
+    quantity
+        Name and unit, as in tables and topics.
+    """
+    name, _, unit = quantity.partition("[")
+    unit = unit.replace(".", "·").replace("^2", "²")
+    shown = "" if unit in ("", "1]") else f" [{unit}"
+    return f"{name.replace('_', ' ')}{shown}"
+
+
 def with_error(value: tuple[float, float]) -> str:
     """Return a value and its standard error as text, as ``89.9 ± 0.4``.
 

@@ -89,6 +89,11 @@ def verb(
     console.print(table)
     console.print(f"{found.valid.sum()} of {len(found.rows)} estimates are valid", end="")
     console.print(f", {found.doubtful.sum()} doubtful" if found.doubtful.any() else "")
+    if found.doubtful.any():
+        console.print(
+            "doubtful: the torque shows more than the model explains; K and G may be off by more "
+            "than their errors"
+        )
     console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
     require_valid(found)
     console.print(f"next, does the model hold: ankle diagnose {bag}", soft_wrap=True)

@@ -153,8 +153,13 @@ def _summarise(report: ImportReport) -> None:
     if report.intrinsic is not None:
         console.print(
             f"units and sign fit: inertia {report.intrinsic.inertia:.3g} ± "
-            f"{report.intrinsic.inertia_error:.1g} kg.m^2, stiffness "
-            f"{report.intrinsic.stiffness:.3g} N.m/rad between 5 and 40 Hz"
+            f"{report.intrinsic.inertia_error:.1g} kg.m^2"
+        )
+        console.print(
+            f"  (a rough check from 5 to 40 Hz, in which torque and angle rise together by "
+            f"{report.intrinsic.stiffness:.3g} ± {report.intrinsic.stiffness_error:.1g} N.m/rad, "
+            "reflex included; K without the reflex is what 'ankle estimate' states)",
+            soft_wrap=True,
         )
     console.print(f"written to {report.bag.resolve()}")
     console.print(f"next: ankle estimate {report.bag} --out {report.bag}_estimates", soft_wrap=True)

@@ -1,6 +1,6 @@
 """What the subject is asked to do now, as keys of the pages' message files.
 
-The words themselves, in every language, are in `pages/messages/*.json`.
+The words themselves, in every language, are in `pages/texts/*.json`.
 """
 
 from __future__ import annotations

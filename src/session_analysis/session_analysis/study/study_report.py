@@ -21,7 +21,7 @@ from session_analysis.html_page import (
 )
 from session_analysis.study.recording_results import Row
 from session_analysis.study.reliability import Reliability, reliability
-from session_analysis.values import three_digits, with_error
+from session_analysis.values import three_digits, with_error, with_unit
 
 SHOWN = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
 QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")
@@ -101,7 +101,7 @@ def _paper_parts(rows: Sequence[Row], subjects: Sequence[str]) -> list[str]:
                 three_digits(value) for value in np.percentile(chosen, (0, 50, 100))
             )
             span = f" ({low} to {high})" if len(chosen) > 1 else ""
-            body.append([quantity, f"{middle}{span}", stated])
+            body.append([with_unit(quantity), f"{middle}{span}", stated])
     if not body:
         return []
     head = ["", "median of the subjects (range)", "simulated ankle of the paper (range)"]
@@ -127,7 +127,7 @@ def _reliability_parts(repeat: dict[str, Reliability | None]) -> list[str]:
     head = ["", "ICC(2,1)", "standard error of measurement", "minimal detectable change", "from"]
     body = [
         [
-            quantity,
+            with_unit(quantity),
             f"{found.icc:.2f}" if np.isfinite(found.icc) else "needs two subjects",
             f"{found.sem:.3g}",
             f"{found.mdc:.3g}",
@@ -166,7 +166,7 @@ def _visit_rows(rows: Sequence[Row]) -> list[list[str]]:
     quantities = [q for q in (*SHOWN, *QUALITY) if any(row.quantity == q for row in rows)]
     quantities += sorted({row.quantity for row in rows if "_of_mvc" in row.quantity})
     quantities += sorted({row.quantity for row in rows if "_by_mass" in row.quantity})
-    out = [["visit, run", *quantities, "doubtful"]]
+    out = [["visit, run", *map(with_unit, quantities), "doubtful"]]
     for visit, run in sorted({(row.visit, row.run) for row in rows}):
         own = {row.quantity: row for row in rows if (row.visit, row.run) == (visit, run)}
         doubt = own["K[N.m/rad]"].doubt if "K[N.m/rad]" in own else float("nan")
@@ -221,7 +221,7 @@ def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
         trace = Scatter(x=visits, y=values[0], mode="lines+markers", showlegend=False)
         trace.line = {"color": COLOURS[line - 1]}
         drawn.add_trace(trace, line, 1)
-        drawn.update_yaxes(title_text=quantity.replace(".", "·"), row=line, col=1)
+        drawn.update_yaxes(title_text=with_unit(quantity), row=line, col=1)
     drawn.update_xaxes(title_text="visit; grey: within the detectable change", row=2, col=1)
     drawn.update_layout(height=480)
     return drawn
@@ -248,6 +248,6 @@ def _torque_figure(rows: Sequence[Row]) -> Any:
         )
         trace.marker = {"color": COLOURS[column - 1]}
         drawn.add_trace(trace, 1, column)
-        drawn.update_yaxes(title_text=quantity.replace(".", "·"), row=1, col=column)
+        drawn.update_yaxes(title_text=with_unit(quantity), row=1, col=column)
         drawn.update_xaxes(title_text="mean torque [N·m]", row=1, col=column)
     return drawn
