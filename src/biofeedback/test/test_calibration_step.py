@@ -293,10 +293,13 @@ def end_of(calibration):
 
 def test_the_programs_result_is_read(tmp_path):
     printed = json.dumps({"effects": [{"name": "tissue_friction"}]})
-    calibration = program(tmp_path, f"print({printed!r})")
+    record = 'pathlib.Path(words[words.index("--bag") + 1]).mkdir(); time.sleep(0.5)'
+    calibration = program(tmp_path, f"{record}; print({printed!r})")
     calibration.begin(90.0)
     assert calibration.recording
-    assert "recording, 0 of 90 s" in calibration.progress()
+    assert "starting to record" in calibration.progress()
+    until(lambda: "recording, 0 of 90 s" in calibration.progress(), "recording")
+    assert calibration.recording
     with pytest.raises(CommandError, match="already"):
         calibration.begin(90.0)
     end = end_of(calibration)

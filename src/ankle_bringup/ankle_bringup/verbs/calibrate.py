@@ -27,6 +27,8 @@ def _require_new(path: Path, overwrite: bool) -> None:
         raise RunError(f"{path} is there; give another --out, or replace it with --overwrite")
 
 
+RECORDER_SECONDS = 60.0
+"""[s] Time for a recorder to start: 2 s, and half a minute on a busy computer."""
 TAKEOVER_SECONDS = 60.0
 """[s] Time for a running estimator to go on with a new model: 15 to 30 s with the perturbation."""
 
@@ -156,9 +158,11 @@ def session(
 
 
 def _record_session(bag: Path, seconds: float, namespace: str) -> None:
+    """Record so many seconds, counted from when the recorder is ready."""
     import tempfile
     import time
 
+    from ankle_bringup.errors import RunError
     from ankle_bringup.graph import Graph, NodeDescription
     from ankle_bringup.processes import Processes
     from ankle_bringup.terminal import progress
@@ -176,6 +180,12 @@ def _record_session(bag: Path, seconds: float, namespace: str) -> None:
         ) as processes,
         progress(f"recording {seconds:g} s of the running session") as show,
     ):
+        started = time.monotonic()
+        while not bag.exists():
+            processes.ended("")
+            if time.monotonic() - started > RECORDER_SECONDS:
+                raise RunError(f"no recording has begun within {RECORDER_SECONDS:g} s")
+            time.sleep(0.1)
         began = time.monotonic()
         while (passed := time.monotonic() - began) < seconds:
             processes.ended("")

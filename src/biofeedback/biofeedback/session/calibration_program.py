@@ -56,7 +56,9 @@ class CalibrationProgram:
         self._program = program
         self._process: subprocess.Popen[bytes] | None = None
         self._output = Path()
-        self._began = self._seconds = self._cancelled_at = 0.0
+        self._bag = Path()
+        self._began: float | None = None
+        self._seconds = self._cancelled_at = 0.0
         self._reason = ""
 
     @property
@@ -67,8 +69,14 @@ class CalibrationProgram:
     @property
     def recording(self) -> bool:
         """Tell whether the program still needs the perturbation."""
-        passed = time.monotonic() - self._began
-        return self.running and not self._reason and passed < self._seconds
+        return self.running and not self._reason and self._recorded < self._seconds
+
+    @property
+    def _recorded(self) -> float:
+        """Time since the recorder was ready [s]; 0 before."""
+        if self._began is None and self._bag.exists():
+            self._began = time.monotonic()
+        return 0.0 if self._began is None else time.monotonic() - self._began
 
     def begin(self, seconds: float) -> None:
         """Start the program.
@@ -89,10 +97,11 @@ class CalibrationProgram:
         self.model.parent.mkdir(parents=True, exist_ok=True)
         prefix = f"{self.model.stem}_calibration_"
         folder = Path(tempfile.mkdtemp(prefix=prefix, dir=self.model.parent))
+        self._bag = folder / "recording"
         options = {
             "--seconds": f"{seconds:g}",
             "--out": str(self.model),
-            "--bag": str(folder / "recording"),
+            "--bag": str(self._bag),
             "--report": str(folder / "diagnosis"),
             "--rig": self._rig_file,
             "--namespace": self._namespace,
@@ -116,13 +125,15 @@ class CalibrationProgram:
                 start_new_session=True,
                 preexec_fn=_begin,
             )
-        self._began, self._seconds, self._reason = time.monotonic(), seconds, ""
+        self._began, self._seconds, self._reason = None, seconds, ""
 
     def progress(self) -> str:
         """Return what the program does now, for the operator."""
         if self._reason:
             return f"ending: {self._reason}"
-        passed = time.monotonic() - self._began
+        passed = self._recorded
+        if self._began is None:
+            return "starting to record; the subject relaxes"
         if passed < self._seconds:
             return f"recording, {passed:.0f} of {self._seconds:.0f} s; the subject relaxes"
         return f"diagnosing, {passed - self._seconds:.0f} s so far; one to three minutes are usual"
