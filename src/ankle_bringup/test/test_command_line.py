@@ -13,6 +13,7 @@ from ankle_bringup.command_line import app, load_verb, main, verb_names
 from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.terminal import as_json, clear_folder
+from ankle_bringup.verbs.diagnose import base_values
 
 RATE = 1000
 
@@ -261,3 +262,13 @@ def test_estimate_refuses_bad_input_and_keeps_the_earlier_result(options, words,
     assert result.exit_code != 0
     assert words in str(result.exception)
     assert (earlier / "metadata.yaml").read_text() == "earlier"
+
+
+def test_a_verdicts_base_values_say_what_an_estimate_compares_with():
+    found = {"base": 59.87, "augmented": 28.17, "standard_error": 2.519}
+    same = {"base": 33.6, "augmented": 33.6, "standard_error": None}
+    first, second, remark = base_values({"K[N.m/rad]": found, "G[N.m.s/rad]": same})
+    assert first == "K [N·m/rad]: 28.2 ± 2.5 with all that was found; 59.9 where that is left out"
+    assert second == "G [N·m·s/rad]: 33.6 with all that was found"
+    assert "compares with the values where the rest is left out" in remark
+    assert base_values({}) == []

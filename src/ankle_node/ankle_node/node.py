@@ -46,6 +46,8 @@ DIAGNOSTICS_PERIOD = 1.0
 READERS_POLL_PERIOD = 0.05
 """[s] Time between two looks for readers: short against the start of a process, long against its
 cost."""
+SIMULATION = "ankle_sim"
+"""Name of the node that simulates rig and subject."""
 RIG_POLL_PERIOD = 0.5
 """[s] Time between two looks for a rig's driver, which needs a second to know the rig's clock."""
 STOP_POLL_PERIOD = 0.1
@@ -332,7 +334,9 @@ class AnkleNode(Node):
         topic = self.resolve_topic_name(RIG_STATE.name)
 
         def look() -> None:
-            if self.count_publishers(topic):
+            # A simulation answers like a driver, so that a stop on a page stops it, too.
+            publishers = self.get_publishers_info_by_topic(topic)
+            if any(publisher.node_name != SIMULATION for publisher in publishers):
                 timer.cancel()
                 if refusal := take_priority(priority):
                     self.get_logger().warning(refusal)

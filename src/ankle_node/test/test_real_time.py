@@ -8,7 +8,8 @@ import sys
 import pytest
 
 BESIDE_A_RIG = """
-import json, os, sys, time
+import json, os, sys
+import rclpy
 from std_msgs.msg import String
 from ankle_node.node import AnkleNode, run
 from ankle_node.qos import LATEST_QOS
@@ -16,17 +17,21 @@ from ankle_node.qos import LATEST_QOS
 class Probe(AnkleNode):
     def __init__(self):
         super().__init__("probe", ())
-        self.priorities, self.began, self.driver = [], time.monotonic(), None
+        self.priorities, self.sources = [], []
         self.take_priority_beside_a_rig(7)
         self.create_timer(1.5, self.look)
 
     def look(self):
         self.priorities.append(os.sched_getscheduler(0))
-        if self.driver is not None:
+        if len(self.sources) == 2:
             print(json.dumps(self.priorities), flush=True)
             self.context.try_shutdown()
             return
-        self.driver = self.create_publisher(String, "rig/state", LATEST_QOS)
+        # First a simulation that answers like a driver, then a driver.
+        name = "a_driver" if self.sources else "ankle_sim"
+        node = rclpy.create_node(name, context=self.context, namespace=self.get_namespace(),
+                                 use_global_arguments=False)
+        self.sources.append((node, node.create_publisher(String, "rig/state", LATEST_QOS)))
 
 sys.exit(run(Probe, ["probe", "--ros-args", "-r", f"__ns:=/probe_{os.getpid()}"]))
 """
@@ -123,4 +128,4 @@ def test_a_node_takes_priority_once_a_rigs_driver_is_in_the_graph():
         timeout=60,
         check=True,
     )
-    assert json.loads(found.stdout) == [os.SCHED_OTHER, os.SCHED_RR]
+    assert json.loads(found.stdout) == [os.SCHED_OTHER, os.SCHED_OTHER, os.SCHED_RR]

@@ -71,5 +71,37 @@ def _told(out: Path, lines: list[str], verdict: str) -> dict[str, Any]:
     console.print(f"verdict: {verdict}", style="bold")
     for line in lines:
         console.print(line)
+    written = json.loads((out / "verdict.json").read_text())
+    for line in base_values(written.get("parameters") or {}):
+        console.print(line, soft_wrap=True)
     console.print(f"report: {(out / 'report.html').resolve()}")
-    return {"out": out.resolve(), **json.loads((out / "verdict.json").read_text())}
+    return {"out": out.resolve(), **written}
+
+
+def base_values(parameters: dict[str, dict[str, float | None]]) -> list[str]:
+    """Return K and G with and without the physics that was found, and what compares with them.
+
+    Parameters
+    ----------
+    parameters
+        Of a verdict: values ``base`` and ``augmented`` with ``standard_error``, by quantity.
+    """
+    from session_analysis.values import three_digits, with_error, with_unit
+
+    lines = []
+    for quantity in ("K[N.m/rad]", "G[N.m.s/rad]"):
+        found = parameters.get(quantity) or {}
+        base, augmented = found.get("base"), found.get("augmented")
+        if base is None or augmented is None:
+            continue
+        error = found.get("standard_error")
+        stated = with_error((augmented, float("nan") if error is None else error))
+        without = "" if augmented == base else f"; {three_digits(base)} where that is left out"
+        lines.append(f"{with_unit(quantity)}: {stated} with all that was found{without}")
+    if lines:
+        lines.append(
+            "  (at the recording's mean position and torque. 'ankle estimate' knows no more than "
+            "inertia, viscosity, stiffness and one reflex: it compares with the values where the "
+            "rest is left out; with --model it takes what was found in)"
+        )
+    return lines

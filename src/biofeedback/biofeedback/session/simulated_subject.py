@@ -11,10 +11,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from ankle_node.node import SIMULATION
 from ankle_sim.parameters import STATE_PARAMETERS, SUBJECT
 from biofeedback.errors import CommandError
 
-SIMULATION = "ankle_sim"
 NAMES = tuple(parameter.name for parameter in STATE_PARAMETERS)
 
 
