@@ -19,26 +19,20 @@ everything that travels in `link`.
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
 from functools import partial
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from ankle_actuator_driver.link.rig_link import Clocks, open_link
-from ankle_actuator_driver.rig_session import News, RigSession, both_clocks
-from ankle_actuator_driver.safety.bridge import Bridge
-from ankle_actuator_driver.safety.limits import LIMIT_PARAMETERS, hard_limits_from, limits_from
-from ankle_actuator_driver.safety.sensor_supervision import (
-    SENSOR_PARAMETERS,
-    expectations_from,
-)
-from ankle_actuator_driver.safety.states import CONFIRMATION, State
+from ankle_actuator_driver.operator_commands import COMMANDS, CONFIRMED_STATES, OperatorCommands
+from ankle_actuator_driver.rig_session import News, RigSession, state_event, state_text
+from ankle_actuator_driver.safety.limits import hard_limits_from, limits_from
+from ankle_actuator_driver.safety.states import Answer, State
+from ankle_actuator_driver.session_setup import adjustment, open_session
 from ankle_actuator_driver.settings import PARAMETERS
 from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
@@ -51,26 +45,16 @@ from ankle_interfaces.topics import (
     RIG_STATE,
     SESSION_EVENT,
 )
-from ankle_node import session_event
 from ankle_node.derived_topics import joint_states
 from ankle_node.managed_node import ManagedNode
 from ankle_node.node import ERROR, LATEST_QOS, WARN, run
 from ankle_node.qos import publisher_qos, reader_qos
 from ankle_node.real_time import DRIVER_PRIORITY, keep_loaded_objects, take_priority
+from ankle_node.sources import publishers, readers
 
-COMMANDS = ("arm", "start", "stop", "disarm", "reset_fault")
 REPORT_PERIOD = 1.0  # s
 SOURCES_PERIOD = 0.1  # s; between looks at who publishes the reference
 NO_SIMULATED_TIME = "use_sim_time = True is refused: a rig moves in real time"
-CONFIRMED_STATES = {"arm": State.ARMED, "start": State.RUNNING}
-"""Commands that are answered when the rig has confirmed them, and the state that they enter."""
-
-
-class _NextTurn:
-    """Lets the executor do other things before the callback that awaits it goes on."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        yield
 
 
 class ActuatorDriverNode(ManagedNode):
@@ -90,6 +74,7 @@ class ActuatorDriverNode(ManagedNode):
             self.health("priority", WARN, refusal)
         self._fault = ""  # of the last session, still to be reset
         self._session: RigSession | None = None
+        self._commands = OperatorCommands(lambda: self._session)
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._reported = 0.0
@@ -126,19 +111,8 @@ class ActuatorDriverNode(ManagedNode):
 
     def configure(self) -> None:
         """Open the line."""
-        values = self._values()
-        clocks = partial(both_clocks, self.now)
-        link = open_link(str(values["link"]), values, Clocks(clocks))
-        bridge = Bridge(
-            limits_from(values),
-            self.number("soft_start"),
-            self.number("reference_delay"),
-            self._fault,
-        )
-        bridge.expectations = expectations_from(values)
-        bridge.operator_timeout = self.number("operator_timeout")
-        self._session = RigSession(bridge, link, clocks, self._tell, self._fail)
-        self.get_logger().info(link.describe())
+        self._session = open_session(self._values(), self._fault, self.now, self._tell, self._fail)
+        self.get_logger().info(self._session.link.describe())
 
     def activate(self) -> None:
         """Begin to talk to the rig; it stays off."""
@@ -174,58 +148,27 @@ class ActuatorDriverNode(ManagedNode):
 
         Limits never pass the hard ones. A plate that is on its way beyond a new one is stopped.
         """
-        wanted = limits_from(
-            {p.name: values.get(p.name, self.value(p.name)) for p in LIMIT_PARAMETERS}
-        )
+        values = {**self._values(), **values}
+        wanted = limits_from(values)
         wanted.require_within(self._hard)
-        soft_start = float(values.get("soft_start", self.number("soft_start")))
-        timeout = float(values.get("operator_timeout", self.number("operator_timeout")))
-        expectations = expectations_from(
-            {p.name: values.get(p.name, self.value(p.name)) for p in SENSOR_PARAMETERS}
-        )
-
-        def apply(bridge: Bridge) -> None:
-            bridge.soft_start, bridge.operator_timeout = soft_start, timeout
-            bridge.expectations = expectations
-
+        adjust = adjustment(values)
         if self._session is not None:
-            self._session.change(wanted, apply)
+            self._session.change(wanted, adjust)
 
     def _command(
         self, name: str, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        if self._session is None:
-            response.success, response.message = (
-                name == "stop",
-                f"{name}: the node is not configured, it drives no rig",
-            )
-        else:
-            answer = self._session.operate(name)
-            response.success, response.message = answer.done, answer.sentence
-        self.get_logger().info(response.message)
-        return response
+        return self._answer(response, self._commands.carry_out(name))
 
     async def _command_to_confirm(
         self, name: str, request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        """Answer an arming or a start once the rig has confirmed it.
-
-        A stop is carried out meanwhile.
-        """
         self._look_for_sources()
-        response = self._command(name, request, response)
-        session = self._session
-        if session is None or not response.success:
-            return response
-        deadline = time.monotonic() + 2 * CONFIRMATION
-        while (answer := session.confirmed(CONFIRMED_STATES[name])) is None:
-            if time.monotonic() > deadline:
-                response.success = False
-                response.message = f"{name}: the rig did not confirm it within {CONFIRMATION:g} s"
-                return response
-            await _NextTurn()
-        if not answer.done:
-            response.success, response.message = False, f"{name} failed: {answer.sentence}"
+        return self._answer(response, await self._commands.carry_out_confirmed(name))
+
+    def _answer(self, response: Trigger.Response, answer: Answer) -> Trigger.Response:
+        response.success, response.message = answer.done, answer.sentence
+        self.get_logger().info(response.message)
         return response
 
     def _hear_operator(self, message: String) -> None:
@@ -235,12 +178,11 @@ class ActuatorDriverNode(ManagedNode):
     def _look_for_sources(self) -> None:
         """Report to the session who publishes and who reads the reference."""
         topic = self.resolve_topic_name(PERTURBATION_REFERENCE.name)
-        names = full_names(self.get_publishers_info_by_topic(topic))
+        names = publishers(self, topic)
         if len(names) > 1:
-            self.health("reference", ERROR, f"published by {', '.join(sorted(names))}")
+            self.health("reference", ERROR, f"published by {', '.join(names)}")
         if self._session is not None:
-            readers = full_names(self.get_subscriptions_info_by_topic(topic))
-            self._session.tell_sources(names, readers)
+            self._session.tell_sources(names, readers(self, topic))
 
     def _take(self, block: Block, findings: list[Finding]) -> None:
         if self._session is not None:
@@ -262,15 +204,9 @@ class ActuatorDriverNode(ManagedNode):
             self.get_logger().warning(note, throttle_duration_sec=1.0)
             self.health("rig", WARN, note)
         for state, reason in news.changes:
-            text = f"{state.value}: {reason}" if reason else state.value
+            text = state_text(state, reason)
             self._state.publish(String(data=text))
-            self._events.publish(
-                String(
-                    data=session_event.SessionEvent(
-                        f"rig {state.value}", news.ros, {"reason": reason}
-                    ).line()
-                )
-            )
+            self._events.publish(String(data=state_event(state, reason, news.ros).line()))
             self.get_logger().info(f"rig {text}")
         if time.monotonic() - self._reported > REPORT_PERIOD:
             self._reported = time.monotonic()
@@ -284,27 +220,12 @@ class ActuatorDriverNode(ManagedNode):
         session = self._session
         if session is None:
             return
-        bridge, states = session.bridge, session.bridge.states
+        states = session.bridge.states
         if states.state in (State.FAULT, State.DISABLED):
-            self.health(
-                "state",
-                ERROR if states.state is State.FAULT else WARN,
-                f"{states.state.value}: {states.reason}",
-            )
-        for what, value in {
-            "state": states.state.value,
-            "reference samples not followed": bridge.unused,
-            "reference blocks not followed": bridge.left_out,
-            "samples away from the command": bridge.sensors.spikes,
-            "longest pause of the driver [ms]": f"{1e3 * session.longest_pause:.0f}",
-            **session.link.figures(),
-        }.items():
+            level = ERROR if states.state is State.FAULT else WARN
+            self.health("state", level, state_text(states.state, states.reason))
+        for what, value in session.figures().items():
             self.count(what, value)
-
-
-def full_names(ends: list[TopicEndpointInfo]) -> list[str]:
-    """Return the full names of the nodes at the ends of a topic."""
-    return [f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends]
 
 
 def main() -> int:

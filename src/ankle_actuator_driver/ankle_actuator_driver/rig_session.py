@@ -22,6 +22,7 @@ from ankle_actuator_driver.safety.limits import Limits
 from ankle_actuator_driver.safety.rig import Interruption
 from ankle_actuator_driver.safety.states import CONFIRMATION, POWERED, Answer, State
 from ankle_actuator_driver.safety.watchdog import LOST_AFTER
+from ankle_node.session_event import SessionEvent
 
 POLL = 0.004
 """[s] Longest time between two looks at the line and the watchdogs."""
@@ -80,6 +81,16 @@ def both_clocks(ros_time: Callable[[], float]) -> tuple[float, float]:
         if passed < SAME_MOMENT:
             break
     return best[1], best[2]
+
+
+def state_text(state: State, reason: str) -> str:
+    """Return a state with its reason, as ``rig/state`` has it."""
+    return f"{state.value}: {reason}" if reason else state.value
+
+
+def state_event(state: State, reason: str, ros: float) -> SessionEvent:
+    """Return the session event of a state that was entered at a ROS time [s]."""
+    return SessionEvent(f"rig {state.value}", ros, {"reason": reason})
 
 
 class RigSession:
@@ -214,6 +225,18 @@ class RigSession:
         with self._busy:
             self.bridge.reference_sources(names, self._clocks()[0], readers)
             self._send()
+
+    def figures(self) -> dict[str, object]:
+        """Return what ``/diagnostics`` shows of the session, by its words there."""
+        bridge = self.bridge
+        return {
+            "state": bridge.states.state.value,
+            "reference samples not followed": bridge.unused,
+            "reference blocks not followed": bridge.left_out,
+            "samples away from the command": bridge.sensors.spikes,
+            "longest pause of the driver [ms]": f"{1e3 * self.longest_pause:.0f}",
+            **self.link.figures(),
+        }
 
     def _send(self) -> None:
         for order in self.bridge.take_orders(self._clocks()[0]):

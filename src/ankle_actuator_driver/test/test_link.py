@@ -10,9 +10,11 @@ import pytest
 
 from ankle_actuator_driver import link, settings
 from ankle_actuator_driver.link.rig_link import Clocks, link_names, open_link
-from ankle_actuator_driver.rig_session import RigSession
+from ankle_actuator_driver.operator_commands import OperatorCommands
+from ankle_actuator_driver.rig_session import RigSession, state_text
 from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_actuator_driver.safety.limits import Limits
+from ankle_actuator_driver.session_setup import adjustment, open_session
 
 VALUES = {parameter.name: parameter.default for parameter in settings.PARAMETERS}
 
@@ -84,6 +86,44 @@ def test_another_line_is_one_file(fieldbus):
     assert len(line.stretches) == 1
     assert session.operate("stop").done
     assert line.wanted.name == "OFF"
+
+
+def test_an_arming_is_answered_once_the_rig_has_confirmed_it(fieldbus):
+    now = [0.0]
+    line = open_link(fieldbus, VALUES, Clocks(lambda: (now[0], 1e9 + now[0])))
+    bridge = Bridge(Limits(), 0.5, 0.0)
+    session = RigSession(bridge, line, line.clocks.read, lambda news: None, lambda error: None)
+    commands = OperatorCommands(lambda: session)
+    session._look()
+    waiting = commands.carry_out_confirmed("arm")
+    assert waiting.send(None) is None  # it lets others do something: the rig knows nothing yet
+    now[0] += 0.01
+    session._look()
+    with pytest.raises(StopIteration) as ended:
+        waiting.send(None)
+    assert ended.value.value.done
+    assert session.figures()["state"] == "armed"
+
+
+def test_without_a_session_a_stop_is_granted_and_all_else_refused():
+    commands = OperatorCommands(lambda: None)
+    assert commands.carry_out("stop").done
+    answer = commands.carry_out("arm")
+    assert not answer.done
+    assert "not configured" in answer.sentence
+    with pytest.raises(StopIteration) as ended:
+        commands.carry_out_confirmed("start").send(None)
+    assert not ended.value.value.done
+
+
+def test_values_of_parameters_reach_the_bridge(fieldbus):
+    values = {**VALUES, "link": fieldbus, "soft_start": 3.5, "operator_timeout": 1.25}
+    session = open_session(values, "torque", lambda: 1e9, lambda news: None, print)
+    assert session.bridge.soft_start == 3.5
+    assert session.bridge.operator_timeout == 1.25
+    assert state_text(session.bridge.states.state, session.bridge.states.reason) == "fault: torque"
+    adjustment({**values, "soft_start": 1.5})(session.bridge)
+    assert session.bridge.soft_start == 1.5
 
 
 def test_an_unknown_line_is_refused_with_those_that_there_are():

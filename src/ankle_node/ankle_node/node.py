@@ -3,38 +3,33 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
-import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
-from types import FrameType
+from functools import partial
 from typing import Any
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, String
 
-from ankle_interfaces.block import Block, pack, select_columns, unpack
+from ankle_interfaces.block import Block, pack
 from ankle_interfaces.continuity import Continuity, Finding
-from ankle_interfaces.errors import BlockError, QuantityError
-from ankle_interfaces.quantity import Quantity, Value
+from ankle_interfaces.quantity import Quantity
 from ankle_interfaces.topics import DIAGNOSTICS, RIG_STATE, Topic
-from ankle_node import declared_parameters, derived_topics
+from ankle_node import derived_topics
+from ankle_node.block_reader import BlockReader, Defect
 from ankle_node.health import ERROR, OK, WARN, Health
+from ankle_node.node_with_parameters import NodeWithParameters
 from ankle_node.qos import BLOCK_QOS, LATEST_QOS, publisher_qos, reader_qos
 from ankle_node.real_time import take_priority
+from ankle_node.running import STOP_POLL_PERIOD, run
 from ankle_node.sources import Sources
-from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
 
 __all__ = ["ACKNOWLEDGED", "BLOCK_QOS", "ERROR", "LATEST_QOS", "OK", "WARN", "AnkleNode", "run"]
 
@@ -50,8 +45,6 @@ SIMULATION = "ankle_sim"
 """Name of the node that simulates rig and subject."""
 RIG_POLL_PERIOD = 0.5
 """[s] Time between two looks for a rig's driver, which needs a second to know the rig's clock."""
-STOP_POLL_PERIOD = 0.1
-"""[s] Longest time from a signal to the stop of a node that nothing else wakes."""
 QUIET_TIME = 1.0
 """[s] Time without a block after which none is on its way; a crowded machine holds a process off
 for half a second."""
@@ -62,9 +55,9 @@ MessageInfo = dict[str, Any]
 """What rclpy hands to a callback of two arguments."""
 
 
-class AnkleNode(Node):
-    """Declares parameters and publishes health on ``/diagnostics``, once a second and at once when
-    something goes wrong.
+class AnkleNode(NodeWithParameters):
+    """Publishes and reads blocks, and publishes health on ``/diagnostics``: once a second, and at
+    once when something goes wrong.
 
     Parameters
     ----------
@@ -75,15 +68,7 @@ class AnkleNode(Node):
     """
 
     def __init__(self, name: str, parameters: Sequence[Quantity]) -> None:
-        self._declared = {parameter.name: parameter for parameter in parameters}
-        super().__init__(name)
-        ignored = declared_parameters.check_overrides(self._parameter_overrides, self._declared)
-        for parameter in parameters:
-            self.declare_parameter(
-                parameter.name, parameter.default, declared_parameters.declaration(parameter)
-            )
-            parameter.check(self.get_parameter(parameter.name).value)
-        self.add_on_set_parameters_callback(self._check_parameters)
+        super().__init__(name, parameters)
         self.hardware_id = socket.gethostname()
         self._last_block = (0, 0.0)  # when it was sent [ns], and when it was received [s]
         self._health = Health()
@@ -93,80 +78,9 @@ class AnkleNode(Node):
         )
         self._sources = Sources(self, self._report_sources)
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_health)
-        for sentence in ignored:
+        for sentence in self.ignored:
             self.get_logger().warning(sentence)
             self.health("parameters", WARN, sentence)
-
-    def describe_parameter(self, name: str) -> ParameterDescriptor:
-        """Return what ``ros2 param describe`` shows, range and ``read_only`` included."""
-        descriptor = super().describe_parameter(name)
-        declared = self._declared.get(name)
-        return declared_parameters.describe(descriptor, declared) if declared else descriptor
-
-    def set_parameters(self, parameter_list: list[rclpy.Parameter]) -> list[SetParametersResult]:
-        """Set each parameter; see `rclpy.node.Node.set_parameters`.
-
-        An unknown one is refused with the name that may be meant. A value that is already there is
-        accepted for every parameter, so that a node loads what it has dumped.
-        """
-        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
-
-    def set_parameters_atomically(
-        self, parameter_list: list[rclpy.Parameter]
-    ) -> SetParametersResult:
-        """Set all of the parameters or none; see `set_parameters`."""
-        changes = []
-        for parameter in parameter_list:
-            if not self.has_parameter(parameter.name):
-                reason = declared_parameters.unknown(parameter.name, self._declared)
-                self.get_logger().error(reason)
-                return SetParametersResult(successful=False, reason=reason)
-            present = self.get_parameter(parameter.name).value
-            fixed = parameter.name in declared_parameters.RCLPY_PARAMETERS
-            if not fixed or parameter.value != present:
-                changes.append(parameter)
-        if not changes:
-            return SetParametersResult(successful=True)
-        return super().set_parameters_atomically(changes)
-
-    def value(self, name: str) -> Value:
-        """Return the present value of a declared parameter, in its declared type."""
-        return self._declared[name].check(self.get_parameter(name).value)
-
-    def number(self, name: str) -> float:
-        """Return the present value of a float or int parameter."""
-        return float(self.value(name))
-
-    def text(self, name: str) -> str:
-        """Return the present value of a text parameter."""
-        return str(self.value(name))
-
-    def parameters_changed(self, values: dict[str, Value]) -> None:
-        """React to accepted new values before they are stored.
-
-        A subclass raises `QuantityError` to refuse them.
-        """
-
-    def _check_parameters(self, changes: list[rclpy.Parameter]) -> SetParametersResult:
-        accepted: dict[str, Value] = {}
-        try:
-            for change in changes:
-                declared = self._declared.get(change.name)
-                if change.name in declared_parameters.RCLPY_PARAMETERS:
-                    raise QuantityError(f"parameter '{change.name}' can be set at start only")
-                if declared is None:
-                    continue
-                value = declared.check(change.value)
-                if not declared.start_only:
-                    accepted[change.name] = value
-                elif value != self.value(change.name):
-                    raise QuantityError(f"parameter '{declared.name}' can be set at start only")
-            if accepted:
-                self.parameters_changed(accepted)
-        except QuantityError as error:
-            self.get_logger().error(str(error))
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
 
     def block_publisher(
         self, topic: Topic, columns: Sequence[str] | None = None
@@ -230,43 +144,32 @@ class AnkleNode(Node):
         else:
             wanted = (*required, *optional)
         name = self.resolve_topic_name(topic.name)
-        continuity = Continuity()
-        reported: set[str] = set()
         acknowledge = self.acknowledger(topic.name)
-
-        def report(what: str, level: bytes, sentence: str) -> None:
-            if sentence not in reported:
-                reported.add(sentence)
-                log = self.get_logger()
-                log.error(sentence) if level == ERROR else log.warning(sentence)
-            self.health(f"{topic.name} {what}", level, sentence)
+        reader = BlockReader(
+            name, wanted, optional, callback, partial(self._report_block, topic.name)
+        )
 
         def receive(message: bytes, info: MessageInfo) -> None:
-            process(message)
+            reader.take(message)
+            self.count(f"{topic.name} missing samples", reader.continuity.missing)
             acknowledge(info)
-
-        def process(message: bytes) -> None:
-            try:
-                block, notes = select_columns(unpack(message), wanted, name, optional)
-                for note in notes:
-                    report("units", WARN, f"{name}: {note}")
-            except BlockError as error:
-                text = str(error)
-                report("blocks", ERROR, text if text.startswith(name) else f"{name}: {text}")
-                return
-            findings = continuity.check(block.data)
-            for finding in findings:
-                self.get_logger().warning(f"{name}: {finding.message}", throttle_duration_sec=1.0)
-                self.health(topic.name, WARN, finding.message)
-            self.count(f"{topic.name} missing samples", continuity.missing)
-            callback(block, findings)
 
         # rclpy passes the info to a callback of two arguments; its annotation knows one.
         with_info: Any = receive
         qos = reader_qos(topic)
         self.create_subscription(Float64MultiArray, topic.name, with_info, qos, raw=True)
         self.watch_publishers(topic.name)
-        return continuity
+        return reader.continuity
+
+    def _report_block(self, topic: str, defect: Defect, sentence: str, first: bool) -> None:
+        level = ERROR if defect is Defect.BLOCK else WARN
+        log = self.get_logger()
+        if defect is Defect.STREAM:
+            name = self.resolve_topic_name(topic)
+            log.warning(f"{name}: {sentence}", throttle_duration_sec=1.0)
+        elif first:
+            log.error(sentence) if level == ERROR else log.warning(sentence)
+        self.health(f"{topic} {defect.value}".rstrip(), level, sentence)
 
     def watch_publishers(self, topic: str) -> None:
         """Report from now on when several nodes publish a topic that this node reads."""
@@ -384,76 +287,3 @@ class AnkleNode(Node):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
-
-
-class StopSignal:
-    """Receives SIGINT and SIGTERM: while the node is made they interrupt whatever it does (a
-    compilation takes half a minute), afterwards they are noted, so that the node ends in good
-    order.
-    """
-
-    def __init__(self) -> None:
-        self.starting = True
-        self._received = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._receive)
-
-    @property
-    def received(self) -> bool:
-        """Tell whether the process was asked to stop."""
-        return self._received.is_set()
-
-    def _receive(self, number: int, frame: FrameType | None) -> None:
-        self._received.set()
-        if self.starting:
-            self.starting = False
-            raise KeyboardInterrupt
-
-
-def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -> int:
-    """Start rclpy, spin the node until the process is asked to stop, and clean up.
-
-    Discovery stays on this host unless the environment says otherwise.
-
-    Parameters
-    ----------
-    make
-        Makes the node.
-    arguments
-        Command line; that of the process where None.
-
-    Returns
-    -------
-    int
-        Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one
-        line on stderr.
-    """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with unblocked_output():
-        return _run(make, [*(sys.argv if arguments is None else arguments), *NO_LOG_FILES])
-
-
-def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
-    # rclpy's own handlers would close the context at once, with the last blocks still on their way.
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    node: AnkleNode | None = None
-    try:
-        stop = StopSignal()
-        node = make()
-        stop.starting = False
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while rclpy.ok() and not stop.received:
-            executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
-        node.process_waiting(executor)
-        node.hand_over()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        return 1
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0

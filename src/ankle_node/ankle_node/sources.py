@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 LOOK_PERIOD = 1.0
 """[s] Time between two looks: a second publisher is named within two seconds; looking takes well
@@ -48,7 +49,13 @@ class Sources:
 
 def publishers(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that publish a topic, one for each publisher, sorted."""
-    return sorted(
-        f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-        for info in node.get_publishers_info_by_topic(topic)
-    )
+    return _full_names(node.get_publishers_info_by_topic(topic))
+
+
+def readers(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that read a topic, one for each subscription, sorted."""
+    return _full_names(node.get_subscriptions_info_by_topic(topic))
+
+
+def _full_names(ends: Sequence[TopicEndpointInfo]) -> list[str]:
+    return sorted(f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends)

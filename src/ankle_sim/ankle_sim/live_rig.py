@@ -8,6 +8,7 @@ stretch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -87,6 +88,18 @@ class Stretch:
     clean: np.ndarray
     truth: dict[str, float]
     parts: dict[str, float]
+
+    @property
+    def truth_row(self) -> np.ndarray:
+        """Return the row of ``ankle/truth``, shape (4,); NaN for a term that the model lacks."""
+        return np.array(
+            [
+                self.time[-1],
+                self.truth.get("stiffness.K[N.m/rad]", math.nan),
+                self.truth.get("reflex.G[N.m.s/rad]", math.nan),
+                self.parts.get(VOLUNTARY_TORQUE, math.nan),
+            ]
+        )
 
 
 class LiveRig:

@@ -6,7 +6,7 @@
 | emg/samples | out | Float64MultiArray | 64 Hz | t[s],SOL[V],TA[V],GL[V],GM[V]; NaN where a channel is bad |
 | /diagnostics | out | DiagnosticArray | 1 Hz | stream, missing samples, drift, bad electrodes |
 
-It looks for the stream until it is there, and again when it is lost. Parameters: `PARAMETERS`.
+It looks for the stream until it is there, and again when it is lost. Parameters: `emg_driver.settings`.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pylsl
 from rclpy.clock import Clock, ClockType
 
 from ankle_interfaces.errors import QuantityError
-from ankle_interfaces.quantity import Quantity, Value
+from ankle_interfaces.quantity import Value
 from ankle_interfaces.topics import EMG_SAMPLES, MUSCLES
 from ankle_node.node import ERROR, OK, WARN, AnkleNode, run
 from emg_driver.backlog import Backlog
@@ -26,62 +26,10 @@ from emg_driver.bridge import EmgBridge
 from emg_driver.clock_mapping import ClockDifference
 from emg_driver.errors import StreamRefused
 from emg_driver.lsl_source import Chunk, Connected, Lost, LslSource, Searching, predicate
-from emg_driver.settings import ELECTRODES, electrodes_from
+from emg_driver.settings import BRIDGE, electrodes_from
 from emg_driver.stream_description import parse_channels
 
-PARAMETERS = (
-    Quantity(
-        "stream_name", default="", description="Name of the stream; empty: any.", start_only=True
-    ),
-    Quantity(
-        "stream_type", default="EMG", description="Type of the stream; empty: any.", start_only=True
-    ),
-    Quantity(
-        "stream_source_id",
-        default="",
-        description="Source id of the stream; empty: any.",
-        start_only=True,
-    ),
-    Quantity(
-        "channels",
-        default="SOL=SOL,TA=TA,GL=GL,GM=GM",
-        description="Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.",
-        start_only=True,
-    ),
-    Quantity(
-        "unit",
-        default="",
-        description="Unit of the channels (V, mV, uV, nV); empty: as the stream declares.",
-        start_only=True,
-    ),
-    Quantity(
-        "rate",
-        "Hz",
-        0.0,
-        20_000.0,
-        0.0,
-        description="Sampling rate that the stream must have; 0: any that suits EMG.",
-        start_only=True,
-    ),
-    Quantity(
-        "silence",
-        "s",
-        0.1,
-        10.0,
-        0.5,
-        description="A stream without samples for so long counts as stopped.",
-    ),
-    *ELECTRODES,
-    Quantity(
-        "wait_for_readers",
-        "1",
-        0,
-        100,
-        0,
-        description="Readers of /emg/samples to wait for before the stream is read.",
-        start_only=True,
-    ),
-)
+PARAMETERS = BRIDGE
 # Silent for so long, the stream is looked for anew: a sender that died without closing its
 # connection.
 GIVE_UP = 5.0  # s

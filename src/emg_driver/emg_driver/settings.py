@@ -1,4 +1,4 @@
-"""Parameters of the EMG processing, as data; the pure modules and the node read the same list."""
+"""Parameters of bridge and processing, as data that the pure modules and the nodes read."""
 
 from __future__ import annotations
 
@@ -147,6 +147,62 @@ ELECTRODES = (
         ),
     ),
 )
+
+
+BRIDGE = (
+    Quantity(
+        "stream_name", default="", description="Name of the stream; empty: any.", start_only=True
+    ),
+    Quantity(
+        "stream_type", default="EMG", description="Type of the stream; empty: any.", start_only=True
+    ),
+    Quantity(
+        "stream_source_id",
+        default="",
+        description="Source id of the stream; empty: any.",
+        start_only=True,
+    ),
+    Quantity(
+        "channels",
+        default="SOL=SOL,TA=TA,GL=GL,GM=GM",
+        description="Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.",
+        start_only=True,
+    ),
+    Quantity(
+        "unit",
+        default="",
+        description="Unit of the channels (V, mV, uV, nV); empty: as the stream declares.",
+        start_only=True,
+    ),
+    Quantity(
+        "rate",
+        "Hz",
+        0.0,
+        20_000.0,
+        0.0,
+        description="Sampling rate that the stream must have; 0: any that suits EMG.",
+        start_only=True,
+    ),
+    Quantity(
+        "silence",
+        "s",
+        0.1,
+        10.0,
+        0.5,
+        description="A stream without samples for so long counts as stopped.",
+    ),
+    *ELECTRODES,
+    Quantity(
+        "wait_for_readers",
+        "1",
+        0,
+        100,
+        0,
+        description="Readers of /emg/samples to wait for before the stream is read.",
+        start_only=True,
+    ),
+)
+"""Parameters of the bridge from a stream to the topic."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,96 @@
+"""A node's process from its start to its end, which a signal or the node itself brings about."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import TYPE_CHECKING
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
+
+if TYPE_CHECKING:
+    from ankle_node.node import AnkleNode
+
+STOP_POLL_PERIOD = 0.1
+"""[s] Longest time from a signal to the stop of a node that nothing else wakes."""
+
+
+class StopSignal:
+    """Receives SIGINT and SIGTERM: while the node is made they interrupt whatever it does (a
+    compilation takes half a minute), afterwards they are noted, so that the node ends in good
+    order.
+    """
+
+    def __init__(self) -> None:
+        self.starting = True
+        self._received = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._receive)
+
+    @property
+    def received(self) -> bool:
+        """Tell whether the process was asked to stop."""
+        return self._received.is_set()
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self._received.set()
+        if self.starting:
+            self.starting = False
+            raise KeyboardInterrupt
+
+
+def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -> int:
+    """Start rclpy, spin the node until the process is asked to stop, and clean up.
+
+    Discovery stays on this host unless the environment says otherwise.
+
+    Parameters
+    ----------
+    make
+        Makes the node.
+    arguments
+        Command line; that of the process where None.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one
+        line on stderr.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with unblocked_output():
+        return _run(make, [*(sys.argv if arguments is None else arguments), *NO_LOG_FILES])
+
+
+def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
+    # rclpy's own handlers would close the context at once, with the last blocks still on their way.
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    node: AnkleNode | None = None
+    try:
+        stop = StopSignal()
+        node = make()
+        stop.starting = False
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while rclpy.ok() and not stop.received:
+            executor.spin_once(timeout_sec=STOP_POLL_PERIOD)
+        node.process_waiting(executor)
+        node.hand_over()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
