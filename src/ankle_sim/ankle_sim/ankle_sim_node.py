@@ -128,7 +128,7 @@ class AnkleSimNode(AnkleNode):
         self._rig.noisy = bool(values.get("noise", self._rig.noisy))
 
     def _begin(self) -> None:
-        self._services = RestServices(self, self._rest)
+        self._rest_services = RestServices(self, self._rest)
         self._continuity = self.block_subscription(PERTURBATION_REFERENCE, self._take)
 
     def _take(self, block: Block, findings: list[Finding]) -> None:

@@ -15,38 +15,31 @@ the simulated time under `use_sim_time`; publish time is the publisher's stamp. 
 
 from __future__ import annotations
 
-import importlib
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from ankle_interfaces.block import MESSAGE_TYPE
-from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.topics import JOINT_STATES, TOPICS
 from ankle_node.node import ACKNOWLEDGED, BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
 from ankle_node.real_time import RECORDER_PRIORITY
-from ankle_physics.errors import ModelError
-from ankle_physics.rig_file import RigFile
 from session_recorder import bag_metadata
 from session_recorder.bag_writer import CHUNK_SECONDS
 from session_recorder.errors import BagError
-from session_recorder.message_definitions import definition
 from session_recorder.parameters import RECORDER
+from session_recorder.raw_subscriptions import RawSubscriptions
 from session_recorder.recording import Recording
-from session_recorder.replaying import OWN_OF_ROS
-from session_recorder.rig_of_bag import RIG_KEY
+from session_recorder.rig_of_bag import RIG_KEY, rig_text
 from session_recorder.ros_qos import from_ros, to_record
+from session_recorder.topic_choice import TopicChoice
 
 # Connected from the start, publisher or not.
 LABORATORY_TOPICS = (*(topic for topic in TOPICS if topic.columns), JOINT_STATES)
-OF_EVERY_NAMESPACE = (*OWN_OF_ROS, "/tf", "/tf_static")
 DISCOVERY_PERIOD = 0.25  # s; how long a new topic waits for its subscription
 SETTLED_LOOKS = 3  # looks at the graph without a new topic before the recorder calls itself ready
 SYNC_PERIOD = 2.0
@@ -54,12 +47,6 @@ SYNC_PERIOD = 2.0
 LONGEST_BACKLOG = 2.0
 """[s] Age of a message from which the recorder says that it falls behind: what waits is only in
 memory."""
-REST = 0.005
-"""[s] Between two looks for messages. A wake-up costs rclpy about 0.4 ms with the topics of a
-laboratory, whatever comes with it; without a rest there would be one for each message, 1000 a
-second."""
-LOOK_LIMIT = 512
-"""Messages of one topic taken in one look, so that a flood leaves time for the other topics."""
 NAMED_TOPIC_PATIENCE = 5.0  # s before a named topic without publisher is reported
 
 
@@ -71,13 +58,9 @@ class RecordNode(AnkleNode):
 
     def __init__(self) -> None:
         super().__init__("recorder", PARAMETERS)
-        self._named = [
-            self.resolve_topic_name(name.strip())
-            for name in self.text("topics").split(",")
-            if name.strip()
-        ]
-        self._connected: dict[str, str] = {}
-        self._stores: list[tuple[Subscription, Callable[[bytes, MessageInfo], None]]] = []
+        named = [name.strip() for name in self.text("topics").split(",") if name.strip()]
+        self._choice = TopicChoice(map(self.resolve_topic_name, named), self.get_namespace())
+        self._inputs = RawSubscriptions(self, self._store)
         self._refused: set[str] = set()
         self._quiet_looks = 0
         self._ready = False
@@ -91,12 +74,12 @@ class RecordNode(AnkleNode):
             self.text("out") or f"session_{datetime.now():%Y%m%d_%H%M%S}"
         )
         if self.text("rig"):
-            self.recording.bag.custom_data[RIG_KEY] = _rig_text(self.text("rig"))
+            self.recording.bag.custom_data[RIG_KEY] = rig_text(self.text("rig"))
         if self.get_namespace() != "/":
             self.recording.bag.custom_data["namespace"] = self.get_namespace()
         for topic in LABORATORY_TOPICS:
             name = self.resolve_topic_name(topic.name)
-            if not self._named or name in self._named:
+            if not named or self._choice.wants(name):
                 self._connect(name, topic.message, to_record([BLOCK_QOS]))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DISCOVERY_PERIOD, self._look_for_topics, clock=steady)
@@ -115,20 +98,24 @@ class RecordNode(AnkleNode):
     def _look_for_topics(self) -> None:
         self._quiet_looks += 1
         for topic, types in self.get_topic_names_and_types():
-            if topic.endswith(ACKNOWLEDGED) or topic in self._refused or not self._wants(topic):
+            if (
+                topic.endswith(ACKNOWLEDGED)
+                or topic in self._refused
+                or not self._choice.wants(topic)
+            ):
                 continue
             offers = self.get_publishers_info_by_topic(topic)
             self._set_publishers(topic, offers)
             if not offers:
                 continue
-            if topic not in self._connected:
+            if topic not in self._inputs.types:
                 self._quiet_looks = 0
                 self._connect(topic, types[0], to_record([offer.qos_profile for offer in offers]))
-            name = self._name_in_bag(topic)
+            name = self._choice.name_in_bag(topic)
             if self.recording is not None and name in self.recording.bag.topics:
                 for offer in offers:
                     self.recording.bag.add_qos(name, from_ros(offer.qos_profile))
-        waiting = [name for name in self._named if name not in self._connected]
+        waiting = self._choice.missing(self._inputs.types)
         if waiting and time.monotonic() - self._began > NAMED_TOPIC_PATIENCE:
             self.health("topics", WARN, f"no publisher yet of {', '.join(waiting)}")
         if (
@@ -142,70 +129,23 @@ class RecordNode(AnkleNode):
             self.health("topics", OK, "")
             self.get_logger().info(f"ready: recording into {self.recording.bag.path}")
 
-    def _wants(self, topic: str) -> bool:
-        """Return whether a topic was named; without names, whether it belongs to this node's
-        namespace or to ROS itself.
-        """
-        if self._named:
-            return topic in self._named
-        return topic in OF_EVERY_NAMESPACE or topic.startswith(
-            f"{self.get_namespace().rstrip('/')}/"
-        )
-
-    def _name_in_bag(self, topic: str) -> str:
-        """Return the name without this node's namespace: a bag holds one laboratory, and whoever
-        reads it finds ``/ankle/samples`` whatever the namespace was.
-        """
-        namespace = f"{self.get_namespace().rstrip('/')}/"
-        return f"/{topic.removeprefix(namespace)}" if topic.startswith(namespace) else topic
-
     def _connect(self, topic: str, message_type: str, qos: QoSProfile) -> None:
-        package, _, name = message_type.split("/")
         try:
-            definition(message_type)
-            message_class = getattr(importlib.import_module(f"{package}.msg"), name)
-        except (ImportError, AttributeError, BagError) as error:
+            self._inputs.connect(topic, message_type, qos)
+        except BagError as error:
             self._refused.add(topic)
             self._warn(topic, f"not recorded: {error}")
-            return
-        self._connected[topic] = message_type
-        acknowledge = self.acknowledger(topic) if message_type == MESSAGE_TYPE else None
-
-        def store(message: bytes, info: MessageInfo) -> None:
-            self._store(topic, message, info)
-            if acknowledge is not None:
-                acknowledge(info)
-
-        def receive(message: bytes, info: MessageInfo) -> None:
-            store(message, info)
-            self._store_waiting()
-
-        # rclpy passes the message's times to a callback of two arguments; its annotation knows one.
-        subscription = self.create_subscription(message_class, topic, receive, qos, raw=True)  # type: ignore[arg-type]
-        self._stores.append((subscription, store))
-
-    def _store_waiting(self) -> None:
-        """Store what waits on any topic, and rest: many messages for one wake-up of rclpy."""
-        for subscription, store in self._stores:
-            with subscription.handle:
-                for _ in range(LOOK_LIMIT):
-                    if (
-                        taken := subscription.handle.take_message(subscription.msg_type, True)
-                    ) is None:
-                        break
-                    store(*taken)
-        time.sleep(REST)
 
     def _store(self, topic: str, message: bytes, info: MessageInfo) -> None:
         if self.recording is None:
             return
-        name = self._name_in_bag(topic)
+        name = self._choice.name_in_bag(topic)
         if name not in self.recording.bag.topics:
             offers = self.get_publishers_info_by_topic(topic)
             self._set_publishers(topic, offers)
             profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)
             self.recording.add_topic(
-                name, self._connected[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
+                name, self._inputs.types[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
             )
         received = (
             self.get_clock().now().nanoseconds
@@ -229,7 +169,7 @@ class RecordNode(AnkleNode):
             str(offer.endpoint_gid): f"{offer.node_namespace.rstrip('/')}/{offer.node_name}"
             for offer in offers
         }
-        sentence = self.recording.set_publishers(self._name_in_bag(topic), publishers)
+        sentence = self.recording.set_publishers(self._choice.name_in_bag(topic), publishers)
         if sentence is not None:
             self._warn(topic, sentence)
 
@@ -290,20 +230,6 @@ class RecordNode(AnkleNode):
             self.failed = True
             print(f"error: {error}", file=sys.stderr, flush=True)
         super().destroy_node()
-
-
-def _rig_text(path: str) -> str:
-    """Return the text of a rig file.
-
-    Raises
-    ------
-    QuantityError
-        It cannot be read, or is no rig file.
-    """
-    try:
-        return RigFile.load(path).text()
-    except (ModelError, OSError) as error:
-        raise QuantityError(f"parameter 'rig': {error}") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ankle_interfaces.errors import QuantityError
+from ankle_physics.errors import ModelError
 from ankle_physics.rig_file import RigFile
 from session_recorder.bag_reader import BagReader
 
@@ -19,3 +21,17 @@ def rig_of_bag(bag: BagReader) -> RigFile | None:
     """
     text = bag.custom_data.get(RIG_KEY)
     return RigFile.from_text(text) if text else None
+
+
+def rig_text(path: str) -> str:
+    """Return the text of a rig file.
+
+    Raises
+    ------
+    QuantityError
+        It cannot be read, or is no rig file.
+    """
+    try:
+        return RigFile.load(path).text()
+    except (ModelError, OSError) as error:
+        raise QuantityError(f"parameter 'rig': {error}") from None
