@@ -1,6 +1,7 @@
 """Recordings of other systems into bags: files into tables, tables into columns with a meaning."""
 
-from session_recorder.importing.mapping import Proposal, propose
+from session_recorder.importing.mapping import propose
+from session_recorder.importing.proposal import Proposal
 from session_recorder.importing.recording_import import ImportReport, import_recording
 from session_recorder.importing.tables import Table, read_table
 

@@ -8,21 +8,18 @@ recorded in the bag as a warning.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ankle_interfaces.block import TIME_COLUMN, Block
-from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity
-from ankle_interfaces.errors import UnitError
-from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, PERTURBATION_REFERENCE
-from ankle_interfaces.units import split_column, to_si
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import RigFile
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.laboratory_units import known_unit
+from session_recorder.importing.conversion import Signals, convert
 from session_recorder.importing.plausibility import (
     Intrinsic,
     check_intrinsic,
@@ -30,30 +27,20 @@ from session_recorder.importing.plausibility import (
     check_velocity,
     intrinsic,
 )
-from session_recorder.importing.sampling import judge_times, resample_columns
+from session_recorder.importing.statement import (
+    EMG_TOPIC,
+    TORQUE_SIGNS,
+    check_grid,
+    check_statement,
+    check_units,
+    meaning,
+    spelled,
+)
 from session_recorder.importing.tables import Table, read_table
 from session_recorder.mcap_file import Progress
 from session_recorder.rig_of_bag import RIG_KEY
 
-# Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the
-# subject exerts.
-TORQUE_SIGNS = {"rig": 1.0, "subject": -1.0}
-MISSING_POLICIES = ("nan", "gap")
-# Quantity -> topic and column there. EMG columns have the muscle's name and a unit of voltage.
-QUANTITIES = {
-    "position": (ANKLE_SAMPLES.absolute, "position[rad]"),
-    "velocity": (ANKLE_SAMPLES.absolute, "velocity[rad/s]"),
-    "torque": (ANKLE_SAMPLES.absolute, "torque[N.m]"),
-    "reference_position": (PERTURBATION_REFERENCE.absolute, "position[rad]"),
-    "reference_velocity": (PERTURBATION_REFERENCE.absolute, "velocity[rad/s]"),
-    "reference_acceleration": (PERTURBATION_REFERENCE.absolute, "acceleration[rad/s^2]"),
-}
-EMG_TOPIC = EMG_SAMPLES.absolute
-# Slower does not show an ankle's mechanics, faster is no rig: such a rate is a time column in
-# another unit.
-RATE_RANGE = (50.0, 100_000.0)  # Hz
 BLOCKS_PER_SECOND = 64
-SHOWN_FINDINGS = 5
 
 
 @dataclass(frozen=True)
@@ -90,17 +77,6 @@ class ImportReport:
     intrinsic: Intrinsic | None
 
 
-@dataclass
-class _Signals:
-    """Columns in SI on their way into a bag, and what was found about them."""
-
-    time: np.ndarray
-    rate: float
-    columns: dict[str, dict[str, np.ndarray]]
-    warnings: list[str] = field(default_factory=list)
-    contradictions: list[str] = field(default_factory=list)
-
-
 def import_recording(
     source: Path | str | Table,
     bag: Path | str,
@@ -125,8 +101,8 @@ def import_recording(
         The directory to create.
     columns
         Stated name with unit -> column of the source, as ``{"t[ms]": "time", "position[deg]":
-        "angle"}``. Names: ``t``, those of `QUANTITIES`, and muscles in a unit of voltage as
-        ``SOL[mV]``.
+        "angle"}``. Names: ``t``, those of `statement.QUANTITIES`, and muscles in a unit of voltage
+        as ``SOL[mV]``.
     torque_sign
         ``rig`` (torque that moves the ankle, positive in dorsiflexion) or ``subject`` (the
         opposite); needed with a torque column.
@@ -154,19 +130,19 @@ def import_recording(
     BagError
         The bag cannot be written.
     """
-    columns = {_spelled(name): column for name, column in columns.items()}
-    stated = {name: _meaning(name) for name in columns}
-    _check_statement(stated, torque_sign, rate, missing)
-    _check_grid(resample)
+    columns = {spelled(name): column for name, column in columns.items()}
+    stated = {name: meaning(name) for name in columns}
+    check_statement(stated, torque_sign, rate, missing)
+    check_grid(resample)
     table = source if isinstance(source, Table) else read_table(source)
     source = table.source
     chosen = table.choose(list(dict.fromkeys(columns.values())))
     ignored = [name for name in table.names if name not in chosen]
     if progress:
         progress(0.3)
-    signals = _convert(columns, stated, chosen, TORQUE_SIGNS[torque_sign or "rig"], rate, resample)
+    signals = convert(columns, stated, chosen, TORQUE_SIGNS[torque_sign or "rig"], rate, resample)
     signals.warnings[:0] = table.notes
-    signals.contradictions += _check_units(columns, table.units)
+    signals.contradictions += check_units(columns, table.units)
     found = _check_signals(signals, torque_sign or "rig")
     if signals.contradictions and not force:
         raise ImportRefused(f"{source}: " + "; ".join(signals.contradictions))
@@ -204,7 +180,7 @@ def import_recording(
     )
 
 
-def _rig_contradictions(signals: _Signals, rig: RigFile) -> list[str]:
+def _rig_contradictions(signals: Signals, rig: RigFile) -> list[str]:
     """Return in which ways the rig file contradicts the samples, one sentence each."""
     held = signals.columns.get(ANKLE_SAMPLES.absolute, {})
     named = {name.split("[")[0]: np.asarray(values) for name, values in held.items()}
@@ -224,207 +200,7 @@ def _rig_contradictions(signals: _Signals, rig: RigFile) -> list[str]:
     )
 
 
-def _spelled(name: str) -> str:
-    """Return a stated name with its unit in the project's spelling: ``torque[Nm]`` as
-    ``torque[N.m]``.
-    """
-    quantity, bracket, unit = name.strip().rstrip("]").partition("[")
-    return f"{quantity.strip()}[{known_unit(unit) or unit}]" if bracket else name
-
-
-def _meaning(name: str) -> tuple[str, str, float]:
-    """Return topic (empty for time), SI column and factor of a stated name."""
-    try:
-        quantity, unit = split_column(name)
-        si, factor = to_si(unit)
-    except UnitError as error:
-        raise ImportRefused(str(error)) from None
-    if quantity == "t":
-        topic, column = "", TIME_COLUMN
-    elif quantity in QUANTITIES:
-        topic, column = QUANTITIES[quantity]
-    elif si == "V":
-        return EMG_TOPIC, f"{quantity}[V]", factor
-    else:
-        raise ImportRefused(
-            f"'{name}': unknown quantity; known: t, {', '.join(QUANTITIES)}, and muscles in V, mV "
-            "or uV"
-        )
-    expected = split_column(column)[1]
-    if si != expected:
-        raise ImportRefused(
-            f"'{name}': {quantity} is given in '{unit}', expected {expected} or a multiple of it"
-        )
-    return topic, column, factor
-
-
-def _check_statement(
-    stated: Mapping[str, tuple[str, str, float]],
-    torque_sign: str | None,
-    rate: float | None,
-    missing: str,
-) -> None:
-    held = [(topic, column) for topic, column, _ in stated.values()]
-    if len(set(held)) < len(held):
-        raise ImportRefused(f"a quantity is stated twice: {', '.join(stated)}")
-    if all(not topic for topic, _ in held):
-        raise ImportRefused(
-            "no signal is stated; expected for example 'position[rad]' and 'torque[N.m]'"
-        )
-    if (ANKLE_SAMPLES.absolute, "torque[N.m]") in held and torque_sign is None:
-        raise ImportRefused(
-            "the sign of torque is not stated: 'rig' (torque that moves the ankle) or 'subject' "
-            "(the opposite)"
-        )
-    if torque_sign is not None and torque_sign not in TORQUE_SIGNS:
-        raise ImportRefused(
-            f"torque sign '{torque_sign}' is not known; expected {' or '.join(TORQUE_SIGNS)}"
-        )
-    if missing not in MISSING_POLICIES:
-        raise ImportRefused(
-            f"policy '{missing}' for missing samples is not known; expected "
-            f"{' or '.join(MISSING_POLICIES)}"
-        )
-    if rate is None and ("", TIME_COLUMN) not in held:
-        raise ImportRefused("neither a sampling rate nor a time column is stated")
-    if rate is not None and not RATE_RANGE[0] <= rate <= RATE_RANGE[1]:
-        raise ImportRefused(
-            f"sampling rate {rate:g} Hz is refused; allowed: {RATE_RANGE[0]:g} to "
-            f"{RATE_RANGE[1]:g} Hz"
-        )
-
-
-def _check_grid(resample: float | None) -> None:
-    if resample is not None and resample != 0 and not RATE_RANGE[0] <= resample <= RATE_RANGE[1]:
-        raise ImportRefused(
-            f"resampling to {resample:g} Hz is refused; allowed: {RATE_RANGE[0]:g} to "
-            f"{RATE_RANGE[1]:g} Hz, or 0 for the mean rate of the samples"
-        )
-
-
-def _convert(
-    columns: Mapping[str, str],
-    stated: Mapping[str, tuple[str, str, float]],
-    table: Mapping[str, np.ndarray],
-    sign: float,
-    rate: float | None,
-    resample: float | None,
-) -> _Signals:
-    signals = _Signals(np.empty(0), rate or 0.0, {})
-    for name, (topic, column, factor) in stated.items():
-        values = table[columns[name]] * (factor * sign if column == "torque[N.m]" else factor)
-        if topic:
-            signals.columns.setdefault(topic, {})[column] = values
-        else:
-            signals.time = values
-    length = len(next(iter(table.values())))
-    if length < 2:
-        raise ImportRefused(f"{length} sample(s); a recording has at least 2")
-    if len(signals.time):
-        _keep_dated(signals)
-        _make_even(signals, resample)
-        _check_time(signals, rate)
-    else:
-        signals.time = np.arange(length) / signals.rate
-    return signals
-
-
-def _check_units(columns: Mapping[str, str], declared: Mapping[str, str]) -> list[str]:
-    """Return where a stated unit is another than the file declares; both are compared in SI, and
-    what is no unit to us is not judged.
-    """
-    found = []
-    for name, column in columns.items():
-        stated = split_column(name)[1]
-        try:
-            own = to_si(declared.get(column, ""))
-        except UnitError:
-            continue
-        if own != to_si(stated):
-            found.append(
-                f"'{name}' is stated in {stated}, the file declares '{column}' in "
-                f"{declared[column]}"
-            )
-    return found
-
-
-def _keep_dated(signals: _Signals) -> None:
-    finite = np.isfinite(signals.time)
-    if finite.all():
-        return
-    signals.warnings.append(f"{int((~finite).sum())} samples have no time and are left out")
-    signals.time = signals.time[finite]
-    signals.columns = {
-        topic: {name: v[finite] for name, v in held.items()}
-        for topic, held in signals.columns.items()
-    }
-
-
-def _make_even(signals: _Signals, resample: float | None) -> None:
-    """Put irregular or rounded times onto an even grid; the rate is that of the time column."""
-    try:
-        sampling = judge_times(signals.time)
-    except ValueError as error:
-        raise ImportRefused(f"time column: {error}") from None
-    signals.rate = sampling.rate
-    likely = RATE_RANGE[0] <= sampling.rate <= RATE_RANGE[1]
-    if sampling.kind == "rounded" and resample is None and likely:
-        signals.time = signals.time[0] + np.arange(len(signals.time)) / sampling.rate
-        signals.warnings.append(sampling.sentence)
-        return
-    if sampling.kind == "irregular" and resample is None and likely:
-        raise ImportRefused(
-            f"time column: {sampling.sentence}. Estimators need even steps: add --resample "
-            f"{sampling.rate:.6g} (interpolates along lines; pauses stay gaps)"
-        )
-    if resample is None:
-        return
-    signals.rate = resample or sampling.rate
-    flat = {(topic, name): v for topic, held in signals.columns.items() for name, v in held.items()}
-    before = len(signals.time)
-    grid, columns, left_out = resample_columns(
-        signals.time, {"\n".join(key): values for key, values in flat.items()}, signals.rate
-    )
-    signals.time = grid
-    signals.columns = {topic: {} for topic in signals.columns}
-    for key, values in columns.items():
-        topic, name = key.split("\n")
-        signals.columns[topic][name] = values
-    signals.warnings.append(
-        f"{sampling.sentence or 'the sampling is regular'}; resampled from {before} samples to "
-        f"{len(grid)} at {signals.rate:.6g} Hz"
-        + (f", {left_out} in pauses left out" if left_out else "")
-    )
-
-
-def _check_time(signals: _Signals, stated_rate: float | None) -> None:
-    if not RATE_RANGE[0] <= signals.rate <= RATE_RANGE[1]:
-        raise ImportRefused(
-            f"the time column steps by {1 / signals.rate:g} s, a rate of {signals.rate:g} Hz; "
-            f"expected {RATE_RANGE[0]:g} to "
-            f"{RATE_RANGE[1]:g} Hz. Is it in {'ms or us' if signals.rate < RATE_RANGE[0] else 's'}?"
-        )
-    if stated_rate is not None and abs(signals.rate / stated_rate - 1) > RATE_TOLERANCE:
-        signals.contradictions.append(
-            f"the stated sampling rate is {stated_rate:g} Hz, the time column steps at "
-            f"{signals.rate:.6g} Hz"
-        )
-    findings = Continuity(signals.rate).check(signals.time[:, None])
-    backwards = [finding.message for finding in findings if finding.kind == "backwards"]
-    others = [finding.message for finding in findings if finding.kind != "backwards"]
-    for sentences, out in ((backwards, signals.contradictions), (others, signals.warnings)):
-        out += sentences[:SHOWN_FINDINGS]
-        if len(sentences) > SHOWN_FINDINGS:
-            out.append(f"and {len(sentences) - SHOWN_FINDINGS} more like these")
-    if signals.time.min() < 0:
-        shift = float(-np.floor(signals.time.min()))
-        signals.warnings.append(
-            f"time begins before 0: {shift:g} s are added, because a bag's times are not negative"
-        )
-        signals.time = signals.time + shift
-
-
-def _check_signals(signals: _Signals, torque_sign: str) -> Intrinsic | None:
+def _check_signals(signals: Signals, torque_sign: str) -> Intrinsic | None:
     ankle = signals.columns.get(ANKLE_SAMPLES.absolute, {})
     reference = signals.columns.get(PERTURBATION_REFERENCE.absolute, {})
     signals.contradictions += check_ranges({**ankle, **signals.columns.get(EMG_TOPIC, {})})
@@ -450,7 +226,7 @@ def _check_signals(signals: _Signals, torque_sign: str) -> Intrinsic | None:
     return found
 
 
-def _report_missing(signals: _Signals, missing: str) -> None:
+def _report_missing(signals: Signals, missing: str) -> None:
     fate = "kept as NaN" if missing == "nan" else "left out as gaps"
     for topic, held in signals.columns.items():
         for name, values in held.items():
@@ -462,7 +238,7 @@ def _report_missing(signals: _Signals, missing: str) -> None:
                 )
 
 
-def _write(writer: BagWriter, signals: _Signals, missing: str, progress: Progress | None) -> int:
+def _write(writer: BagWriter, signals: Signals, missing: str, progress: Progress | None) -> int:
     """Write blocks of all topics in the order of time; return the samples of the longest
     topic.
     """

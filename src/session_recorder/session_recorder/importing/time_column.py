@@ -1,0 +1,124 @@
+"""Which column of an unknown file is the time, or which rate takes its place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ankle_interfaces.units import to_si
+from session_recorder.errors import ImportRefused
+from session_recorder.importing.column_names import counts_samples
+from session_recorder.importing.proposal import Proposal
+from session_recorder.importing.sampling import MAX_GRID, Sampling, judge_times
+from session_recorder.importing.tables import TIME, Table
+
+_TIME_UNITS = ("s", "ms", "us")
+_LIKELY_RATE = (50.0, 20_000.0)  # Hz
+
+
+def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampling:
+    """Find the time of the samples, and state it in the proposal.
+
+    Parameters
+    ----------
+    table
+        Of any file.
+    found
+        Columns whose names are known, by quantity; the time is taken out.
+    proposal
+        Gets the time's column or the rate, with its reason.
+
+    Raises
+    ------
+    ImportRefused
+        Nothing gives the time; the message says what to state.
+    """
+    name = found.pop("t", None) or _counting_column(table)
+    if name is not None:
+        times = table.columns[name][np.isfinite(table.columns[name])]
+        unit = table.units.get(name) or _time_unit(times)
+        if unit is not None and len(times) > 1:
+            try:
+                sampling = judge_times(times * to_si(unit)[1])
+            except ValueError as error:
+                raise ImportRefused(
+                    f"{table.source}: '{name}' looks like the time, but {error}; state the "
+                    "sampling rate instead: --rate HZ"
+                ) from None
+            proposal.columns[f"t[{unit}]"] = name
+            proposal.reasons.append(
+                f"'{name}' is the time in {unit}: it steps at {sampling.rate:.6g} Hz"
+            )
+            if sampling.kind == "irregular":
+                proposal.resample = sampling.rate
+            if sampling.sentence:
+                proposal.doubts.append(sampling.sentence)
+            return sampling
+    rate = next(iter(table.rates.values()), None)
+    if rate is not None:
+        if TIME not in table.columns:
+            proposal.columns["t[s]"] = TIME
+        proposal.reasons.append(f"the file states a sampling rate of {rate:.6g} Hz")
+        return Sampling("regular", rate)
+    if table.rate is not None:
+        proposal.rate = table.rate
+        proposal.reasons.append(f"the file's header states a sampling rate of {table.rate:.6g} Hz")
+        return Sampling("regular", table.rate)
+    raise ImportRefused(
+        f"{table.source}: no column looks like the time and the file states no sampling rate; it "
+        f"holds {', '.join(table.names)}. State the rate, as in --rate 2048"
+    )
+
+
+def _counting_column(table: Table) -> str | None:
+    """Return a column that can only be time: it rises in even steps of a plausible size."""
+    for name, values in table.columns.items():
+        if name in table.rates or counts_samples(name) or len(values) < 100:
+            continue
+        steps = np.diff(values)
+        if not np.isfinite(steps).all() or np.any(steps <= 0):
+            continue
+        step = float(np.median(steps))
+        if np.max(np.abs(steps - step)) < 0.1 * step and _time_unit(values) is not None:
+            return name
+    return None
+
+
+def _time_unit(times: np.ndarray) -> str | None:
+    """Return the unit in which a column of times has a likely rate; None for a counter."""
+    if len(times) < 2:
+        return None
+    steps = np.diff(times)
+    step = float(np.mean(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    if step <= 0 or (step == 1.0 and np.array_equal(times, np.round(times))):
+        return None
+    for unit in _TIME_UNITS:
+        if _LIKELY_RATE[0] <= 1.0 / (step * to_si(unit)[1]) <= _LIKELY_RATE[1]:
+            return unit
+    return None
+
+
+def even_columns(
+    table: Table, names: Iterable[str], sampling: Sampling, proposal: Proposal
+) -> dict[str, np.ndarray]:
+    """Return columns as they would be imported: evenly spaced, NaN where time has a gap."""
+    columns = {name: table.columns[name] for name in names}
+    time_name = next((c for n, c in proposal.columns.items() if n.startswith("t[")), None)
+    if time_name is None or time_name not in table.columns:
+        return columns
+    unit = next(n for n in proposal.columns if n.startswith("t["))[2:-1]
+    time = table.columns[time_name] * to_si(unit)[1]
+    if any(len(values) != len(time) for values in columns.values()):
+        return columns
+    if sampling.kind == "irregular":
+        order = np.argsort(time, kind="stable")
+        order = order[np.isfinite(time[order])]
+        if len(order) < 2 or (time[order[-1]] - time[order[0]]) * sampling.rate > MAX_GRID:
+            return columns
+        grid = np.arange(time[order[0]], time[order[-1]], 1.0 / sampling.rate)
+        return {name: np.interp(grid, time[order], v[order]) for name, v in columns.items()}
+    if sampling.kind == "rounded":
+        return columns
+    jumps = np.abs(np.diff(time, prepend=time[0] - 1.0 / sampling.rate) * sampling.rate - 1) > 0.5
+    return {name: np.where(jumps, np.nan, values) for name, values in columns.items()}
