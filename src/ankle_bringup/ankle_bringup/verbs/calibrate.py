@@ -1,4 +1,4 @@
-"""`ankle calibrate`: the rig once, the session before each one."""
+"""Calibrate the rig once (rig.yaml), and the session before each one (subject.yaml)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 from ankle_bringup.terminal import Out, Overwrite, console, working
 
-verb = typer.Typer(help="Calibrate the rig (rig.yaml) or the session (subject.yaml).")
+verb = typer.Typer()
 
 Recorded = Annotated[
     Path | None,

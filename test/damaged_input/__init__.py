@@ -1,0 +1,1 @@
+"""Bad input of every kind that others write, one module for each way in."""
