@@ -6,6 +6,7 @@ import pytest
 
 from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.search.found import Found, Trial
 
 SCORES = Scores(base=80.0, augmented=94.0, generic=95.0, ceiling=96.0)
 
@@ -45,6 +46,27 @@ def test_an_effect_explains_what_it_closes(score, left, judged, expected):
 
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
-    small = remainder(0.3, False, torque_share=5e-4)
+    small = remainder(0.3, False, torque_share=4e-4)
     assert judge(found(0.8), small, [], [], SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], [], SCORES)[0] == "no_mismatch"
+
+
+@pytest.mark.parametrize(
+    ("gain", "held_out", "expected"),
+    [(0.05, (0.04, 0.05), True), (0.05, (0.04, -0.01), False), (0.02, (0.02, 0.02), False)],
+)
+def test_a_term_that_gains_beyond_chance_criticises_a_model_however_little_torque_it_changes(
+    gain, held_out, expected
+):
+    trial = Trial(
+        "tendon", SimpleNamespace(), gain, held_out, 0.0, by_chance=0.01, torque_share=1e-4
+    )
+    assert not trial.accepted
+    assert trial.criticises is expected
+    assert Found(SimpleNamespace(), SimpleNamespace(), near=[trial]).shape_corrected is expected
+
+
+def test_what_is_still_predictable_criticises_a_model_however_little_torque_it_is():
+    assert remainder(0.1, True, torque_share=1e-5).criticises
+    assert not remainder(0.1, True, torque_share=1e-5).exceeds_chance
+    assert not remainder(0.02, True).criticises

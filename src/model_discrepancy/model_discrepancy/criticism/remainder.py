@@ -43,13 +43,14 @@ class Remainder:
     judged: bool = True
 
     @property
+    def criticises(self) -> bool:
+        """Say whether more is predicted than chance does, in both directions, however little."""
+        return self.share > max(self.by_chance, 0.0) and self.worst > 0.0
+
+    @property
     def exceeds_chance(self) -> bool:
-        """Say whether more is predicted than chance does, in both directions, and it matters."""
-        return (
-            self.share > max(self.by_chance, 0.0)
-            and self.worst > 0.0
-            and self.torque_share > MATERIAL_SHARE
-        )
+        """Say whether more is predicted than chance does, and its torque matters."""
+        return self.criticises and self.torque_share > MATERIAL_SHARE
 
     @property
     def significant(self) -> bool:

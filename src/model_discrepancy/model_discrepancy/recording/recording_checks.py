@@ -19,8 +19,10 @@ from model_discrepancy.recording.recording import Recording
 SHORTEST_S = 20.0
 # Beyond this two clocks are apart, below it a channel lags.
 LARGEST_SKEW_S = 0.020
-# Torque of which movement explains less than this in 3-40 Hz is not the torque of this joint.
-LEAST_VAF = 0.2
+# Torque of which movement explains less than this in 3-40 Hz is not the torque of this joint: that
+# of another recording of 60 s, or shifted by seconds, is explained to 1 % at most, and a reflex
+# that is large beside the intrinsic torque leaves 11 % of a good one.
+LEAST_VAF = 0.05
 # While the foot moves as usual, torque that falls below this share of its usual size has lost its
 # sensor.
 DEAD_SHARE = 0.05

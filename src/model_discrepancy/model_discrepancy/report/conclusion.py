@@ -17,7 +17,11 @@ from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.effect_size import size_of
-from model_discrepancy.report.operating_point import operating_point, stated_impedance
+from model_discrepancy.report.operating_point import (
+    operating_point,
+    stated_impedance,
+    with_model_error,
+)
 from model_discrepancy.report.verdict import (
     Verdict,
     alternatives,
@@ -88,7 +92,7 @@ def _verdict(
             size_of(fitter, found.final, effect.trial.name, base_map.onsets),
             place == 0,
             word == "explained" and not after.significant,
-            bool(found.refinements) or (after.exceeds_chance and not after.judged),
+            found.shape_corrected or after.criticises,
         )
         for place, effect in enumerate(named)
     ]
@@ -141,7 +145,7 @@ def _verdict(
         "remaining_predictable_share": round(max(after.share, 0.0), 4),
     }
     at = operating_point(fitter.motion, base_map.onsets)
-    stated = stated_impedance(found.final, at)
+    stated = with_model_error(stated_impedance(found.final, at), found, at)
     for effect, entry in zip(named, effects, strict=False):
         entry["on_impedance"] = on_impedance(stated_impedance(effect.without, at), stated)
     place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)

@@ -14,7 +14,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.report.effect_size import Size, sentence_of
-from model_discrepancy.search.exchange import RIVAL_EXCESS
+from model_discrepancy.search.exchange import ODDS_SCALE
 from model_discrepancy.search.found import Effect, Found
 
 # The best names of a set; further ones stand among the alternatives.
@@ -24,15 +24,13 @@ LARGEST_SET = 3
 # relative of a term that the library lacks looks like the term, so that no single recording makes a
 # name certain.
 CERTAINTY = {(True, True): 0.9, (False, True): 0.75, (True, False): 0.5, (False, False): 0.3}
-# A parameter at the end of its range, or further terms that only correct the shape of the larger
-# ones, say that the equation is not quite the right one: the name by this ratio, its family by the
-# other.
+# A parameter at the end of its range, further terms that correct the shape of the larger ones, or
+# anything that is still predictable say that the equation is not quite the right one: the name by
+# this ratio, its family by the other. Of 102 recordings with hidden effects, names of at least 0.7
+# were right in 14 of 15 cases without such a sign and in 3 of 9 with one.
 IMPERFECT_NAME, IMPERFECT_FAMILY = 0.7, 0.85
 # From here on a name is stated; below, its family is, if that is sure enough.
 MIN_STATED_PROBABILITY = 0.7
-# Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
-# it.
-_ODDS_SCALE = RIVAL_EXCESS / 3.0
 
 
 @dataclass
@@ -105,14 +103,14 @@ def effect_entry(
     complete
         Whether the augmented model leaves nothing predictable.
     corrected
-        Whether the augmented model holds further terms that only correct its shape, or generic
-        regressors still predict something that may be torque that moved the plate.
+        Whether further terms correct the shape of the named ones, or would, or generic regressors
+        still predict more than by chance.
     """
     name = effect.trial.name
     term = term_library()[name]
     rivals = effect.rivals[: LARGEST_SET - 1]
     odds = [1.0] + [
-        float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / _ODDS_SCALE)) for t in rivals
+        float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / ODDS_SCALE)) for t in rivals
     ]
     certainty = CERTAINTY[first, complete]
     family = term.family or name

@@ -18,6 +18,9 @@ from model_discrepancy.search.trials import drop_superfluous, fixed_errors, judg
 
 # A rival is excluded when it leaves this much more whitened error than the best one.
 RIVAL_EXCESS = 0.03
+# Excess of whitened error at which a rival's odds fall to 1/e: a third of the excess that excludes
+# it.
+ODDS_SCALE = RIVAL_EXCESS / 3.0
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
 RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3

@@ -10,6 +10,9 @@ import numpy as np
 from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit
 
+# Another term that gains this many times what it gains by chance, on unseen rows too, criticises a
+# model, however little torque it changes.
+CRITICISING_RATIO = 3.0
 # Slow torque holds a part of every variation of the responses. The surrogates take it along, as far
 # as the size of each response is known: to about a fifth of its power where responses overlap.
 FOLLOWING_MARGIN = 1.3
@@ -57,6 +60,11 @@ class Trial:
             and min(self.held_out) > 0.0
             and self.torque_share > MATERIAL_SHARE
         )
+
+    @property
+    def criticises(self) -> bool:
+        """Say whether a term that was not accepted shows that the model's shape is not right."""
+        return self.gain > CRITICISING_RATIO * self.by_chance and min(self.held_out) > 0.0
 
 
 @dataclass(eq=False)
@@ -115,6 +123,11 @@ class Found:
     near: list[Trial] = field(default_factory=list)
     base_score: float = 0.0
     by_chance: float = 0.0
+
+    @property
+    def shape_corrected(self) -> bool:
+        """Say whether further terms correct, or would correct, the shape of the named ones."""
+        return bool(self.refinements) or any(trial.criticises for trial in self.near)
 
 
 def place_of(name: str) -> Place:
