@@ -171,13 +171,16 @@ def test_a_session_is_calibrated_before_its_baseline(browser, tmp_path, monkeypa
             "ankle_sim.at_rest=true",
         ]
     )
-    with Processes(graph, tmp_path / "logs") as processes:
+    # Nobody reads the EMG's responses here: the computer's cores are left to the others.
+    nodes = tuple(node for node in graph.nodes if node.executable != "emg_processor")
+    with Processes(replace(graph, nodes=nodes), tmp_path / "logs") as processes:
         wait_until_served(port, processes)
         operator = browser.new_page(viewport={"width": 1280, "height": 720})
         operator.set_default_timeout(2 * PATIENCE)
         operator.goto(f"http://127.0.0.1:{port}/operator")
         operator.locator("#recording", has_text="● recording").wait_for()
         operator.locator("#share").filter(has_not_text="no samples").wait_for(state="attached")
+        operator.locator("#simple").click()
         operator.locator("#claim").click()
         operator.locator('button[data-command="arm"]:enabled').wait_for()
         hold_keys(operator, "Enter", "a", seconds=3.0)

@@ -39,12 +39,12 @@ INTERVAL = 1.96
 """Half width of a 95 % interval in standard errors."""
 DOUBTS = (
     "Doubtful means: the torque shows more than inertia, viscosity, stiffness and one reflex can "
-    "explain, so K and G may be off by more than their errors say. `ankle diagnose` looks for what "
+    "explain, so K and G may be off by more than their errors say. 'ankle diagnose' looks for what "
     "is missing; the offline value beside each one is a second opinion."
 )
 BASE_VALUES = (
-    "These are the values that the online estimator tracks, as medians over the recording. `ankle "
-    "diagnose` fits one model to the whole recording and states K and G at its mean position and "
+    "These are the values that the online estimator tracks, as medians over the recording. 'ankle "
+    "diagnose' fits one model to the whole recording and states K and G at its mean position and "
     "torque, without what has memory; the two differ where the joint changed during the recording "
     "or has physics that the estimator's model lacks."
 )
@@ -80,12 +80,12 @@ def value_rows(found: Answer) -> list[list[str]]:
 
     The first row names the columns.
     """
-    rows = [["", "median ± standard error", "parallel cascade, offline", "unit"]]
+    rows = [["", "median ± standard error", "parallel cascade, offline"]]
     for quantity in QUANTITIES:
-        name, unit = quantity.rstrip("]").split("[")
+        name = quantity.partition("[")[0]
         offline = None if found.opinion is None else {"K": found.opinion.K, "G": found.opinion.G}
         other = "" if offline is None or name not in offline else with_error(offline[name])
-        rows.append([name, with_error(found.median(quantity)), other, unit])
+        rows.append([with_unit(quantity), with_error(found.median(quantity)), other])
     return rows
 
 
@@ -186,7 +186,7 @@ def _quantities(found: Answer) -> Any:
     time = found.column("t[s]") - found.losses.origin
     for row, name in enumerate(names, 1):
         value = np.where(found.valid, found.column(name), np.nan)
-        colour = COLOURS[row % len(COLOURS)]
+        colour = COLOURS[row - 1]
         if name in QUANTITIES:
             error = INTERVAL * found.column(f"se_{name}")
             t, low, high = _thinned([time, value - error, value + error], MAX_POINTS)
@@ -199,7 +199,8 @@ def _quantities(found: Answer) -> Any:
         line = Scatter(x=t, y=shown, mode="lines", line={"color": colour}, showlegend=False)
         line.name = name
         drawn.add_trace(line, row, 1)
-        drawn.update_yaxes(title_text=with_unit(name).replace(" [", "<br>["), row=row, col=1)
+        shown_name = "VAF [%]" if name not in QUANTITIES else with_unit(name)
+        drawn.update_yaxes(title_text=shown_name.replace(" [", "<br>["), row=row, col=1)
     for wanted, colour in ((~found.valid, INVALID), (found.doubtful, DOUBTFUL)):
         for start, end in _spans(time, wanted):
             drawn.add_vrect(start, end, fillcolor=colour, opacity=0.25, line_width=0)
@@ -253,7 +254,7 @@ def _frequency(found: Answer) -> Any:
     assert found.opinion is not None
     response = found.opinion.response
     drawn = make_subplots(rows=3, shared_xaxes=True, vertical_spacing=0.03)
-    for row, part in ((1, np.abs), (2, lambda values: np.degrees(np.unwrap(np.angle(values))))):
+    for row, part in ((1, np.abs), (2, _phase)):
         for name, values, colour in (
             ("measured", response.measured, "#444444"),
             ("fitted", response.model, COLOURS[1]),
@@ -273,6 +274,13 @@ def _frequency(found: Answer) -> Any:
     drawn.update_xaxes(title_text="frequency [Hz]", row=3, col=1)
     drawn.update_layout(height=640)
     return drawn
+
+
+def _phase(response: np.ndarray) -> np.ndarray:
+    """Return the phase [deg] from -120 to 240: an ankle's goes from 0, of its stiffness, to 180, of
+    its inertia, and a jump in between would be one of the noise.
+    """
+    return (np.degrees(np.angle(response)) + 120.0) % 360.0 - 120.0
 
 
 def _picture(found: Answer, path: Path) -> None:

@@ -42,6 +42,7 @@ def page(title: str, parts: Sequence[str], interactive: bool = True) -> str:
 def figure(drawn: Any) -> str:
     """Return a Plotly figure as a piece of `page`."""
     drawn.update_layout(template="plotly_white", margin={"l": 70, "r": 20, "t": 40, "b": 50})
+    drawn.update_layout(legend={"orientation": "h", "y": 1.01, "yanchor": "bottom"})
     return str(drawn.to_html(full_html=False, include_plotlyjs=False))
 
 
