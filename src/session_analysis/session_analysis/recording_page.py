@@ -24,6 +24,7 @@ from ankle_interfaces.topics import (
 )
 from ankle_node.session_event import SessionEventError, parse
 from session_analysis.html_page import COLOURS, bullets, heading, page, paragraph
+from session_analysis.values import with_unit
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.loss import MIN_SAMPLED_BLOCK, LossAccount, account_of_bag
@@ -189,6 +190,7 @@ def _encoded(track: Track, origin: float) -> dict[str, object]:
     numbers[finite] = np.round((track.values[finite] - low) / scale) - STEPS // 2
     return {
         "name": track.name,
+        "label": with_unit(track.name.rpartition(" ")[2]),
         "start": track.start - origin,
         "step": track.step,
         "low": low,
@@ -254,7 +256,7 @@ xaxis:{range:[start,end],title:{text:'time in the recording [s]'},anchor:'y'+(ro
 shapes:RECORDING.events.map(e=>({type:'line',x0:e[0],x1:e[0],y0:0,y1:1,yref:'paper',
 line:{dash:'dot',color:'#888',width:1}})),annotations:[]};
 RECORDING.tracks.forEach((t,i)=>{const axis='yaxis'+(i?i+1:'');
-layout[axis]={domain:[1-(i+0.92)/rows,1-i/rows],fixedrange:true,title:{text:t.name.split(' ')[1],
+layout[axis]={domain:[1-(i+0.92)/rows,1-i/rows],fixedrange:true,title:{text:t.label,
 font:{size:11}}}});
 const traces=RECORDING.tracks.map((t,i)=>{const[x,y]=part(t,start,end);
 return{x,y,type:'scattergl',mode:'lines',line:{width:1,color:COLOURS[i%COLOURS.length]},

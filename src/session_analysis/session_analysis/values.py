@@ -7,6 +7,7 @@ from decimal import Decimal
 
 ERROR_DIGITS = 2
 """Number of digits of a standard error; a value is rounded to the same place."""
+_ABBREVIATIONS = {"mvc": "MVC", "vaf": "VAF"}
 VALUE_DIGITS = 3
 """Least number of digits of a value whose error is not known; whole numbers keep all of theirs."""
 
@@ -22,7 +23,8 @@ def with_unit(quantity: str) -> str:
     name, _, unit = quantity.partition("[")
     unit = unit.replace(".", "·").replace("^2", "²")
     shown = "" if unit in ("", "1]") else f" [{unit}"
-    return f"{name.replace('_', ' ')}{shown}"
+    words = [_ABBREVIATIONS.get(word, word) for word in name.split("_")]
+    return f"{' '.join(words)}{shown}"
 
 
 def with_error(value: tuple[float, float]) -> str:

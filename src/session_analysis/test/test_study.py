@@ -143,12 +143,14 @@ def test_the_report_states_changes_against_the_detectable_one(tmp_path):
     assert visit_table(rows, "K[N.m/rad]")[2].tolist() == [[100, 140], [80, 81], [60, 61]]
     path = tmp_path / "r.html"
     text = write_study_report(rows, {"sub-S9_ses-01_run-01": "no samples"}, path, "T").read_text()
-    assert "K changed by +40 N.m/rad from visit 1 to visit 2" in text
+    assert "K changed by +40 N·m/rad from visit 1 to visit 2" in text
     assert "sub-S9_ses-01_run-01: no samples" in text
     assert "ICC(2,1)" in text
     # The paper stands apart from the subjects' own visits.
     assert "<h2>Beside the paper</h2>" in text.partition("Subject S3")[2]
     assert "<td>K [N·m/rad]</td><td>80.5 (60.5 to 120)</td><td>100 (0 to 200)</td>" in text
+    # Each trend is drawn on the band of the minimal detectable change, for K and G.
+    assert text.count('"fillcolor":"#888888"') == 2 * 3
     # Two recordings of a subject tell no relation with the torque; none is drawn.
     assert "against the mean torque" not in text
     one = write_study_report(rows, {}, path, "T", "S2").read_text()

@@ -192,7 +192,7 @@ def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list
         found = repeat[quantity]
         if len(visits) < 2 or found is None:
             continue
-        name, unit = quantity.rstrip("]").split("[")
+        name, unit = with_unit(quantity).rstrip("]").split(" [")
         change = float(values[0, -1] - values[0, 0])
         beyond = "more" if abs(change) > found.mdc else "not more"
         sentences.append(
@@ -211,20 +211,29 @@ def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
         _, visits, values = visit_table(rows, quantity)
         if not visits:
             continue
-        found = repeat[quantity]
-        if found is not None:
-            first = float(values[0, 0])
-            drawn.add_hrect(
-                first - found.mdc, first + found.mdc, row=line, col=1,
-                fillcolor="#888888", opacity=0.2, line_width=0,
-            )  # fmt: skip
         trace = Scatter(x=visits, y=values[0], mode="lines+markers", showlegend=False)
         trace.line = {"color": COLOURS[line - 1]}
         drawn.add_trace(trace, line, 1)
+        found = repeat[quantity]
+        if found is not None:
+            low, high = (float(values[0, 0]) + sign * found.mdc for sign in (-1, 1))
+            # After the trace: nothing is drawn into a panel that is still empty.
+            drawn.add_hrect(
+                low, high, row=line, col=1, fillcolor="#888888", opacity=0.2, line_width=0
+            )
+            drawn.update_yaxes(range=_range_with(values[0], low, high), row=line, col=1)
         drawn.update_yaxes(title_text=with_unit(quantity), row=line, col=1)
+    drawn.update_xaxes(tick0=1, dtick=max(1, -(-len({row.visit for row in rows}) // 20)))
     drawn.update_xaxes(title_text="visit; grey: within the detectable change", row=2, col=1)
     drawn.update_layout(height=480)
     return drawn
+
+
+def _range_with(values: np.ndarray, low: float, high: float) -> list[float]:
+    """Return the ends of an axis that shows values and band with a margin."""
+    low, high = min(low, float(np.nanmin(values))), max(high, float(np.nanmax(values)))
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    return [low - margin, high + margin]
 
 
 def _torque_figure(rows: Sequence[Row]) -> Any:
