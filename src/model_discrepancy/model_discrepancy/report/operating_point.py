@@ -118,7 +118,7 @@ def with_model_error(
     ] + [(_NEAR_ODDS, t) for t in found.near if t.criticises]
     moved = [(odds, _values(t.fit.values, at)) for odds, t in others]
     total = 1.0 + sum(odds for odds, _ in moved)
-    wider = {}
+    wider: dict[str, tuple[float, float | None]] = {}
     for key, (value, error) in stated.items():
         name = key.split("[")[0]
         if error is None:
