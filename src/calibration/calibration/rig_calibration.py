@@ -17,17 +17,15 @@ from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
 from calibration.errors import CalibrationError
-from calibration.rig_identification import (
-    MIN_SIGNIFICANCE,
-    Found,
-    IdentifiedRig,
-    Signals,
-    identify_rig,
-)
+from calibration.fitted_value import Found
+from calibration.rig_identification import IdentifiedRig, identify_rig
+from calibration.rig_spectra import Signals
 from session_recorder.bag_reader import BagReader
 
 SAMPLES, REFERENCE = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
 POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
+# A parameter counts as found where it is this many standard errors away from nothing.
+MIN_SIGNIFICANCE = 3.0
 # A calibration shorter than this has too few edges for the accuracies that are stated.
 MIN_DURATION = 20.0  # s
 

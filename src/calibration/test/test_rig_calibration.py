@@ -14,6 +14,7 @@ from ankle_physics.scenario import Scenario
 from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import LiveRig, Setup
 from calibration.errors import CalibrationError
+from calibration.fitted_value import Found
 from calibration.rig_calibration import (
     REFERENCE,
     SAMPLES,
@@ -23,7 +24,8 @@ from calibration.rig_calibration import (
     fingerprint,
     rig_file,
 )
-from calibration.rig_identification import Found, IdentifiedRig, Signals, identify_rig
+from calibration.rig_identification import IdentifiedRig, identify_rig
+from calibration.rig_spectra import Signals
 from perturbation_generator.rig_calibration import DURATION, RigCalibration
 from perturbation_generator.settings import Settings
 from session_recorder.bag_writer import BagWriter

@@ -1,0 +1,163 @@
+"""Plate and torque sensor, fitted to the torque that follows the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ankle_physics.terms.torque_sensor_mode import TorqueSensorMode
+from calibration.errors import CalibrationError
+from calibration.fitted_value import Found, solved, stacked_parts, standard_errors
+from calibration.rig_spectra import RigSpectra
+
+# Velocity that rounds the jump of dry friction at rest.
+FRICTION_VELOCITY = 0.03  # rad/s
+# Where searches for lag, mode and servo begin.
+LAG_STARTS = (0.0005, 0.003)  # s
+MODE_STARTS = (20.0, 45.0, 80.0)  # Hz
+MODE_DAMPING_START = 0.08
+# A search that ends this close to an end of its range was still on its way.
+RANGE_MARGIN = 0.01
+
+
+@dataclass(frozen=True)
+class PlateFit:
+    """Holds plate and sensor: values by name, and the spectrum of the torque before the sensor."""
+
+    shape: dict[str, Found]
+    linear: dict[str, Found]
+    load: np.ndarray
+    vaf: float
+
+
+def _is_mode(frequency: float) -> bool:
+    """Whether a frequency [Hz] is that of a mode which the recording shows, not the end of a range.
+
+    A mode far above the recorded band looks like a part of the delay, and is one.
+    """
+    allowed = TorqueSensorMode.parameter("frequency")
+    margin = 1.0 + RANGE_MARGIN
+    return allowed.lower * margin < frequency < allowed.upper / margin
+
+
+Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
+    """Return plate and sensor: the description of the sensor with the least BIC.
+
+    Parameters
+    ----------
+    spectra
+        The recording.
+    motion
+        Spectrum of the position that follows the reference [rad].
+
+    Raises
+    ------
+    CalibrationError
+        The motion explains too little of the torque.
+    """
+    plain: Response = lambda s, p: np.ones(len(s), dtype=complex)  # noqa: E731
+    lagged: Response = lambda s, p: 1.0 / (1.0 + s * p[1])  # noqa: E731
+
+    def resonant(s: np.ndarray, p: np.ndarray) -> np.ndarray:
+        ratio = s / (2.0 * np.pi * p[1])
+        return 1.0 / (1.0 + 2.0 * p[2] * ratio + ratio**2)
+
+    tried: list[tuple[tuple[str, ...], Response, list[list[float]]]] = []
+    tried.append((("delay",), plain, [[0.0]]))
+    tried.append((("delay", "lag"), lagged, [[0.0, start] for start in LAG_STARTS]))
+    modes = [[0.0, start, MODE_DAMPING_START] for start in MODE_STARTS]
+    tried.append((("delay", "mode", "mode_damping"), resonant, modes))
+    best: tuple[float, PlateFit] | None = None
+    columns = _columns(spectra, motion)
+    for names, response, starts in tried:
+        bic, fit = _fitted(spectra, columns, names, response, starts)
+        if "mode" in names and not _is_mode(fit.shape["mode"].value):
+            continue
+        if best is None or bic < best[0]:
+            best = bic, fit
+    assert best is not None
+    if not best[1].vaf > 50.0:
+        raise CalibrationError(
+            f"the plate's motion explains {best[1].vaf:.0f} % of the torque that follows the "
+            "reference; check sign, units and mounting of the torque sensor"
+        )
+    return best[1]
+
+
+def _columns(spectra: RigSpectra, motion: np.ndarray) -> dict[str, np.ndarray]:
+    velocity = spectra.time_signal(motion * spectra.omega)
+    return {
+        "inertia": motion * spectra.omega**2,
+        "slope": motion,
+        "friction": spectra.spectrum(np.tanh(velocity / FRICTION_VELOCITY)),
+        "viscosity": motion * spectra.omega,
+    }
+
+
+def _fitted(
+    spectra: RigSpectra,
+    columns: dict[str, np.ndarray],
+    names: tuple[str, ...],
+    response: Response,
+    starts: list[list[float]],
+) -> tuple[float, PlateFit]:
+    """Return separable least squares: the linear values are solved for within."""
+    stacked = np.column_stack(list(columns.values()))
+    scale = np.linalg.norm(stacked, axis=0)
+    goal = stacked_parts(spectra.torque)
+
+    def design(shape: np.ndarray) -> np.ndarray:
+        sensed = response(spectra.omega, shape) * np.exp(-spectra.omega * shape[0])
+        return stacked_parts(sensed[:, None] * stacked / scale)
+
+    def left(shape: np.ndarray) -> np.ndarray:
+        regressors = design(shape)
+        return goal - regressors @ solved(regressors, goal)
+
+    lower = {"delay": -0.02, "lag": 1e-5, "mode": 5.0, "mode_damping": 0.003}
+    upper = {"delay": 0.02, "lag": 0.05, "mode": 300.0, "mode_damping": 1.5}
+    found = min(
+        (
+            least_squares(
+                left,
+                start,
+                bounds=([lower[k] for k in names], [upper[k] for k in names]),
+                x_scale=[{"delay": 1e-4, "lag": 1e-3, "mode": 5.0}.get(k, 0.05) for k in names],
+            )
+            for start in starts
+        ),
+        key=lambda each: each.cost,
+    )
+    regressors = design(found.x)
+    linear = solved(regressors, goal)
+    residual = goal - regressors @ linear
+    count = len(goal)
+    # Of all parameters together, so that the errors know of each other.
+    slopes = np.column_stack([found.jac, -regressors])
+    errors = standard_errors(slopes, residual, spectra.frequency)
+    shape = {
+        name: Found(float(value), float(error))
+        for name, value, error in zip(names, found.x, errors, strict=False)
+    }
+    values = {
+        name: Found(float(value / size), float(error / size))
+        for name, value, error, size in zip(
+            columns, linear, errors[len(names) :], scale, strict=True
+        )
+    }
+    predicted = regressors @ linear
+    # Of what follows the motion at all; the sensor's noise is nobody's to explain.
+    lines = len(goal) // 2
+    complex_prediction = predicted[:lines] + 1j * predicted[lines:]
+    followed = spectra.following(spectra.torque, complex_prediction)
+    missing = float(np.sum(np.abs(followed - complex_prediction) ** 2))
+    vaf = 100.0 * (1.0 - missing / float(np.sum(np.abs(followed) ** 2)))
+    bic = count * math.log(float(residual @ residual) / count) + len(names) * math.log(count)
+    return bic, PlateFit(shape, values, stacked @ (linear / scale), vaf)
