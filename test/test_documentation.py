@@ -20,7 +20,12 @@ PARTLY = {
     "average_correlations",
 }
 """Compiled functions whose sections leave out arguments that the sentence above them explains."""
-PUBLIC = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+PUBLIC = (*FUNCTIONS, ast.ClassDef)
+PLURAL_NOUNS = {"Settings", "Numbers", "Constants", "Values", "Columns", "Torques", "Recordings"}
+"""First words that end like the verb of a class's sentence ("Holds", "Describes") and are none."""
+PROPERTY_VERBS = {"Return", "Tell", "Say", "See"}
+NO_VERB = {"The", "A", "An", "One", "Whether", "What", "Which", "How", "Why", "When", "Where"}
 
 
 def run(line, folder, timeout):
@@ -94,9 +99,45 @@ def arguments_of(signature):
     return have - {"self", "cls"}
 
 
-@pytest.mark.parametrize(
+def summaries(path):
+    """Public classes, properties and functions of a file with the first two words about each."""
+    tree = ast.parse(path.read_text())
+    classes = [one for one in ast.walk(tree) if isinstance(one, ast.ClassDef)]
+    for owner in (tree, *(one for one in classes if not one.name.startswith("_"))):
+        for node in owner.body:
+            text = ast.get_docstring(node) if isinstance(node, PUBLIC) else None
+            if text and not node.name.startswith("_"):
+                yield node, (*text.split()[:2], "")
+
+
+def has_verb(node, first, second):
+    """Whether a docstring's summary begins with its verb: "Holds ..." for a class, "Return ..."."""
+    if second == "of":
+        return False
+    if isinstance(node, ast.ClassDef):
+        return re.fullmatch("[A-Z][a-z]+s", first) is not None and first not in PLURAL_NOUNS
+    if any("property" in ast.unparse(one) for one in node.decorator_list):
+        return first in PROPERTY_VERBS
+    return first not in NO_VERB and re.match("[A-Z][a-z]", first) is not None
+
+
+PACKAGES = pytest.mark.parametrize(
     "package", sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
 )
+
+
+@PACKAGES
+def test_a_docstring_is_a_sentence_that_begins_with_its_verb(package):
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}: {first} {second} ..."
+        for path in sorted((ROOT / "src" / package / package).rglob("*.py"))
+        for node, (first, second, *_) in summaries(path)
+        if not has_verb(node, first, second)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@PACKAGES
 def test_a_section_of_parameters_has_the_names_of_the_signature(package):
     wrong = [
         f"{path.relative_to(ROOT)}: {name}: {sorted(stated ^ have)}"

@@ -173,7 +173,9 @@ class Model:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the terms, by which estimates state the model that they are made with."""
+        """Return the SHA-256 of the terms, by which estimates state the model that they are made
+        with.
+        """
         return sha256(yaml.safe_dump(self.content()).encode()).hexdigest()
 
     def content(self) -> list[dict[str, Any]]:

@@ -116,11 +116,11 @@ class EstimatorModel(Protocol):
 
     @property
     def confirmed(self) -> bool:
-        """Whether the estimates are made with the model that was handed over last."""
+        """Tell whether the estimates are made with the model that was handed over last."""
 
     @property
     def refusal(self) -> str:
-        """Why the estimator refused that model; empty where it did not."""
+        """Tell why the estimator refused that model; empty where it did not."""
 
     def hand_over(self, model: Path | None) -> None:
         """Ask the estimator to go on with a model, or without one; raises `CommandError`."""

@@ -68,7 +68,7 @@ class ModelOfEstimator:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the estimates are made with the model that was handed over last."""
+        """Tell whether the estimates are made with the model that was handed over last."""
         return self._wanted is not None and self._stated == self._wanted
 
     def hand_over(self, model: Path | None) -> None:

@@ -44,17 +44,17 @@ class Remainder:
 
     @property
     def criticises(self) -> bool:
-        """Say whether more is predicted than chance does, in both directions, however little."""
+        """Tell whether more is predicted than chance does, in both directions, however little."""
         return self.share > max(self.by_chance, 0.0) and self.worst > 0.0
 
     @property
     def exceeds_chance(self) -> bool:
-        """Say whether more is predicted than chance does, and its torque matters."""
+        """Tell whether more is predicted than chance does, and its torque matters."""
         return self.criticises and self.torque_share > MATERIAL_SHARE
 
     @property
     def significant(self) -> bool:
-        """Say whether physics is missing: more is predicted than by chance, by the movement."""
+        """Tell whether physics is missing: more is predicted than by chance, by the movement."""
         return self.judged and self.exceeds_chance
 
 

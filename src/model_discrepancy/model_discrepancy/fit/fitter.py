@@ -41,7 +41,7 @@ MATERIAL_SHARE = 5e-4
 
 @dataclass
 class Fit:
-    """A fitted model.
+    """Holds a fitted model.
 
     Attributes
     ----------
@@ -78,12 +78,12 @@ class Fit:
 
     @cached_property
     def plain(self) -> np.ndarray:
-        """Plain residual [N.m], shape (rows.count,)."""
+        """Return the plain residual [N.m], shape (rows.count,)."""
         return self.rows.plain(self.left)
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of the model's terms."""
+        """Return the names of the model's terms."""
         return tuple(self.values)
 
 
@@ -206,8 +206,8 @@ class Fitter:
     def start_values(
         self, names: Sequence[str], start: Start | None = None
     ) -> dict[str, dict[str, float]]:
-        """Typical values of these terms, conventions set, overridden by `start` where it has the
-        term.
+        """Return the typical values of these terms, conventions set, overridden by `start` where it
+        has the term.
         """
         values = {}
         for name in names:

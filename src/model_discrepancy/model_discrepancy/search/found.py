@@ -53,7 +53,7 @@ class Trial:
 
     @property
     def accepted(self) -> bool:
-        """Say whether the gain exceeds chance, holds on unseen rows, and is large enough."""
+        """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough."""
         margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
         return (
             self.gain > margin * self.by_chance
@@ -69,7 +69,7 @@ class Trial:
 
 @dataclass(eq=False)
 class Effect:
-    """A term that was found.
+    """Describes a term that was found.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Effect:
 
 @dataclass
 class Found:
-    """Result of a search.
+    """Holds the result of a search.
 
     Attributes
     ----------
