@@ -53,11 +53,11 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 	@ln -sf $(CURDIR)/$(INSTALL)/lib/ankle_bringup/ankle $(BIN)/ankle
 	@touch $@
 
-# Compiling the estimators takes longest; the checks are made meanwhile. Then three processes for two
-# cores: the one with the live tests waits for the clock half of its time.
+# Compiling the estimators takes longest; the checks are made meanwhile. Then four processes for two
+# cores: the two with the live tests wait for the clock, a page or a process half of their time.
 test: setup
 	@$(MAKE) --no-print-directory -j 3 compiled-simultaneous compiled-CE lint
-	@$(BIN)/python -m pytest -q -m "not slow" -n 3
+	@$(BIN)/python -m pytest -q -m "not slow" -n 4
 	@test -n "$(CHROMIUM)" || echo "NOT TESTED: the pages in a browser, because there is no Chromium (Debian: sudo apt-get install chromium; Ubuntu: sudo apt-get install chromium-browser)"
 
 test-slow: setup

@@ -1,5 +1,6 @@
-"""Shares the tests between processes: the live ones one by one in the first, which mostly waits for
-the clock; the rest beside them in the others, with less right to the cores.
+"""Shares the tests between processes. The live ones run one by one in the first, which mostly waits
+for the clock; live ones in which nothing is due at a time (``untimed``) one by one in the second;
+the rest beside them in the others, with less right to the cores.
 """
 
 import os
@@ -7,6 +8,7 @@ from collections import Counter
 from functools import cache
 from pathlib import Path
 
+import pytest
 from xdist.scheduler import LoadScopeScheduling
 
 from ankle_node.domain import take_free_domain
@@ -25,25 +27,35 @@ def pytest_configure(config):
 
 
 @cache
-def is_live(path):
-    return "pytest.mark.live" in Path(path).read_text()
+def group(path):
+    """Return the group of live tests that a module belongs to, or nothing."""
+    text = Path(path).read_text()
+    live = "pytest.mark.live" in text
+    return "untimed" if live and "pytest.mark.untimed" in text else "live" if live else ""
 
 
 class LiveTogether(LoadScopeScheduling):
-    """Hands out modules whole, so that their fixtures are made once; all live ones are one."""
+    """Hands out modules whole, so that their fixtures are made once; a live group is one."""
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
-        return "live" if is_live(path) else path
+        return group(path) or path
 
 
 def pytest_xdist_make_scheduler(config, log):
+    config.option.loadscopereorder = False  # the order of the collection below
     return LiveTogether(config, log)
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """Put the groups of live tests first: they take longest, and nothing shortens their waiting."""
+    items.sort(key=lambda item: ("live", "untimed", "").index(group(item.path)))
+
+
 def pytest_runtest_setup(item):
-    """Step back for the live tests; not to be taken back, and not needed again: their group is the
-    largest and so the first.
+    """Step back for the live tests; not to be taken back, and not needed again: their groups are
+    the first.
     """
     if "PYTEST_XDIST_WORKER" in os.environ and not item.get_closest_marker("live"):
         os.setpriority(os.PRIO_PROCESS, 0, BESIDE)

@@ -116,13 +116,13 @@ wanted, _ = select_columns(old, ("position[rad]",), "ankle/samples", ("knee[rad]
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory):
-    """The packages, without their tests."""
+    """The packages, without their tests, and with what is compiled of them."""
     folder = tmp_path_factory.mktemp("extensions")
     for package in sorted(path.parent for path in (ROOT / "src").glob("*/setup.py")):
         shutil.copytree(
             package / package.name,
             folder / "src" / package.name / package.name,
-            ignore=shutil.ignore_patterns("__pycache__"),
+            ignore=shutil.ignore_patterns("*.tmp.*", "*.pyc.*"),  # being written by another test
         )
     return folder
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PROGRAM = """
 import sys

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.signal import butter, sosfilt_zi
 
 from ankle_physics.errors import ModelError
 
@@ -34,6 +33,8 @@ class Sampler:
     """
 
     def __init__(self, rate: float, factor: int) -> None:
+        from scipy.signal import butter  # takes a second to load: for those who sample
+
         self._factor = factor
         self._sections = butter(
             FILTER_ORDER, FILTER_CORNER * rate / 2.0, fs=rate * factor, output="sos"
@@ -43,6 +44,8 @@ class Sampler:
     def run(self, *signals: np.ndarray) -> np.ndarray:
         """Return samples of shape (n, m) from m internal signals of shape (n * factor,)."""
         if self._state is None:
+            from scipy.signal import sosfilt_zi
+
             rest = sosfilt_zi(self._sections)
             self._state = np.array([rest * signal[0] for signal in signals])
         samples = np.empty((len(signals), len(signals[0]) // self._factor))

@@ -11,7 +11,7 @@ from test_pages import PATIENCE, hold_keys, run_to
 
 from biofeedback.session.course import CourseSession, load_course
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 CHECK = (Path(__file__).parent / "layout_check.js").read_text()
 SIZES = ((3840, 2160), (1920, 1080), (1366, 768), (820, 1180), (390, 844), (844, 390))

@@ -26,7 +26,7 @@ from ankle_node.node import BLOCK_QOS
 from ankle_node.session_event import parse
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PATIENCE = 90.0
 RATE = 2048.0

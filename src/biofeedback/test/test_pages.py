@@ -5,7 +5,7 @@ operators agree.
 import pytest
 from laboratory import close_to, until
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PATIENCE = 60_000  # ms
 

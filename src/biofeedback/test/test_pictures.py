@@ -18,7 +18,7 @@ from test_pages import PATIENCE
 
 from biofeedback.web import messages
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 SIZES = ((1920, 1080), (1366, 768), (820, 1180), (390, 844))

@@ -17,7 +17,7 @@ from biofeedback.session.protocol import PAPER, load_protocol
 from biofeedback.web.access import subject_token, tls_context
 from biofeedback.web.connection_limit import LIMIT
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PATIENCE = 30.0
 

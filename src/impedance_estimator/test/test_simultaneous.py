@@ -19,6 +19,9 @@ AT = 70.0
 COVERAGE_RUNS = 200
 REFLEX_RANGE = ((15.0, 30.0), (0.6, 1.0), (0.035, 0.055))
 """rad/s, 1, s"""
+CORNERS = list(product(*REFLEX_RANGE))
+HALF = [CORNERS[k] for k in (0, 3, 5, 6)]
+"""Half of the corners in which every pair of values occurs."""
 
 
 def estimate(recording, estimator="simultaneous"):
@@ -73,7 +76,11 @@ def jump(simulate, seed, voluntary=(0.0, 1.0)):
     )
 
 
-@pytest.mark.parametrize("reflex", list(product(*REFLEX_RANGE)), ids=str)
+@pytest.mark.parametrize(
+    "reflex",
+    [pytest.param(c, marks=() if c in HALF else pytest.mark.slow) for c in CORNERS],
+    ids=str,
+)
 def test_unbiased_whatever_the_reflex(simulate, reflex):
     mean = late(estimate(simulate(60.0, seed=21, reflex=reflex)))[:, 1:5].mean(axis=0)
     assert np.all(np.abs(mean / TRUTH - 1.0) < [0.01, 0.02, 0.01, 0.02]), mean
@@ -88,7 +95,7 @@ def test_varies_less_than_a_percent_at_the_papers_noise(simulate):
 
 
 def test_jump_is_followed_within_seconds(simulate):
-    recordings = [jump(simulate, seed) for seed in range(41, 46)]
+    recordings = [jump(simulate, seed) for seed in range(41, 44)]
     ours = np.array([rise_times(estimate(recording)) for recording in recordings])
     assert np.all(np.median(ours, axis=0) < 1.5)
     for baseline in ("CE", "CE all"):
@@ -101,7 +108,7 @@ def test_a_jump_is_shown_late_rather_than_wildly(simulate):
     """The first half second after a change says little; what a subject sees meanwhile is the old
     value, not any value.
     """
-    for seed in range(46, 50):
+    for seed in (46, 47):
         after = estimate(jump(simulate, seed))
         after = after[after[:, 0] >= AT]
         for column, low, high in ((1, 50.0, 150.0), (4, 5.0, 15.0)):
@@ -111,20 +118,27 @@ def test_a_jump_is_shown_late_rather_than_wildly(simulate):
             assert np.all(np.abs(share[after[:, 0] > AT + 3.0] - 1.0) < 0.1)
 
 
-@pytest.mark.parametrize("voluntary", VOLUNTARY.values(), ids=VOLUNTARY.keys())
+@pytest.mark.parametrize(
+    "voluntary",
+    [
+        pytest.param(VOLUNTARY["0.5 N.m below 0.3 Hz"], marks=pytest.mark.slow),
+        VOLUNTARY["1 N.m below 1 Hz"],
+    ],
+    ids=VOLUNTARY.keys(),
+)
 def test_better_than_ce_in_every_respect_under_voluntary_torque(simulate, voluntary):
     """The automatic setting varies less than either baseline and is faster; a fixed memory as fast
     as they are varies less.
     """
     still, moved = simulate(90.0, seed=51, voluntary=voluntary), jump(simulate, 52, voluntary)
+    ours, fast = variation(estimate(still)), rise_times(estimate(moved))
+    fixed = variation(estimate(still, "simultaneous, 10 s, fixed"))
     for baseline in ("CE", "CE all"):
-        theirs = estimate(still, baseline)
-        assert np.all(variation(estimate(still)) < variation(theirs)), baseline
-        assert np.all(
-            variation(estimate(still, "simultaneous, 10 s, fixed")) < variation(theirs)
-        ), baseline
-        assert np.all(rise_times(estimate(moved)) < rise_times(estimate(moved, baseline))), baseline
-    assert np.all(variation(estimate(still)) < 1.5)
+        theirs = variation(estimate(still, baseline))
+        assert np.all(ours < theirs), baseline
+        assert np.all(fixed < theirs), baseline
+        assert np.all(fast < rise_times(estimate(moved, baseline))), baseline
+    assert np.all(ours < 1.5)
 
 
 def test_no_change_is_seen_where_there_is_none(simulate):
@@ -154,7 +168,13 @@ def swing(simulate, seed, frequency):
 
 
 @pytest.mark.parametrize(
-    ("frequency", "most"), [(0.01, 0.15), (0.02, 0.3), (0.05, 0.25), (0.5, 0.85)]
+    ("frequency", "most"),
+    [
+        pytest.param(0.01, 0.15, marks=pytest.mark.slow),
+        pytest.param(0.02, 0.3, marks=pytest.mark.slow),
+        (0.05, 0.25),
+        (0.5, 0.85),
+    ],
 )
 def test_drift_is_followed_and_what_is_too_fast_is_averaged(simulate, frequency, most):
     """In the median: in one or two of a hundred swings too fast to follow, G wanders by more than

@@ -9,7 +9,6 @@ others (for levels ±1). One period holds 2^(n-1) ones. Source: Golomb, Shift Re
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import max_len_seq
 
 from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.settings import Settings
@@ -49,6 +48,8 @@ class Prbs(StepSequence):
     )
 
     def __init__(self, settings: Settings, **own: Value) -> None:
+        from scipy.signal import max_len_seq  # here, because every node would wait a second for it
+
         super().__init__(settings, **own)
         order = int(self.own["order"])
         state = self._random.integers(0, 2, order)

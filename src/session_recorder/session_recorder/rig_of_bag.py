@@ -1,11 +1,19 @@
-"""A bag carries the rig file that was in force when it was recorded or imported."""
+"""A bag carries the rig file that was in force when it was recorded or imported.
+
+Rig files are loaded where one is read: a recorder without one would wait a second for the compiler
+behind them.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ankle_interfaces.errors import QuantityError
 from ankle_physics.errors import ModelError
-from ankle_physics.rig_file import RigFile
 from session_recorder.bag_reader import BagReader
+
+if TYPE_CHECKING:
+    from ankle_physics.rig_file import RigFile
 
 RIG_KEY = "rig"
 """Key of the rig file's text among the bag's own pairs (``custom_data`` of ``metadata.yaml``)."""
@@ -19,6 +27,8 @@ def rig_of_bag(bag: BagReader) -> RigFile | None:
     ankle_physics.errors.ModelError
         What it carries is no rig file.
     """
+    from ankle_physics.rig_file import RigFile
+
     text = bag.custom_data.get(RIG_KEY)
     return RigFile.from_text(text) if text else None
 
@@ -31,6 +41,8 @@ def rig_text(path: str) -> str:
     QuantityError
         It cannot be read, or is no rig file.
     """
+    from ankle_physics.rig_file import RigFile
+
     try:
         return RigFile.load(path).text()
     except (ModelError, OSError) as error:

@@ -70,6 +70,9 @@ STOP = "stop"
 """Word that a page sends to stop, besides the command of that name."""
 MESSAGE_TIMEOUT = 10.0
 """[s] Time in which a page must take a message and acknowledge it."""
+FAREWELL = 1.0
+"""[s] Time in which an open page must answer when the server ends: a node that is stopped must not
+wait for a browser."""
 PAGES = 20
 """Largest number of open pages: a laboratory has two operators and one subject."""
 ENTER_PAUSE = 1.0
@@ -194,7 +197,7 @@ class Server:
         application.router.add_get("/entrance", self._entrance)
         application.router.add_post("/stop", self._stop_by_request)
         application.router.add_get("/ws", self._talk)
-        runner = web.AppRunner(application, access_log=None)
+        runner = web.AppRunner(application, access_log=None, shutdown_timeout=FAREWELL)
         await runner.setup()
         assert runner.server is not None
         self._limit = ConnectionLimit(runner.server)
@@ -210,7 +213,7 @@ class Server:
                 with contextlib.suppress(Exception):
                     await asyncio.wait_for(
                         page.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the node stops"),
-                        1.0,
+                        FAREWELL,
                     )
             await runner.cleanup()
 
