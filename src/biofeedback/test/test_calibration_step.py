@@ -26,7 +26,7 @@ from biofeedback.session.calibration_program import CalibrationProgram
 from biofeedback.session.calibration_step import TAKEOVER_PATIENCE
 from biofeedback.session.check_list import DONE, FAILED, OPEN, RUNNING, SKIPPED
 from biofeedback.session.commands import Command
-from biofeedback.session.estimator_model import stated_model
+from biofeedback.session.estimator_model import ModelOfEstimator, stated_model
 from biofeedback.session.event_outbox import DISCOVERY, LONGEST_DISCOVERY, EventOutbox
 from biofeedback.session.runner import SessionRunner
 from biofeedback.session.saved_session import SAVE_PERIOD, ProgressKeeper, worth_resuming
@@ -406,3 +406,65 @@ def test_only_a_session_that_got_anywhere_is_resumed():
     assert not worth_resuming({"state": "idle", "index": 0, "checks": {}})
     assert worth_resuming({"state": "idle", "index": 0, "checks": {"zero": {}}})
     assert worth_resuming({"state": "running", "index": 0})
+
+
+@pytest.mark.live
+def test_a_node_that_has_the_models_path_already_receives_its_new_content(tmp_path):
+    import rclpy
+    from rcl_interfaces.msg import SetParametersResult
+    from rclpy.executors import SingleThreadedExecutor
+    from std_msgs.msg import String
+
+    from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
+    from ankle_node.qos import publisher_qos
+
+    context = rclpy.Context()
+    context.init()
+    estimator = rclpy.create_node("impedance_estimator", context=context)
+    pages = rclpy.create_node("pages", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(estimator)
+    executor.add_node(pages)
+    given = []
+    estimator.add_on_set_parameters_callback(
+        lambda changes: (
+            given.extend(change.value for change in changes),
+            SetParametersResult(successful=True),
+        )[1]
+    )
+    estimator.declare_parameter("model", "")
+    given.clear()
+    stated = estimator.create_publisher(
+        String, IMPEDANCE_PROVENANCE.name, publisher_qos(IMPEDANCE_PROVENANCE)
+    )
+    model = ModelOfEstimator(pages)
+
+    def spin(condition):
+        until(lambda: (executor.spin_once(timeout_sec=0.05), condition())[1], "received", 20.0)
+
+    try:
+        path = tmp_path / "S07.yaml"
+        for stiffness in (80.0, 120.0):
+            Model.of({"stiffness": {"K": stiffness}}).save(path)
+            spin(lambda: model._client.service_is_ready())
+            model.hand_over(path)
+            assert not model.confirmed
+            spin(lambda: len(given) == 2)
+            assert given == ["", str(path)]
+            given.clear()
+            stated.publish(String(data=f"model: {{sha256: {Model.load(path).sha256}}}"))
+            spin(lambda: model.confirmed)
+        assert model.refusal == ""
+        with pytest.raises(CommandError, match=r"nothing\.yaml"):
+            model.hand_over(tmp_path / "nothing.yaml")
+        assert not model.confirmed
+        estimator.add_on_set_parameters_callback(
+            lambda changes: SetParametersResult(successful=False, reason="no such term")
+        )
+        model.hand_over(None)
+        spin(lambda: model.refusal == "no such term")
+    finally:
+        executor.shutdown()
+        pages.destroy_node()
+        estimator.destroy_node()
+        context.try_shutdown()
