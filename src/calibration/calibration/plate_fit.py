@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from ankle_physics.terms.torque_sensor_lag import TorqueSensorLag
 from ankle_physics.terms.torque_sensor_mode import TorqueSensorMode
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found, solved, stacked_parts, standard_errors
@@ -34,14 +35,26 @@ class PlateFit:
     vaf: float
 
 
-def _is_mode(frequency: float) -> bool:
-    """Whether a frequency [Hz] is that of a mode which the recording shows, not the end of a range.
+# Which parameter of the library each shape of the sensor is.
+_SENSOR = {
+    "lag": TorqueSensorLag.parameter("T"),
+    "mode": TorqueSensorMode.parameter("frequency"),
+    "mode_damping": TorqueSensorMode.parameter("damping"),
+}
 
-    A mode far above the recorded band looks like a part of the delay, and is one.
+
+def _is_seen(shape: dict[str, Found]) -> bool:
+    """Say whether the recording shows this sensor, and not the end of a range.
+
+    A mode far above the recorded band, or a lag of a tenth of a millisecond, looks like a part of
+    the delay, and is one.
     """
-    allowed = TorqueSensorMode.parameter("frequency")
     margin = 1.0 + RANGE_MARGIN
-    return allowed.lower * margin < frequency < allowed.upper / margin
+    return all(
+        allowed.lower * margin < shape[name].value < allowed.upper / margin
+        for name, allowed in _SENSOR.items()
+        if name in shape
+    )
 
 
 Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -78,7 +91,7 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
     columns = _columns(spectra, motion)
     for names, response, starts in tried:
         bic, fit = _fitted(spectra, columns, names, response, starts)
-        if "mode" in names and not _is_mode(fit.shape["mode"].value):
+        if not _is_seen(fit.shape):
             continue
         if best is None or bic < best[0]:
             best = bic, fit

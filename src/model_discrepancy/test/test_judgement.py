@@ -46,7 +46,7 @@ def test_an_effect_explains_what_it_closes(score, left, judged, expected):
 
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
-    small = remainder(0.3, False, torque_share=4e-4)
+    small = remainder(0.3, False, torque_share=8e-4)
     assert judge(found(0.8), small, [], [], SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], [], SCORES)[0] == "no_mismatch"
 

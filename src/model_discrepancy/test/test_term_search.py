@@ -8,7 +8,7 @@ import pytest
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
-from model_discrepancy.report.verdict import effect_entry
+from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search.exchange import exchange
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
@@ -35,18 +35,34 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
 
 
 @pytest.mark.parametrize(
-    ("at_bounds", "corrected", "stated"),
+    ("at_bounds", "standing", "stated"),
     [
-        ((), False, "maxwell_relaxation"),
-        (("maxwell_relaxation.T",), False, "intrinsic memory"),
-        ((), True, "intrinsic memory"),
-        (("reflex.G",), False, "maxwell_relaxation"),
+        ((), Standing.COMPLETE, "maxwell_relaxation"),
+        (("maxwell_relaxation.T",), Standing.COMPLETE, "intrinsic memory"),
+        ((), Standing.CRITICISED, "intrinsic memory"),
+        ((), Standing.INCOMPLETE, "intrinsic memory"),
+        (("reflex.G",), Standing.COMPLETE, "maxwell_relaxation"),
     ],
 )
 def test_a_name_whose_equation_is_not_quite_right_gives_way_to_its_family(
-    at_bounds, corrected, stated
+    at_bounds, standing, stated
 ):
-    name = "maxwell_relaxation"
+    entry = entry_of("maxwell_relaxation", at_bounds, True, standing)
+    assert entry["stated"] == stated
+    assert entry["family_probability"] >= entry["probability"]
+    assert (entry["probability"] >= 0.7) == (stated == "maxwell_relaxation")
+    assert entry["tentative"] == (standing is Standing.INCOMPLETE)
+
+
+def test_a_further_name_and_one_in_an_unexplained_recording_are_never_stated_as_sure():
+    for standing in Standing:
+        further = entry_of("maxwell_relaxation", (), False, standing)
+        assert further["probability"] < 0.7
+        assert further["probability"] <= CERTAINTY[True, standing][0]
+    assert entry_of("maxwell_relaxation", (), True, Standing.UNEXPLAINED)["probability"] < 0.3
+
+
+def entry_of(name, at_bounds, first, standing):
     effect = SimpleNamespace(
         trial=SimpleNamespace(name=name, held_out=(0.2, 0.2)),
         rivals=[],
@@ -55,11 +71,7 @@ def test_a_name_whose_equation_is_not_quite_right_gives_way_to_its_family(
     final = SimpleNamespace(
         values={name: {"k": 30.0, "T": 0.1}}, errors={}, score=1.0, at_bounds=at_bounds
     )
-    size = Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1)
-    entry = effect_entry(effect, final, size, True, True, corrected)
-    assert entry["stated"] == stated
-    assert entry["family_probability"] >= 0.7
-    assert (entry["probability"] >= 0.7) == (stated == name)
+    return effect_entry(effect, final, Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1), first, standing)
 
 
 def test_what_is_predicted_in_a_loop_is_not_called_missing_physics():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from ankle_physics.term import term_library
 
 # From here on a name is stated with confidence.
 MIN_STATED_PROBABILITY = 0.7
+# Bands of stated probability within which the share that is right is counted.
+BANDS = (0.0, 0.3, 0.6, 0.8, 1.01)
 # Strata in which false alarms are counted.
 STRATA = ("servo", "protocol", "rate", "velocity", "reference", "noise", "variability")
 Entry = dict[str, Any]
@@ -157,7 +160,33 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
             _share(e["verdict"] == "bad_recording" for e in entries),
         ),
     ]
-    return [*lines, *_impedance(entries)]
+    return [*lines, *reliability(entries), *_impedance(entries)]
+
+
+def reliability(entries: list[Entry]) -> list[tuple[str, str]]:
+    """Return how many names and families are right in each band of their stated probability.
+
+    Parameters
+    ----------
+    entries
+        Cases; recordings without mismatch count as well, every name there is wrong.
+    """
+    names, kin = [], []
+    for entry in entries:
+        right = answers(entry)
+        of_families = {family_of(name) for name in right}
+        for e in entry["effects"]:
+            names.append((e["probability"], e["name"] in right))
+            kin.append((e["family_probability"], e["family"] in of_families))
+    lines = []
+    for words, stated in (("names", names), ("families", kin)):
+        for low, high in pairwise(BANDS):
+            own = [(p, hit) for p, hit in stated if low <= p < high]
+            if own:
+                mean = float(np.mean([p for p, _ in own]))
+                count = _share(hit for _, hit in own)
+                lines.append((f"{words} stated with {mean:.2f} on average: right", count))
+    return lines
 
 
 def _share(hits: Iterable[bool]) -> str:

@@ -6,7 +6,14 @@ import pytest
 
 from ankle_physics.term import term_library
 from simulation_study.verdict_cases import KINDS, plans
-from simulation_study.verdict_report import named, rate_with_interval, report, stated_names, table
+from simulation_study.verdict_report import (
+    named,
+    rate_with_interval,
+    reliability,
+    report,
+    stated_names,
+    table,
+)
 from simulation_study.verdict_study import families, library_of, ordered, read_cases, right_names
 
 COUNTS = {"null": 6, "effect": 30, "pair": 6, "foreign": 8, "left_out": 6, "planted": 4}
@@ -113,3 +120,15 @@ def test_the_later_result_of_a_case_counts(tmp_path):
 def test_unknown_kinds_are_not_drawn():
     with pytest.raises(StopIteration):
         next(plans({"null": 0}, 1))
+
+
+def test_stated_probabilities_are_held_against_how_often_they_are_right():
+    cases = [
+        _entry("effect", [["tendon"]], [("tendon", 0.9, "a", 0.9)]),
+        _entry("effect", [["tendon"]], [("backlash", 0.9, "backlash", 0.9)]),
+        _entry("null", [], [("tendon", 0.1, "tendon", 0.2)]),
+    ]
+    counted = dict(reliability(cases))
+    assert counted["names stated with 0.90 on average: right"].startswith("1 of 2")
+    assert counted["names stated with 0.10 on average: right"].startswith("0 of 1")
+    assert counted["families stated with 0.20 on average: right"].startswith("0 of 1")

@@ -23,6 +23,7 @@ from model_discrepancy.report.operating_point import (
     with_model_error,
 )
 from model_discrepancy.report.verdict import (
+    Standing,
     Verdict,
     alternatives,
     before_and_after,
@@ -85,14 +86,14 @@ def _verdict(
     word, after, base_map = criticism.verdict, criticism.after, criticism.base_map
     base, final, closed = criticism.base_held_out, criticism.final_held_out, criticism.closed
     named = found.effects if word != "no_mismatch" else []
+    standing = _standing(word, found, after)
     effects = [
         effect_entry(
             effect,
             found.final,
             size_of(fitter, found.final, effect.trial.name, base_map.onsets),
             place == 0,
-            word == "explained" and not after.significant,
-            found.shape_corrected or after.criticises,
+            standing,
         )
         for place, effect in enumerate(named)
     ]
@@ -159,6 +160,17 @@ def _verdict(
         reasons,
         before_and_after(stated_impedance(found.base, at), stated),
     )
+
+
+def _standing(word: str, found: Found, after: Remainder) -> Standing:
+    """Return what the data hold against the augmented model."""
+    if word == "unexplained":
+        return Standing.UNEXPLAINED
+    if after.exceeds_chance:
+        return Standing.INCOMPLETE
+    if found.shape_corrected or after.criticises:
+        return Standing.CRITICISED
+    return Standing.COMPLETE
 
 
 def _likely_place(after: Remainder) -> str:
