@@ -140,6 +140,7 @@ def test_two_operators_agree_and_one_is_in_command(laboratory, open_page):
     other.locator("#claim", has_text="Take over command").wait_for()
     assert other.locator('button[data-command="arm"]').is_disabled()
     one.bring_to_front()
+    one.locator('button[data-command="arm"]:enabled').wait_for()
     hold_keys(one, "Enter", "a")
     other.locator("#state", has_text="armed").wait_for()
     other.locator("#claim").click()
@@ -148,6 +149,7 @@ def test_two_operators_agree_and_one_is_in_command(laboratory, open_page):
     field.press("Enter")
     one.locator("#target-now", has_text="-3 ± 1 N·m").wait_for()
     other.bring_to_front()
+    other.locator('button[data-command="start"]:enabled').wait_for()
     hold_keys(other, "Enter", "s")
     one.locator("#state", has_text="running").wait_for()
     one.keyboard.press(" ")  # not in command, but a stop is everybody's

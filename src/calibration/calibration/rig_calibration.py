@@ -16,6 +16,7 @@ from ankle_interfaces.continuity import sampling_rate
 from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
+from ankle_physics.term import term_library
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found
 from calibration.rig_identification import IdentifiedRig, identify_rig
@@ -219,6 +220,7 @@ def rig_file(
             "how far the servo gives way was not found: the load was too small. Mount a spring of "
             "50 to 200 N.m/rad (--spring) and calibrate again"
         )
+    remarks += _without_implausible(values)
     if found.noise[1] is None:
         remarks.append("no velocity was recorded, so its delay and noise are not known")
     noise = {POSITION: found.noise[0], TORQUE: found.noise[2]}
@@ -240,6 +242,27 @@ def rig_file(
         model=_model(values),
     )
     return rig, tuple(remarks)
+
+
+def _without_implausible(values: dict[str, dict[str, Found]]) -> list[str]:
+    """Take out terms with a value outside the library's range; return a sentence for each.
+
+    A rig without such a term is calibrated less; one with a value that nobody can use is not
+    calibrated at all.
+    """
+    remarks = []
+    for name, own in list(values.items()):
+        for symbol, found in own.items():
+            allowed = term_library()[name].parameter(symbol)
+            if not allowed.lower <= found.value <= allowed.upper:
+                del values[name]
+                remarks.append(
+                    f"{name}.{allowed.key} was found as {found.value:.4g} ± {found.error:.2g}, "
+                    f"outside {allowed.lower:g} to {allowed.upper:g}: it is left out. Check the "
+                    "mounting, and calibrate again"
+                )
+                break
+    return remarks
 
 
 def _measured(found: Found) -> Measured:

@@ -145,6 +145,15 @@ def test_a_known_load_is_taken_off_and_what_was_not_found_is_said():
         rig_file(identified(), "a", KnownLoad(inertia=0.01))
 
 
+def test_a_value_that_no_rig_has_is_left_out_and_stated():
+    implausible = identified(servo_stiffness=Found(297.9, 12.0))
+    rig, remarks = rig_file(implausible, "a", KnownLoad())
+    assert not rig.model.has("servo_compliance")
+    assert any("297.9 ± 12, outside 300 to 1e+06" in remark for remark in remarks)
+    rig, _ = rig_file(identified(servo_stiffness=Found(2300.0, 12.0)), "a", KnownLoad())
+    assert rig.model.entry("servo_compliance").values["k_a"] == 2300.0
+
+
 @pytest.mark.parametrize(("slope", "sign"), [(0.8, 1.0), (-0.8, -1.0)])
 def test_the_weight_of_the_plate_has_its_slope_about_the_mean_angle(slope, sign):
     rig, _ = rig_file(identified(slope=Found(slope, 0.01)), "a", KnownLoad(), angle=0.1)

@@ -34,6 +34,8 @@ from model_discrepancy.search.trials import (
 MIN_PROMISE = 0.003
 # Joint refits per step; the screening's order is right about the first few only.
 REFITS_PER_STEP = 4
+# Where none of them is accepted, further ones are refitted, up to so many.
+MOST_REFITS = 12
 # Candidates that gain less than this ratio of the best one's are not refitted to the end.
 NEAR_BEST_RATIO = 0.6
 # Of those, so many are scored on unseen rows: the best, and those that may generalise better.
@@ -177,11 +179,34 @@ def _step(
     null: Null,
     progress: Progress,
 ) -> list[Trial]:
-    """Return the most promising candidates, refitted and scored on unseen rows, best first."""
+    """Return the most promising candidates, refitted and scored on unseen rows, best first.
+
+    Where none of the first few is accepted, those behind them are tried.
+    """
     by_chance = {s.name: null.threshold(s.name) for s in screened}
     promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
+    tried: list[Trial] = []
+    for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
+        few = promising[begin : begin + REFITS_PER_STEP]
+        trials = _refitted_and_judged(fitter, current, few, by_chance, progress)
+        tried = sorted([*tried, *trials], key=lambda t: -t.gain)
+        if any(t.accepted for t in trials):
+            break
+    return tried
+
+
+def _refitted_and_judged(
+    fitter: Fitter,
+    current: Fit,
+    few: Sequence[Screened],
+    by_chance: dict[str, float],
+    progress: Progress,
+) -> list[Trial]:
+    """Return a few candidates, best first; those near the best are refitted to the end and scored
+    on unseen rows.
+    """
     trials = []
-    for s in promising[:REFITS_PER_STEP]:
+    for s in few:
         progress(f"refitting with {s.name}")
         trials.append(
             refitted(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5)
