@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ankle_physics.actuator import Servo
 from ankle_physics.linear_dynamics import Delay, SecondOrder
 from ankle_physics.model import Model
 from ankle_physics.scenario import Scenario
@@ -51,6 +52,8 @@ class Rig:
         Whether the joint itself sees backward differences (the original fixed-step model).
     pulse_width
         Start of rise to start of fall [s]; 0: as `PulseStep` chooses.
+    servo
+        The actuator, whose damping is not in the paper; None: 30 Hz, damping 0.7.
     """
 
     rate: float
@@ -59,6 +62,7 @@ class Rig:
     measures_velocity: bool
     differenced: bool = False
     pulse_width: float = 0.0
+    servo: Servo | None = None
 
 
 QUIET_SENSORS = SignalToNoise(70.0, np.inf, 40.0)
@@ -82,6 +86,11 @@ for _decibel in (50.0, 55.0, 57.0, 59.0, 61.0, 65.0):
 for _width in (0.032, 0.040):
     # What a longer pulse would do: its fall then overlaps with the velocity of its rise.
     RIGS[f"C, pulse {1e3 * _width:g} ms"] = replace(RIGS["C"], pulse_width=_width)
+for _damping in (1.0, 1.4):
+    # What an actuator without overshoot would do.
+    RIGS[f"C, actuator damping {_damping:g}"] = replace(RIGS["C"], servo=Servo(damping=_damping))
+# What sampling as at the real rig would do to an algorithm that differentiates twice.
+RIGS["C, 2048 Hz"] = replace(RIGS["C"], rate=2048.0)
 
 
 def joint(ankle: Ankle) -> Model:
@@ -123,6 +132,7 @@ def record(trial: Trial) -> Recording:
         reference,
         rig.rate,
         joint(trial.ankle),
+        servo=rig.servo,
         signal_to_noise=rig.signal_to_noise,
         scenario=scenario,
         seed=trial.seed,

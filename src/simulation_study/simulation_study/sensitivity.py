@@ -1,6 +1,7 @@
 """Changes are tried that would explain where table II is not reproduced.
 
-They are a louder position, longer pulses, other settings of the reflex fit.
+They are a louder position, longer pulses, an actuator with more damping, another sampling rate,
+other settings of the reflex fit.
 
     python -m simulation_study.sensitivity --out sensitivity_study
 
