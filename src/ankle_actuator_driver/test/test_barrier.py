@@ -170,6 +170,14 @@ def test_a_clock_of_the_rig_that_is_set_stops_the_plate_with_the_next_packets(la
     assert "the rig's clock was set by +5 s" in lab.bridge.states.reason
 
 
+def test_packets_that_waited_while_the_driver_was_held_up_are_no_clock_that_was_set(laboratory):
+    lab = laboratory().running()
+    lab.offset, lab.device._begin = lab.offset - 5.0, lab.device._begin - 5.0
+    lab.run(0.04)
+    assert lab.state in ("stopping", "fault")
+    assert "came 5 s late: this computer held the driver up" in lab.bridge.states.reason
+
+
 def test_a_refused_block_is_not_even_kept_to_be_sent(laboratory):
     lab = unchecked(laboratory)
     lab.sending = False

@@ -203,9 +203,15 @@ class DriverEnd:
         note = None
         if self._last is not None:
             passed = 1e-9 * (packet.sent - self._last.sent)
-            if abs(passed - (now - self._last_at[0])) > CLOCK_LEAP:
+            leap = passed - (now - self._last_at[0])
+            if abs(leap) > CLOCK_LEAP:
                 self.clock.restart()
-                note = f"the rig's clock was set by {passed - (now - self._last_at[0]):+.3g} s"
+                note = (
+                    f"the rig's clock was set by {leap:+.3g} s"
+                    if leap > 0.0
+                    else f"the rig's packets came {-leap:.3g} s late: this computer held the "
+                    "driver up, or the rig's clock was set back"
+                )
         if note is None:
             echo = 1e-9 * packet.echo if ours else math.nan
             note = self.clock.exchange(1e-9 * packet.sent, ros, echo, 1e-9 * packet.echo_received)
