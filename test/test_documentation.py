@@ -28,7 +28,7 @@ PROPERTY_VERBS = {"Return", "Tell", "Say", "See"}
 NO_VERB = {"The", "A", "An", "One", "Whether", "What", "Which", "How", "Why", "When", "Where"}
 
 
-def run(line, folder, timeout):
+def run(line, folder, timeout, code=0):
     done = subprocess.run(
         line.replace(".venv/bin/python", sys.executable).replace(
             ".venv/bin/ankle", f"{sys.executable} -m ankle_bringup.command_line"
@@ -40,7 +40,7 @@ def run(line, folder, timeout):
         timeout=timeout,
         check=False,
     )
-    assert done.returncode == 0, f"{line}\n{done.stderr}"
+    assert done.returncode == code, f"{line}\n{done.stderr}"
     return done.stdout
 
 
@@ -52,7 +52,9 @@ def test_the_tutorial_from_a_csv_runs_literally(tmp_path):
     # The public trials need the internet; `test_human_trials` fetches them from a local server.
     lines = [line for line in commands(page) if "trials" not in line and "trial_" not in line]
     for line in lines:
-        run(line, tmp_path, 900)
+        # Without an answer at the terminal the proposal alone imports nothing.
+        proposes = "ankle import" in line and "--out" not in line
+        run(line, tmp_path, 900, code=1 if proposes else 0)
     # Written by the last command; nothing else would notice that the filter took all of them.
     assert (tmp_path / "diagnosis" / "report.html").exists()
 
