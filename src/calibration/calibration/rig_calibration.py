@@ -188,7 +188,7 @@ def rig_file(
     Raises
     ------
     CalibrationError
-        A known load larger than what was found.
+        A known load larger than what was found, or an inertia that no plate has.
     """
     values: dict[str, dict[str, Found]] = {}
     remarks = []
@@ -248,20 +248,28 @@ def _without_implausible(values: dict[str, dict[str, Found]]) -> list[str]:
     """Take out terms with a value outside the library's range; return a sentence for each.
 
     A rig without such a term is calibrated less; one with a value that nobody can use is not
-    calibrated at all.
+    calibrated at all. No rig is without inertia.
+
+    Raises
+    ------
+    CalibrationError
+        An inertia that no plate has.
     """
     remarks = []
     for name, own in list(values.items()):
         for symbol, found in own.items():
             allowed = term_library()[name].parameter(symbol)
-            if not allowed.lower <= found.value <= allowed.upper:
-                del values[name]
-                remarks.append(
-                    f"{name}.{allowed.key} was found as {found.value:.4g} ± {found.error:.2g}, "
-                    f"outside {allowed.lower:g} to {allowed.upper:g}: it is left out. Check the "
-                    "mounting, and calibrate again"
-                )
-                break
+            if allowed.lower <= found.value <= allowed.upper:
+                continue
+            outside = (
+                f"{name}.{allowed.key} was found as {found.value:.4g} ± {found.error:.2g}, "
+                f"outside {allowed.lower:g} to {allowed.upper:g}"
+            )
+            if name == "footplate_inertia":
+                raise CalibrationError(f"{outside}: check unit and sign of the torque")
+            del values[name]
+            remarks.append(f"{outside}: it is left out. Check the mounting, and calibrate again")
+            break
     return remarks
 
 

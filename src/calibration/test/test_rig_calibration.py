@@ -150,6 +150,8 @@ def test_a_value_that_no_rig_has_is_left_out_and_stated():
     rig, remarks = rig_file(implausible, "a", KnownLoad())
     assert not rig.model.has("servo_compliance")
     assert any("297.9 ± 12, outside 300 to 1e+06" in remark for remark in remarks)
+    with pytest.raises(CalibrationError, match=r"footplate_inertia.Ip\[kg.m\^2\] was found as 9 "):
+        rig_file(identified(inertia=Found(9.0, 0.1)), "a", KnownLoad())
     rig, _ = rig_file(identified(servo_stiffness=Found(2300.0, 12.0)), "a", KnownLoad())
     assert rig.model.entry("servo_compliance").values["k_a"] == 2300.0
 

@@ -35,11 +35,7 @@ def provenance(stream: EstimateStream) -> str:
     content: dict[str, Any] = {
         "algorithm": stream.algorithm,
         "settings": asdict(stream.settings),
-        "model": model and _identity(model.title, yaml.safe_dump(model.content())),
-        "rig": rig and _identity(rig.title, rig.text()),
+        "model": model and {"title": model.title, "sha256": model.sha256},
+        "rig": rig and {"title": rig.title, "sha256": sha256(rig.text().encode()).hexdigest()},
     }
     return yaml.safe_dump(content, default_flow_style=True, width=10**6).strip()
-
-
-def _identity(title: str, text: str) -> dict[str, str]:
-    return {"title": title, "sha256": sha256(text.encode()).hexdigest()}
