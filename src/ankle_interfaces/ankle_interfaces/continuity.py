@@ -69,6 +69,13 @@ def sampling_rate(time: np.ndarray) -> float:
 class Continuity:
     """Follows one stream of blocks and counts what is missing.
 
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz] where it is known beforehand.
+    sparse
+        Whether NaN stands for a value that does not exist, and so is no damage but in the time.
+
     Attributes
     ----------
     rate
@@ -79,8 +86,9 @@ class Continuity:
         Blocks seen.
     """
 
-    def __init__(self, rate: float | None = None) -> None:
+    def __init__(self, rate: float | None = None, sparse: bool = False) -> None:
         self.rate = rate
+        self._sparse = sparse
         self.missing = 0
         self.blocks = 0
         self._last: float | None = None
@@ -97,8 +105,11 @@ class Continuity:
         time = data[:, 0]
         if not len(time):
             return findings
-        if not np.isfinite(data).all():
-            bad = int(np.count_nonzero(~np.isfinite(data).all(axis=1)))
+        damaged = ~np.isfinite(data)
+        if self._sparse:
+            damaged[:, 1:] &= ~np.isnan(data[:, 1:])
+        if damaged.any():
+            bad = int(np.count_nonzero(damaged.any(axis=1)))
             findings.append(
                 Finding(
                     "not_finite",

@@ -57,6 +57,8 @@ class Topic:
         Those of `columns` that a publisher may leave out.
     plots
         Columns that are published as single numbers as well, each with the name of its topic.
+    sparse
+        Whether NaN stands for a value that does not exist, and so is no defect of the stream.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Topic:
     columns: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
     plots: tuple[tuple[str, str], ...] = ()
+    sparse: bool = False
 
     @property
     def required(self) -> tuple[str, ...]:
@@ -111,8 +114,11 @@ def _block(
     rate: float | None = 64.0,
     optional: tuple[str, ...] = (),
     plots: tuple[tuple[str, str], ...] = (),
+    sparse: bool = False,
 ) -> Topic:
-    return Topic(name, MESSAGE_TYPE, Delivery.BLOCKS, description, rate, columns, optional, plots)
+    return Topic(
+        name, MESSAGE_TYPE, Delivery.BLOCKS, description, rate, columns, optional, plots, sparse
+    )
 
 
 PERTURBATION_REFERENCE = _block(
@@ -132,6 +138,7 @@ ANKLE_TRUTH = _block(
     "ankle/truth",
     "True values of a simulation, one row each block; NaN for a term that the model lacks.",
     (TIME_COLUMN, "K[N.m/rad]", "G[N.m.s/rad]", "voluntary_torque[N.m]"),
+    sparse=True,
 )
 EMG_SAMPLES = _block(
     "emg/samples",
@@ -149,6 +156,7 @@ EMG_RESPONSES = _block(
         *(f"reflex_{muscle}[V.s]" for muscle in MUSCLES),
     ),
     rate=None,
+    sparse=True,
 )
 EMG_ENSEMBLE = _block(
     "emg/ensemble",
@@ -177,6 +185,7 @@ IMPEDANCE_ESTIMATE = _block(
         "se_G[N.m.s/rad]",
     ),
     plots=(("K[N.m/rad]", "impedance/K"), ("G[N.m.s/rad]", "impedance/G")),
+    sparse=True,
 )
 IMPEDANCE_REFLEX_IRF = _block(
     "impedance/reflex_irf",

@@ -112,6 +112,17 @@ def test_gap_backwards_and_nan_are_found():
     assert continuity.check(data[96:128]) == []
 
 
+def test_nan_is_no_damage_where_a_value_may_not_exist():
+    estimates = Continuity(rate=100.0, sparse=True)
+    data = np.column_stack([np.arange(4) / 100.0, [np.nan, np.nan, 90.0, np.inf]])
+    (bad,) = estimates.check(data)
+    assert bad.message.startswith("1 of 4 samples")
+    assert estimates.check(np.array([[0.04, np.nan], [0.05, 90.0]])) == []
+    assert [finding.kind for finding in estimates.check(np.array([[np.nan, 90.0]]))] == [
+        "not_finite"
+    ]
+
+
 def test_a_changed_rate_is_found():
     continuity = Continuity(rate=2048.0)
     assert {f.kind for f in continuity.check(np.arange(32)[:, None] / 2200.0)} == {"rate"}

@@ -32,6 +32,8 @@ class BlockReader:
     report
         Called with each defect, a sentence, and whether the sentence is new; findings in the
         stream always are.
+    sparse
+        Whether NaN stands for a value that does not exist, and is not reported.
 
     Attributes
     ----------
@@ -46,11 +48,12 @@ class BlockReader:
         optional: Sequence[str],
         callback: Callable[[Block, list[Finding]], None],
         report: Callable[[Defect, str, bool], None],
+        sparse: bool = False,
     ) -> None:
         self._topic, self._wanted, self._optional = topic, wanted, optional
         self._callback, self._report = callback, report
         self._reported: set[str] = set()
-        self.continuity = Continuity()
+        self.continuity = Continuity(sparse=sparse)
 
     def take(self, message: bytes) -> None:
         """Process a message in its serialised form; one that is no such block is dropped."""

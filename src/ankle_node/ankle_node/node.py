@@ -41,6 +41,8 @@ DIAGNOSTICS_PERIOD = 1.0
 READERS_POLL_PERIOD = 0.05
 """[s] Time between two looks for readers: short against the start of a process, long against its
 cost."""
+READERS_PATIENCE = 5.0
+"""[s] Time after which a node says that it still waits for readers."""
 SIMULATION = "ankle_sim"
 """Name of the node that simulates rig and subject."""
 RIG_POLL_PERIOD = 0.5
@@ -146,7 +148,12 @@ class AnkleNode(NodeWithParameters):
         name = self.resolve_topic_name(topic.name)
         acknowledge = self.acknowledger(topic.name)
         reader = BlockReader(
-            name, wanted, optional, callback, partial(self._report_block, topic.name)
+            name,
+            wanted,
+            optional,
+            callback,
+            partial(self._report_block, topic.name),
+            topic.sparse,
         )
 
         def receive(message: bytes, info: MessageInfo) -> None:
@@ -209,16 +216,20 @@ class AnkleNode(NodeWithParameters):
             return
         publisher = self._block_publishers[topic.name]
         asked_at = time.monotonic()
+        reported = False
 
         def look() -> None:
+            nonlocal reported
             connected = publisher.get_subscription_count()
             if connected >= readers:
                 timer.cancel()
                 begin()
-            elif time.monotonic() - asked_at > 5.0:
-                self.health(
-                    topic.name, WARN, f"waiting for {readers} readers, {connected} connected"
-                )
+            elif time.monotonic() - asked_at > READERS_PATIENCE:
+                waiting = f"waiting for {readers} readers, {connected} connected"
+                self.health(topic.name, WARN, waiting)
+                if not reported:
+                    reported = True
+                    self.get_logger().info(f"{topic.name}: {waiting}")
 
         timer = self.create_timer(
             READERS_POLL_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME)

@@ -5,6 +5,7 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from ankle_interfaces.block import Block, pack
+from ankle_interfaces.topics import ANKLE_SAMPLES, IMPEDANCE_ESTIMATE
 from ankle_node.block_reader import BlockReader, Defect
 
 COLUMNS = ("t[s]", "position[deg]", "torque[N.m]")
@@ -54,6 +55,18 @@ def test_a_block_without_a_wanted_column_is_reported_by_name_and_dropped(reader,
     assert sentence.startswith("/ankle/samples")
     assert "position[rad]" in sentence
     assert first
+
+
+@pytest.mark.parametrize(("topic", "reports"), [(IMPEDANCE_ESTIMATE, 0), (ANKLE_SAMPLES, 1)])
+def test_nan_before_the_first_estimate_is_no_warning_but_in_samples_it_is(topic, reports):
+    heard = []
+    columns = ("K[N.m/rad]",)
+    reader = BlockReader(
+        topic.absolute, columns, (), lambda *_: None, lambda *r: heard.append(r), topic.sparse
+    )
+    block = pack(Block(("t[s]", *columns), np.array([[0.0, np.nan], [0.01, np.nan]])))
+    reader.take(block if isinstance(block, bytes) else serialize_message(block))
+    assert len(heard) == reports
 
 
 def test_a_gap_reaches_the_reader_and_the_report_and_is_counted(reader, heard):

@@ -169,6 +169,7 @@ def test_a_session_is_calibrated_before_its_baseline(browser, tmp_path, monkeypa
             f"biofeedback.protocol={protocol}",
             f"biofeedback.subject_file={model}",
             "ankle_sim.at_rest=true",
+            "perturbation_generator.wait_for_readers=3",  # simulated ankle, estimator and recorder
         ]
     )
     # Nobody reads the EMG's responses here: the computer's cores are left to the others.

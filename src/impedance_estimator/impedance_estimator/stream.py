@@ -16,6 +16,7 @@ from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_interfaces.units import split_column
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
+from impedance_estimator.judgements import Judgement
 from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
@@ -49,12 +50,15 @@ class Estimates:
         Shape (j, 4), columns `TORQUE_COLUMNS`.
     notes
         What happened to the stream, one sentence each.
+    judgements
+        Why estimates were not valid or doubted, as often as the impulse responses.
     """
 
     rows: np.ndarray
     responses: list[tuple[float, np.ndarray]]
     torques: np.ndarray
     notes: list[str]
+    judgements: list[Judgement] = field(default_factory=list)
 
 
 @dataclass
@@ -63,13 +67,14 @@ class _Parts:
     responses: list[tuple[float, np.ndarray]] = field(default_factory=list)
     torques: list[np.ndarray] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    judgements: list[Judgement] = field(default_factory=list)
 
     def joined(self) -> Estimates:
         rows = np.concatenate(self.rows) if self.rows else np.empty((0, len(ESTIMATE_COLUMNS)))
         torques = (
             np.concatenate(self.torques) if self.torques else np.empty((0, len(TORQUE_COLUMNS)))
         )
-        return Estimates(rows, self.responses, torques, self.notes)
+        return Estimates(rows, self.responses, torques, self.notes, self.judgements)
 
 
 class EstimateStream:
@@ -246,7 +251,11 @@ class EstimateStream:
         elif self._samples % every == 0:
             if physics is not None:
                 physics.restate()
-            parts.responses.append((float(parts.rows[-1][-1, 0]), estimator.reflex_response))
+            newest = float(parts.rows[-1][-1, 0])
+            parts.responses.append((newest, estimator.reflex_response))
+            parts.judgements.append(
+                Judgement(newest, self.reason, "" if self.reason else self.doubts)
+            )
         return samples[used:]
 
 

@@ -14,6 +14,7 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.errors import BlockError, UnitError
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, REFLEX_COLUMNS
+from impedance_estimator.judgements import Judgement, shares_of_doubted_time, shares_of_invalid_time
 from impedance_estimator.offline.recorded_estimates import estimate_bag, estimate_signal
 from impedance_estimator.settings import Settings
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
@@ -108,6 +109,13 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
     written_responses = list(BagReader(tmp_path / "estimates").blocks("/impedance/reflex_irf"))
     assert written_responses[-1].columns == REFLEX_COLUMNS
     np.testing.assert_array_equal(written_responses[-1].data, responses[-1][1])
+    # The bag says why estimates are not valid, in the words of the live node's diagnostics.
+    not_valid = BagReader(tmp_path / "estimates").custom_data["not_valid"]
+    assert not_valid == "; ".join(map(str, shares_of_invalid_time(result.judgements)))
+    assert {"settling after the start", "samples are missing"} & {
+        judgement.not_valid for judgement in result.judgements
+    }
+    assert len(result.judgements) == len(responses)
     with pytest.raises(BagError, match="is there already"):
         estimate_bag(bag, tmp_path / "estimates", settings=SimultaneousSettings(settling_time=3.0))
     estimate_bag(
@@ -116,6 +124,22 @@ def test_file_gives_what_the_live_stream_gave(samples, tmp_path):
         settings=SimultaneousSettings(settling_time=3.0),
         overwrite=True,
     )
+
+
+def test_reasons_have_their_share_of_the_time():
+    judgements = [
+        Judgement(0.5, "settling after the start", ""),
+        Judgement(1.0, "", "the halves disagree; tissue relaxes"),
+        Judgement(1.5, "", "tissue relaxes"),
+        Judgement(2.0, "", ""),
+    ]
+    assert [str(share) for share in shares_of_doubted_time(judgements)] == [
+        "50 % of the time: tissue relaxes",
+        "25 % of the time: the halves disagree",
+    ]
+    (settling,) = shares_of_invalid_time(judgements)
+    assert (settling.reason, settling.share) == ("settling after the start", 0.25)
+    assert shares_of_doubted_time([]) == []
 
 
 def test_arrays_give_what_the_bag_gives(samples, tmp_path):

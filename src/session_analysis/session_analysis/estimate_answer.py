@@ -12,6 +12,11 @@ import numpy as np
 
 from ankle_interfaces.topics import ANKLE_SAMPLES
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.judgements import (
+    ShareOfTime,
+    shares_of_doubted_time,
+    shares_of_invalid_time,
+)
 from impedance_estimator.offline.recorded_estimates import OfflineResult
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
@@ -57,6 +62,10 @@ class Answer:
         Offline second opinion; None where it is impossible, `no_opinion` then says why.
     no_opinion
         Why there is no second opinion; empty where there is one.
+    not_valid
+        Why estimates are not valid, and how long.
+    doubts
+        Why valid estimates are doubtful, and how long.
     """
 
     bag: Path
@@ -68,6 +77,8 @@ class Answer:
     notes: list[str]
     opinion: SecondOpinion | None
     no_opinion: str
+    not_valid: list[ShareOfTime]
+    doubts: list[ShareOfTime]
 
     def column(self, name: str) -> np.ndarray:
         """Return one column of the estimates, shape (n,)."""
@@ -168,6 +179,8 @@ def answer(
         list(result.notes),
         opinion,
         reason,
+        shares_of_invalid_time(result.judgements),
+        shares_of_doubted_time(result.judgements),
     )
 
 

@@ -97,7 +97,7 @@ def _parts(found: Answer) -> list[str]:
     parts = [
         paragraph(f"{share}. Estimator: {found.algorithm}.", "answer"),
         table(value_rows(found)),
-        *([paragraph(DOUBTS, "loss")] if doubtful.any() else []),
+        *_reasons(found),
         paragraph(BASE_VALUES),
         heading("What the recording lacks"),
         bullets(found.losses.sentences(), "loss", "Nothing is missing."),
@@ -119,6 +119,23 @@ def _parts(found: Answer) -> list[str]:
         bullets(found.notes),
         paragraph(f"Settings: {found.settings}"),
     ]
+    return parts
+
+
+def _reasons(found: Answer) -> list[str]:
+    """Return why estimates are doubtful or not valid, in the words of ``/diagnostics``."""
+    parts = []
+    if found.doubtful.any():
+        parts += [
+            paragraph(DOUBTS, "loss"),
+            heading("Why estimates are doubtful"),
+            bullets([str(share) for share in found.doubts], nothing="For moments only."),
+        ]
+    if found.not_valid:
+        parts += [
+            heading("Why estimates are not valid"),
+            bullets([str(share) for share in found.not_valid]),
+        ]
     return parts
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from ankle_interfaces.block import Block
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
+from impedance_estimator.judgements import Judgement
 from impedance_estimator.offline.recorded_estimates import OfflineResult
 from model_discrepancy.recording.recording import Recording
 from session_analysis.errors import AnalysisError
@@ -44,8 +45,8 @@ def write_bag(path, data, left_out=()):
     return path
 
 
-def estimates(seconds=40.0, valid_from=8.0, K=K):
-    """What an estimator may have said of that ankle."""
+def estimates(seconds=40.0, valid_from=8.0, K=K, doubts=""):
+    """What an estimator may have said of that ankle; doubts, if any, from its half on."""
     time = 100 + np.arange(0.0, seconds, 1 / 64)
     rows = np.zeros((len(time), len(ESTIMATE_COLUMNS)))
     values = {
@@ -60,7 +61,15 @@ def estimates(seconds=40.0, valid_from=8.0, K=K):
     rows[:, ESTIMATE_COLUMNS.index("valid[1]")] = time >= 100 + valid_from
     torques = np.zeros((len(time), len(TORQUE_COLUMNS)))
     torques[:, 0] = time
-    return OfflineResult(rows, [], torques, ["something happened"])
+    doubted = bool(doubts) & (time >= 100 + seconds / 2)
+    rows[:, ESTIMATE_COLUMNS.index("doubt[1]")] = np.where(doubted, 0.8, 0.0)
+    judgements = [
+        Judgement(t, "", doubts if late else "")
+        if t >= 100 + valid_from
+        else Judgement(t, "settling after the start", "")
+        for t, late in zip(time[::32], doubted[::32], strict=True)
+    ]
+    return OfflineResult(rows, [], torques, ["something happened"], "", judgements)
 
 
 def test_the_report_answers_and_needs_no_network(tmp_path):
@@ -84,6 +93,22 @@ def test_the_report_answers_and_needs_no_network(tmp_path):
     assert value_rows(found)[1][1] == "90.0 ± 1.0"
     assert found.median("K[N.m/rad]", 1) == (90.0, 1.0)
     assert np.isnan(answer(bag, estimates(valid_from=30.0), "CE", "").median("K[N.m/rad]", 0)[0])
+
+
+def test_the_report_says_why_estimates_are_doubtful_or_not_valid(tmp_path):
+    bag = write_bag(tmp_path / "bag", ankle(20.0))
+    doubts = "both halves disagree; tissue relaxes"
+    found = answer(bag, estimates(doubts=doubts), "CE", "")
+    assert [str(share) for share in found.doubts] == [
+        "50 % of the time: both halves disagree",
+        "50 % of the time: tissue relaxes",
+    ]
+    text = write_estimates(found, tmp_path).read_text()
+    assert "<li>50 % of the time: tissue relaxes</li>" in text
+    assert "<li>20 % of the time: settling after the start</li>" in text
+    sure = write_estimates(answer(bag, estimates(), "CE", ""), tmp_path).read_text()
+    assert "Why estimates are doubtful" not in sure
+    assert "settling after the start" in sure
 
 
 def test_the_second_opinion_finds_the_ankle_and_predicts_the_other_half(tmp_path):

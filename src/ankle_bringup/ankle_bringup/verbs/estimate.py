@@ -94,6 +94,10 @@ def verb(
             "doubtful: the torque shows more than the model explains; K and G may be off by more "
             "than their errors"
         )
+    for doubt in found.doubts:
+        console.print(f"doubtful for {doubt}", soft_wrap=True)
+    for reason in found.not_valid:
+        console.print(f"not valid for {reason}", soft_wrap=True)
     console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
     require_valid(found)
     console.print(f"next, does the model hold: ankle diagnose {bag}", soft_wrap=True)
@@ -103,6 +107,8 @@ def verb(
         "estimates": len(found.rows),
         "valid": int(found.valid.sum()),
         "doubtful": int(found.doubtful.sum()),
+        "doubtful_because": {share.reason: round(share.share, 4) for share in found.doubts},
+        "not_valid_because": {share.reason: round(share.share, 4) for share in found.not_valid},
         "median": result.median(),
         "held_out_vaf[%]": found.opinion.held_out_vaf if found.opinion else None,
         "losses": losses,

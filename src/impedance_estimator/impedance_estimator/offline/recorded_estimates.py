@@ -6,7 +6,7 @@ The numbers are those of the node fed with the same samples.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,11 @@ from impedance_estimator.estimator import (
     REFLEX_COLUMNS,
     REFLEX_TOPIC,
 )
+from impedance_estimator.judgements import (
+    Judgement,
+    shares_of_doubted_time,
+    shares_of_invalid_time,
+)
 from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.provenance import provenance
 from impedance_estimator.settings import EstimatorSettings
@@ -30,6 +35,9 @@ from session_recorder.bag_writer import BagWriter
 from session_recorder.message_definitions import typestore
 
 PROVENANCE_TOPIC = IMPEDANCE_PROVENANCE.absolute
+NOT_VALID_KEY, DOUBTS_KEY = "not_valid", "doubts"
+"""Keys under which a bag of estimates says, in ``custom_data`` of its ``metadata.yaml``, why they
+are not valid or doubted, with the share of the recording."""
 BLOCKS_PER_CALL = 256
 """So many blocks are joined before they are processed: fewer calls, same numbers."""
 
@@ -51,6 +59,8 @@ class OfflineResult:
         What happened to the stream, one sentence each.
     provenance
         What they are made with; see `impedance_estimator.provenance`.
+    judgements
+        Why estimates were not valid or doubted, twice a second.
     """
 
     rows: np.ndarray
@@ -58,6 +68,7 @@ class OfflineResult:
     torques: np.ndarray
     notes: list[str]
     provenance: str = ""
+    judgements: list[Judgement] = field(default_factory=list)
 
     @property
     def valid(self) -> np.ndarray:
@@ -188,6 +199,11 @@ def estimate_bag(
                 _write(writer, due)
     finally:
         if writer is not None:
+            judgements = [judgement for part in parts for judgement in part.judgements]
+            writer.custom_data |= {
+                NOT_VALID_KEY: "; ".join(map(str, shares_of_invalid_time(judgements))),
+                DOUBTS_KEY: "; ".join(map(str, shares_of_doubted_time(judgements))),
+            }
             writer.close()
     if stream.estimator is None and refused:
         raise BlockError(refused[0])
@@ -246,4 +262,5 @@ def _join(parts: list[Estimates], stream: EstimateStream) -> OfflineResult:
         np.concatenate([part.torques for part in parts]),
         [note for part in parts for note in part.notes],
         provenance(stream),
+        [judgement for part in parts for judgement in part.judgements],
     )
