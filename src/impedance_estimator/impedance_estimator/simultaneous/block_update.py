@@ -15,7 +15,7 @@ from impedance_estimator.simultaneous.change_detection import (
     OVERLAP_BLOCKS,
     find_change,
 )
-from impedance_estimator.simultaneous.memory import sum_recent, use_chosen_memory
+from impedance_estimator.simultaneous.memory import normal_matrix, use_chosen_memory
 from impedance_estimator.simultaneous.nuisance import nuisance_coefficients
 from impedance_estimator.simultaneous.regression import (
     GAINS,
@@ -201,19 +201,23 @@ def _prior(s: State, precision: np.ndarray, mean: np.ndarray) -> None:
 
 @part
 def solve_memory(
-    p: Plan, s: State, blocks: int, solution: np.ndarray, covariance: np.ndarray
+    p: Plan,
+    s: State,
+    normal: np.ndarray,
+    blocks: int,
+    solution: np.ndarray,
+    covariance: np.ndarray,
 ) -> float:
-    """Solve for all unknowns over `blocks` blocks, whose normal matrix is `s.matrices[0]`; the
-    noise variance, NaN where the data do not determine them.
+    """Solve for all unknowns over `blocks` blocks, whose normal matrix is given, into `solution`
+    and `covariance`; return the noise variance, NaN where the data do not determine the unknowns.
     """
     c = s.counters[0]
-    normal, work = s.matrices[0], s.matrices[1:3]
-    precision, mean = s.vectors[0], s.vectors[1]
+    precision, mean = np.empty(PARAMETERS), np.empty(PARAMETERS)
     count = blocks * p.block_samples
     variance = c.variance if np.isfinite(c.variance) else normal[PARAMETERS, PARAMETERS] / count
     _prior(s, precision, mean)
     precision *= variance
-    if np.isnan(solve_with_prior(normal, PARAMETERS, precision, mean, solution, covariance, work)):
+    if np.isnan(solve_with_prior(normal, PARAMETERS, precision, mean, solution, covariance)):
         return np.nan
     return squared_residual(normal, PARAMETERS, solution) / max(count - PARAMETERS, 1)
 
@@ -233,22 +237,16 @@ def response(s: State, solution: np.ndarray, coordinates: np.ndarray) -> None:
 def detect_change(p: Plan, s: State) -> None:
     """Look for a change of the joint in the memory, and shorten the memory to what came after."""
     c = s.counters[0]
-    sum_recent(s, c.detection, c.since, s.matrices[6], 0)
     window, d, noise = find_change(
         s.ring[c.detection],
         c.newest,
         c.since,
         c.left_over if c.since < p.memory_blocks else 0,
         p.windows,
-        s.matrices[6],
+        normal_matrix(s, c.detection, c.since, 0),
         _CHANGE_PRECISIONS,
         p.block_samples,
-        s.matrices,
-        s.recorded,
-        s.packed,
         s.nuisance.unknowns,
-        s.nuisance.work,
-        s.vectors,
     )
     if d < p.threshold * c.dispersion:
         return
@@ -282,10 +280,10 @@ def compare_noise_models(p: Plan, s: State) -> None:
     """
     c = s.counters[0]
     weight = 1.0 / min(c.batches + 1.0, SCATTER_MEMORY)
+    solution, covariance = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
     for model in range(s.ring.shape[0]):
-        sum_recent(s, model, c.length, s.matrices[0], 0)
-        solution, covariance = s.vectors[2], s.matrices[5]
-        variance = solve_memory(p, s, c.length, solution, covariance)
+        normal = normal_matrix(s, model, c.length, 0)
+        variance = solve_memory(p, s, normal, c.length, solution, covariance)
         if not np.isfinite(variance):
             continue
         _watch_scatter(p, s, model, solution, covariance, variance, weight)
@@ -353,8 +351,8 @@ def _watch_scatter(
     """Scores of the last batch against what white noise would give; what the standard errors are
     widened by.
     """
-    normal, influence, fitted = s.matrices[0], s.vectors[0], s.vectors[1]
-    sum_recent(s, model, BATCH_DURATION * p.second, normal, 0)
+    influence, fitted = np.empty(PARAMETERS), np.empty(PARAMETERS)
+    normal = normal_matrix(s, model, BATCH_DURATION * p.second, 0)
     for output in range(GAINS):
         # influence = C weights: what one unit of score does to the output.
         for i in range(PARAMETERS):
@@ -382,8 +380,7 @@ def explained(p: Plan, s: State) -> None:
     intrinsic one account for.
     """
     c = s.counters[0]
-    normal = s.matrices[0]
-    sum_recent(s, LOW_CORNER, c.length, normal, 0)
+    normal = normal_matrix(s, LOW_CORNER, c.length, 0)
     size = s.nuisance.combine.shape[1]
     total = s.totals[LOW_CORNER][size * (size + 1) // 2 + size]
     if not total > 0.0:

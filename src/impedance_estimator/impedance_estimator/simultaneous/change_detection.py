@@ -23,12 +23,11 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
-from impedance_estimator.simultaneous.nuisance import reduce_sums
+from impedance_estimator.simultaneous.nuisance import reduce_sums, reducible_size
 from impedance_estimator.simultaneous.regression import (
     GAINS,
     solve_with_prior,
     squared_residual,
-    unpack_sums,
 )
 
 SHORTEST_WINDOW = 6
@@ -62,8 +61,6 @@ def split_statistic(
     together: np.ndarray,
     precision: np.ndarray,
     variance: float,
-    work: np.ndarray,
-    solution: np.ndarray,
 ) -> float:
     """Return D for one split.
 
@@ -78,17 +75,12 @@ def split_statistic(
         shape (4,).
     variance
         Of the noise [N²m²].
-    work
-        Shape (3, n, n), overwritten.
-    solution
-        Shape (>= 4,), overwritten.
     """
+    solution, covariance = np.empty(GAINS), np.empty((GAINS, GAINS))
     before = squared_residual(recent, GAINS, together) + squared_residual(older, GAINS, together)
     after = 0.0
     for stretch in (recent, older):
-        if np.isnan(
-            solve_with_prior(stretch, GAINS, precision, together, solution, work[0], work[1:])
-        ):
+        if np.isnan(solve_with_prior(stretch, GAINS, precision, together, solution, covariance)):
             return 0.0
         after += squared_residual(stretch, GAINS, solution)
         for i in range(GAINS):
@@ -106,12 +98,7 @@ def find_change(
     total: np.ndarray,
     precision: np.ndarray,
     samples: int,
-    matrices: np.ndarray,
-    sums: np.ndarray,
-    packed: np.ndarray,
     unknowns: np.ndarray,
-    work: np.ndarray,
-    vectors: np.ndarray,
 ) -> tuple[int, float, float]:
     """Find the window with the largest D, that D, and the noise variance beside it; zeros where the
     memory is too short.
@@ -134,20 +121,17 @@ def find_change(
         Shape (4,), 1 / (widest jump)² of K, B, I, G.
     samples
         In one block.
-    matrices
-        Shape (6, n, n), overwritten.
-    sums, packed, vectors
-        Shape (k,), (n (n + 1) / 2,) and (3, >= 4), overwritten.
-    unknowns, work
-        As for `nuisance.reduce_sums`.
+    unknowns
+        Signals of the regression as combinations of the recorded ones, `combine` of
+        `nuisance.reduce_sums`.
     """
     best, largest, noise = 0, 0.0, 0.0
-    recent, older = matrices[0], matrices[1]
-    together, solution, prior = vectors[0], vectors[1], vectors[2]
-    prior[:] = 1e-12
-    if np.isnan(solve_with_prior(total, GAINS, prior, prior, together, matrices[3], matrices[4:])):
+    recent, older = np.empty_like(total), np.empty_like(total)
+    together, solution, covariance = np.empty(GAINS), np.empty(GAINS), np.empty((GAINS, GAINS))
+    prior = np.full(GAINS, 1e-12)
+    if np.isnan(solve_with_prior(total, GAINS, prior, prior, together, covariance)):
         return best, largest, noise
-    sums[:] = 0.0
+    sums = np.zeros(reducible_size(unknowns.shape[1]))
     taken = 0
     grown = 0
     while grown < windows.shape[0] and length - windows[grown] >= MIN_OLDER_BLOCKS:
@@ -166,8 +150,7 @@ def find_change(
             for k in range(sums.shape[0]):
                 sums[k] += block[k]
             taken += 1
-        reduce_sums(sums, unknowns, packed, work)
-        unpack_sums(packed, recent)
+        reduce_sums(sums, unknowns, recent)
         for i in range(total.shape[0]):
             for j in range(total.shape[0]):
                 older[i, j] = total[i, j] - recent[i, j]
@@ -175,16 +158,14 @@ def find_change(
         # enlarges it.
         prior[:] = 1e-12
         reference, blocks = (older, length - window) if candidate < grown else (recent, window)
-        if np.isnan(
-            solve_with_prior(reference, GAINS, prior, prior, solution, matrices[3], matrices[4:])
-        ):
+        if np.isnan(solve_with_prior(reference, GAINS, prior, prior, solution, covariance)):
             continue
         variance = squared_residual(reference, GAINS, solution) / (blocks * samples)
         if not variance > 0.0:
             continue
         for i in range(GAINS):
             prior[i] = variance * precision[i]
-        d = split_statistic(recent, older, together, prior, variance, matrices[3:], solution)
+        d = split_statistic(recent, older, together, prior, variance)
         if d > largest:
             best, largest, noise = window, d, variance
     return best, largest, noise

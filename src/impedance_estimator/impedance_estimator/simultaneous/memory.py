@@ -7,8 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
-from impedance_estimator.simultaneous.nuisance import reduce_sums
-from impedance_estimator.simultaneous.regression import unpack_sums
+from impedance_estimator.simultaneous.nuisance import reduce_sums, reducible_size
 from impedance_estimator.simultaneous.state import Plan, State
 
 
@@ -69,19 +68,27 @@ def store_block(p: Plan, s: State) -> None:
 
 
 @part
-def sum_recent(s: State, model: int, blocks: int, normal: np.ndarray, after: int) -> None:
-    """Return the sums of products of the newest blocks, but for the last `after`, under a noise
-    model.
+def recent_sums(s: State, model: int, blocks: int, after: int) -> np.ndarray:
+    """Return the recorded sums of the newest blocks, but for the last `after`, under a noise
+    model: Z'Z, Z'τ and τ'τ in the order of `nuisance.accumulate`.
     """
     c = s.counters[0]
     ring = s.ring[model]
+    sums = np.zeros(reducible_size(s.nuisance.unknowns.shape[1]))
     if after == 0 and blocks == c.length:
-        s.recorded[:] = s.totals[model, : s.recorded.shape[0]]
+        sums[:] = s.totals[model, : sums.shape[0]]
     else:
-        s.recorded[:] = 0.0
         for back in range(after, after + blocks):
             block = ring[(c.newest - back) % ring.shape[0]]
-            for k in range(s.recorded.shape[0]):
-                s.recorded[k] += block[k]
-    reduce_sums(s.recorded, s.nuisance.unknowns, s.packed, s.nuisance.work)
-    unpack_sums(s.packed, normal)
+            for k in range(sums.shape[0]):
+                sums[k] += block[k]
+    return sums
+
+
+@part
+def normal_matrix(s: State, model: int, blocks: int, after: int) -> np.ndarray:
+    """Return the normal matrix of the unknowns, shape (8, 8), over the blocks of `recent_sums`."""
+    count = s.nuisance.unknowns.shape[0]
+    normal = np.empty((count, count))
+    reduce_sums(recent_sums(s, model, blocks, after), s.nuisance.unknowns, normal)
+    return normal

@@ -25,7 +25,12 @@ from impedance_estimator.simultaneous.block_update import (
     solve_memory,
 )
 from impedance_estimator.simultaneous.change_detection import SHORTEST_WINDOW
-from impedance_estimator.simultaneous.memory import blocks_of, sum_recent, use_chosen_memory
+from impedance_estimator.simultaneous.memory import (
+    blocks_of,
+    normal_matrix,
+    recent_sums,
+    use_chosen_memory,
+)
 from impedance_estimator.simultaneous.regression import PARAMETERS
 from impedance_estimator.simultaneous.state import Plan, State
 
@@ -64,11 +69,11 @@ def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
         # Nothing was taken for a change: this is the full memory, which was asked first.
         s.predictors[candidate] = s.predictors[0]
         return
-    solution = s.vectors[3]
-    solution[:] = s.solution
+    solution = s.solution.copy()
     if blocks >= SHORTEST_WINDOW:
-        sum_recent(s, c.detection, blocks, s.matrices[0], after)
-        if np.isnan(solve_memory(p, s, blocks, solution, s.matrices[5])):
+        normal = normal_matrix(s, c.detection, blocks, after)
+        covariance = np.empty((PARAMETERS, PARAMETERS))
+        if np.isnan(solve_memory(p, s, normal, blocks, solution, covariance)):
             solution[:] = s.solution
     predictor = s.predictors[candidate]
     predictor[:] = s.nuisance.unknowns[PARAMETERS]
@@ -84,19 +89,19 @@ def choose_memory(p: Plan, s: State) -> None:
     if c.kept < 2 * p.horizon:
         # They were asked before there was anything to tell.
         return
-    sum_recent(s, c.detection, p.horizon, s.matrices[0], 0)
+    recorded = recent_sums(s, c.detection, p.horizon, 0)
     count = p.horizon * p.block_samples
     for candidate in range(s.predictors.shape[0]):
         # Some were asked before a change, some after it: that is no difference between them.
         w = s.predictors[0 if c.changed and candidate < p.lengths.shape[0] else candidate]
         # Z'Z, Z'τ and τ'τ in the order of `nuisance.accumulate`.
-        squares, k = s.recorded[-1], 0
-        with_torque = s.recorded.shape[0] - 1 - w.shape[0]
+        squares, k = recorded[-1], 0
+        with_torque = recorded.shape[0] - 1 - w.shape[0]
         for i in range(w.shape[0]):
-            squares += s.recorded[k] * w[i] * w[i] - 2.0 * s.recorded[with_torque + i] * w[i]
+            squares += recorded[k] * w[i] * w[i] - 2.0 * recorded[with_torque + i] * w[i]
             k += 1
             for j in range(i + 1, w.shape[0]):
-                squares += 2.0 * s.recorded[k] * w[i] * w[j]
+                squares += 2.0 * recorded[k] * w[i] * w[j]
                 k += 1
         s.predicted[candidate] *= 1.0 - p.horizon / p.second / LIKELIHOOD_MEMORY
         if squares > 0.0:

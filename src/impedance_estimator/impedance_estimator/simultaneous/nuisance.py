@@ -7,6 +7,7 @@ are recorded, and the sums over a stretch of data are then combined, T' S T.
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import register_jitable
 
 from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous.regression import INTRINSIC
@@ -59,6 +60,7 @@ def accumulate(sums: np.ndarray, z: np.ndarray, x: np.ndarray, torque: float, bo
             k += size
 
 
+@register_jitable
 def reducible_size(signals: int) -> int:
     """Return how many numbers of `accumulate` `reduce_sums` needs: Z'Z, Z'τ and τ'τ."""
     return signals * (signals + 1) // 2 + signals + 1
@@ -70,9 +72,7 @@ def packed_size(signals: int) -> int:
 
 
 @part
-def reduce_sums(
-    sums: np.ndarray, combine: np.ndarray, reduced: np.ndarray, work: np.ndarray
-) -> None:
+def reduce_sums(sums: np.ndarray, combine: np.ndarray, normal: np.ndarray) -> None:
     """Return the sums of products of the regression's signals: T' S T.
 
     Parameters
@@ -82,13 +82,12 @@ def reduce_sums(
     combine
         T, shape (k, n): each row one signal of the regression as a combination of instruments; the
         last row is what is subtracted from the torque.
-    reduced
-        Shape (k (k + 1) / 2,), replaced: packed upper triangle, row by row.
-    work
-        Shape (>= k + n, n), overwritten.
+    normal
+        Normal matrix of the regression, shape (k, k), replaced; its last row and column are the
+        products with the torque.
     """
     count, size = combine.shape
-    full = work[count : count + size]
+    full, row = np.empty((size, size)), np.empty(size)
     k = 0
     for i in range(size):
         for j in range(i, size):
@@ -97,20 +96,15 @@ def reduce_sums(
             full[j, i] = value
             k += 1
     with_torque, square = sums[k : k + size], sums[k + size]
+    last = count - 1
     for i in range(count):
-        row = work[i]
-        for j in range(size):
-            row[j] = 0.0
+        row[:] = 0.0
         for q in range(size):
             factor = combine[i, q]
             if factor != 0.0:
                 other = full[q]
                 for j in range(size):
                     row[j] += factor * other[j]
-    k = 0
-    last = count - 1
-    for i in range(count):
-        row = work[i]
         for j in range(i, count):
             value = 0.0
             other = combine[j]
@@ -125,8 +119,8 @@ def reduce_sums(
                     value = square
                     for q in range(size):
                         value += (row[q] - 2.0 * with_torque[q]) * combine[i, q]
-            reduced[k] = value
-            k += 1
+            normal[i, j] = value
+            normal[j, i] = value
 
 
 @part

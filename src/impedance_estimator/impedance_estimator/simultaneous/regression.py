@@ -37,17 +37,6 @@ have no more digits.
 
 
 @part
-def unpack_sums(sums: np.ndarray, normal: np.ndarray) -> None:
-    """Write a packed upper triangle, row by row, into a symmetric matrix, shape (n, n)."""
-    k = 0
-    for i in range(normal.shape[0]):
-        for j in range(i, normal.shape[0]):
-            normal[i, j] = sums[k]
-            normal[j, i] = sums[k]
-            k += 1
-
-
-@part
 def solve_with_prior(
     normal: np.ndarray,
     size: int,
@@ -55,7 +44,6 @@ def solve_with_prior(
     mean: np.ndarray,
     solution: np.ndarray,
     covariance: np.ndarray,
-    work: np.ndarray,
 ) -> float:
     """Minimise  θ'Nθ - 2 θ'r + Σ precision_i (θ_i - mean_i)².
 
@@ -74,15 +62,13 @@ def solve_with_prior(
     covariance
         Shape (>= size, >= size), replaced by (N + precision)⁻¹; times the noise variance it is the
         covariance.
-    work
-        Shape (2, >= size, >= size), overwritten.
 
     Returns
     -------
     float
         ln |N + precision|; NaN where the system is singular, and the results are then meaningless.
     """
-    lower, inverse = work[0], work[1]
+    lower, inverse = np.empty((size, size)), np.empty((size, size))
     right = normal.shape[0] - 1
     determinant = 0.0
     # Scaled to a unit diagonal: position and acceleration differ by a factor of 10⁴.
@@ -117,12 +103,13 @@ def solve_with_prior(
             for k in range(i, size):
                 total += inverse[k, i] * inverse[k, j]
             covariance[i, j] = covariance[j, i] = total * solution[i] * solution[j]
+    weighted = np.empty(size)
     for i in range(size):
-        work[0, 0, i] = normal[i, right] + precision[i] * mean[i]
+        weighted[i] = normal[i, right] + precision[i] * mean[i]
     for i in range(size):
         total = 0.0
         for j in range(size):
-            total += covariance[i, j] * work[0, 0, j]
+            total += covariance[i, j] * weighted[j]
         solution[i] = total
     return determinant
 

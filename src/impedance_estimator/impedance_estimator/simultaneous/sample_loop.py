@@ -36,10 +36,10 @@ from impedance_estimator.simultaneous.block_update import (
     response,
     solve_memory,
 )
-from impedance_estimator.simultaneous.memory import store_block, sum_recent
+from impedance_estimator.simultaneous.memory import normal_matrix, store_block
 from impedance_estimator.simultaneous.memory_length import ask_memory, choose_memory
 from impedance_estimator.simultaneous.nuisance import EXTRAS, TAP_REACH, accumulate
-from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC
+from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.signals import (
     decimated_signals,
     drive_actuator,
@@ -191,13 +191,14 @@ def _compile(source: int) -> tuple[Any, Any]:
             detect_change(p, s)
         if c.blocks % p.second == 0:
             forget_shape(s)
-        sum_recent(s, c.model, c.length, s.matrices[0], 0)
-        variance = solve_memory(p, s, c.length, s.vectors[3], s.covariance)
+        normal = normal_matrix(s, c.model, c.length, 0)
+        solution = np.empty(PARAMETERS)
+        variance = solve_memory(p, s, normal, c.length, solution, s.covariance)
         if not np.isfinite(variance):
             k.intrinsic_fit = validity.COLLINEAR
             return
         k.intrinsic_fit = validity.VALID
-        s.solution[:] = s.vectors[3]
+        s.solution[:] = solution
         c.variance = variance
         response(s, s.solution, s.response)
         if c.blocks % p.second == 0:

@@ -156,7 +156,6 @@ class Simultaneous(Estimator):
                 combine=np.eye(size, motion),
                 unknowns=np.zeros((PARAMETERS + 1, motion)),
                 coefficients=np.zeros(nuisance.EXTRAS),
-                work=np.zeros((max(size, PARAMETERS + 1) + motion, motion)),
             ),
             raw=np.zeros((6, 2 * (3 * n + 1))),
             rectified=np.zeros((2, 2 * (2 * n + 1))),
@@ -189,10 +188,6 @@ class Simultaneous(Estimator):
             signs=np.zeros(len(doubt.SIGNS)),
             estimate=estimate,
             valid_response=np.full(count, np.nan),
-            matrices=np.zeros((7, PARAMETERS + 1, PARAMETERS + 1)),
-            vectors=np.zeros((4, PARAMETERS)),
-            recorded=np.zeros(nuisance.reducible_size(motion)),
-            packed=np.zeros((PARAMETERS + 1) * (PARAMETERS + 2) // 2),
             shape_work=np.zeros((2, lags)),
         )
         self._torque_parts = []

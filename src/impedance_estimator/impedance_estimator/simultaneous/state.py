@@ -18,8 +18,6 @@ class Nuisance(NamedTuple):
     """The rows of T that belong to the unknowns of `regression`, and its last row, shape (8, n)."""
     coefficients: np.ndarray
     """Coefficients of the nuisance signals, shape (e,)."""
-    work: np.ndarray
-    """Shape (m + 4 + n, n), overwritten."""
 
 
 COUNTERS = np.dtype(
@@ -177,10 +175,4 @@ class State(NamedTuple):
     """Signs of doubt, in the order of `doubt.SIGNS`."""
     estimate: np.ndarray
     valid_response: np.ndarray
-    matrices: np.ndarray
-    vectors: np.ndarray
-    recorded: np.ndarray
-    """Sums over a stretch, as they are recorded, before they are reduced."""
-    packed: np.ndarray
-    """Sums over a stretch, reduced to the unknowns' signals, packed."""
     shape_work: np.ndarray
