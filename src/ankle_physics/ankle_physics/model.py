@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -29,6 +29,23 @@ PAPER_TERMS = ("inertia", "viscosity", "stiffness", "reflex")
 PLATE = (Place.ACTUATOR, Place.COUPLING)
 FOOT = (Place.INTRINSIC, Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
 SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
+# What a fit states of the whole joint, and the term of the paper's model whose unit it has.
+STATED = {"K": "stiffness", "G": "reflex"}
+
+
+class StatedValue(NamedTuple):
+    """Holds what a fit states of the whole joint at the recording's operating point.
+
+    Attributes
+    ----------
+    value
+        Of K [N.m/rad] or G [N.m.s/rad].
+    standard_error
+        In the same unit, with what the value owes to the choice of terms.
+    """
+
+    value: float
+    standard_error: float
 
 
 @dataclass
@@ -64,6 +81,8 @@ class Model:
         At most one of each term.
     title
         Free text.
+    stated
+        K and G of the whole joint with their standard errors, where a fit gave them; None: none.
 
     Attributes
     ----------
@@ -76,7 +95,12 @@ class Model:
         A term twice.
     """
 
-    def __init__(self, entries: list[Entry], title: str = "") -> None:
+    def __init__(
+        self,
+        entries: list[Entry],
+        title: str = "",
+        stated: Mapping[str, StatedValue] | None = None,
+    ) -> None:
         names = [entry.term.name for entry in entries]
         for name in names:
             if names.count(name) > 1:
@@ -85,6 +109,7 @@ class Model:
                     "model once"
                 )
         self.title = title
+        self.stated = dict(stated or {})
         self.joint = joint_in_force()
         self.entries = sorted(entries, key=lambda entry: PATH.index(entry.term.place))
 
@@ -161,7 +186,7 @@ class Model:
             entry.standard_errors = errors
             entry.tracked = _flag(item.get("tracked", False), name)
             entries.append(entry)
-        return cls(entries, str(content.get("model", "")))
+        return cls(entries, str(content.get("model", "")), _stated(content.get("impedance", {})))
 
     def save(self, path: str | Path) -> None:
         """Write a model file that `load` reads back to the same values."""
@@ -169,6 +194,11 @@ class Model:
         if self.joint != ANKLE:
             content["joint"] = self.joint.content()
         content["terms"] = self.content()
+        if self.stated:
+            content["impedance"] = {
+                _stated_key(symbol): {"value": s.value, "standard_error": s.standard_error}
+                for symbol, s in self.stated.items()
+            }
         Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
 
     @property
@@ -313,6 +343,32 @@ def _flag(value: Any, term: str) -> bool:
     if not isinstance(value, bool):
         raise ModelError(f"{term}: tracked = {value!r} is neither true nor false")
     return value
+
+
+def _stated_key(symbol: str) -> str:
+    return _find(STATED[symbol]).parameter(symbol).key
+
+
+def _stated(content: Any) -> dict[str, StatedValue]:
+    """Return the values under 'impedance' of a model file."""
+    symbols = {_stated_key(symbol): symbol for symbol in STATED}
+    if not isinstance(content, dict):
+        raise ModelError(f"'impedance' names {', '.join(symbols)}; found {content!r}")
+    found = {}
+    for key, given in content.items():
+        if key not in symbols:
+            raise ModelError(f"impedance: unknown value '{key}'; allowed: {', '.join(symbols)}")
+        try:
+            stated = StatedValue(float(given["value"]), float(given["standard_error"]))
+        except (KeyError, TypeError, ValueError):
+            raise ModelError(f"impedance: {key} has 'value' and 'standard_error'") from None
+        if not (np.isfinite(stated.value) and 0.0 <= stated.standard_error < np.inf):
+            raise ModelError(
+                f"impedance: {key} = {stated.value:g} with standard error "
+                f"{stated.standard_error:g} is refused; allowed: finite, error not below 0"
+            )
+        found[symbols[key]] = stated
+    return found
 
 
 def _find(name: str) -> type[Term]:

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
-from ankle_physics.model import Model
+from ankle_physics.model import Model, StatedValue
 from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
 
@@ -77,8 +77,10 @@ def test_a_model_file_survives_saving(tmp_path):
         title="subject 3, block 2",
     )
     model.entry("stiffness").standard_errors["K"] = 0.25
+    model.stated = {"K": StatedValue(55.5, 3.0), "G": StatedValue(9.0, 0.5)}
     model.save(tmp_path / "model.yaml")
     again = Model.load(tmp_path / "model.yaml")
+    assert again.stated == model.stated
     assert [entry.values for entry in again.entries] == [entry.values for entry in model.entries]
     assert again.title == model.title
     assert again.entry("stiffness").standard_errors == {"K": 0.25}
@@ -95,6 +97,13 @@ def test_a_model_file_survives_saving(tmp_path):
         ),
         ("terms: [{term: stiffness, 'K[N.m/rad]': soft}]", "'stiffness.K' = 'soft' is refused"),
         ("terms: [{term: inertia}, {term: inertia}]", "appears 2 times"),
+        ("{terms: [], impedance: {'B[N.m]': 3}}", "unknown value 'B\\[N.m\\]'"),
+        ("{terms: [], impedance: {'K[N.m/rad]': 3}}", "has 'value' and 'standard_error'"),
+        (
+            "{terms: [], impedance: {'K[N.m/rad]': {value: 3, standard_error: -1}}}",
+            "standard error -1 is refused",
+        ),
+        ("{terms: [], impedance: 3}", "'impedance' names"),
         ("hello", "list 'terms'"),
         ("terms: [", "not YAML"),
     ],

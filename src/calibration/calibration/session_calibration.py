@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.model import PAPER_TERMS, STATED, Model, StatedValue
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
 from calibration.errors import CalibrationError
@@ -74,6 +74,7 @@ def calibrate_session(
         reasons = "; ".join(verdict.reasons) or "bad recording"
         raise CalibrationError(f"{recording.name} cannot calibrate a session: {reasons}")
     model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
+    model.stated = stated_values(verdict.parameters)
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
 
 
@@ -105,3 +106,23 @@ def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> M
     for entry in entries:
         entry.tracked = entry.term.name in PAPER_TERMS
     return Model(entries, title)
+
+
+def stated_values(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[str, StatedValue]:
+    """Return K and G of the whole joint, with standard errors, as a diagnosis states them.
+
+    The errors of single parameters do not say this: those of terms that share a torque are
+    correlated, and none holds what the value owes to the choice of terms.
+
+    Parameters
+    ----------
+    parameters
+        Of the verdict.
+    """
+    found = {}
+    for key, given in parameters.items():
+        symbol, error = key.split("[")[0], given.get("standard_error")
+        value = given.get("augmented")
+        if symbol in STATED and value is not None and error is not None:
+            found[symbol] = StatedValue(float(value), float(error))
+    return found

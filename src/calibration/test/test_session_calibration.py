@@ -6,7 +6,7 @@ import pytest
 
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
-from calibration.session_calibration import subject_model
+from calibration.session_calibration import stated_values, subject_model
 from impedance_estimator.known_physics import KnownPhysics
 
 RIG = RigFile(
@@ -60,3 +60,12 @@ def test_without_a_rig_file_what_was_found_of_the_rig_stays_and_the_estimator_ta
     assert not model.has("voluntary_torque")
     assert model.entry("inertia").values["I"] == pytest.approx(0.018)
     assert KnownPhysics(RIG, model).plate_inertia == pytest.approx(0.004)
+
+
+def test_what_a_diagnosis_states_of_the_whole_joint_is_handed_on_with_its_errors():
+    parameters = {
+        "K[N.m/rad]": {"base": 90.0, "augmented": 80.0, "standard_error": 9.0},
+        "G[N.m.s/rad]": {"base": 5.0, "augmented": 7.0, "standard_error": None},
+        "B[N.m.s/rad]": {"base": 1.0, "augmented": 1.1, "standard_error": 0.1},
+    }
+    assert stated_values(parameters) == {"K": (80.0, 9.0)}

@@ -30,6 +30,7 @@ from ankle_physics.model import PAPER_TERMS, Entry, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
 from impedance_estimator.estimator import Expectation
+from impedance_estimator.simultaneous.doubt import imprecision_doubt
 from impedance_estimator.straps import coupling
 
 SUPPORTED_TERMS = (
@@ -55,6 +56,8 @@ REFLEX_WITH_GAIN = frozenset(
 LARGEST_GAIN_ERROR = 1.0 / 3.0
 """A reflex gain whose relative standard error [1] is larger says too little about its shape: the
 estimator then goes on estimating the shape, too."""
+LEAST_STIFFNESS = 1.0
+"""[N.m/rad] No ankle is softer; bounds a relative error."""
 ACTIVATION_TIME = 1.0
 """Torque is averaged over so long [s] for terms that follow the muscles' activation."""
 
@@ -175,10 +178,28 @@ class KnownPhysics:
     def calibration_errors(self) -> tuple[float, float]:
         """Return the standard error of K [N.m/rad] and the relative one of G [1] in the calibrated
         session, which no later data take away: the held terms are as uncertain.
+
+        The errors that the file states of the whole joint count where it does; else those of the
+        core.
         """
+        stated = self.subject.stated if self.subject is not None else {}
         stiffness = self._error("stiffness", "K")
-        gain = self._value("reflex", "G")
-        return stiffness, self._error("reflex", "G") / gain if gain > 0.0 else 0.0
+        gain, error = self._value("reflex", "G"), self._error("reflex", "G")
+        if "K" in stated:
+            stiffness = stated["K"].standard_error
+        if "G" in stated:
+            gain, error = stated["G"]
+        return stiffness, error / abs(gain) if gain != 0.0 else 0.0
+
+    @property
+    def calibration_doubt(self) -> float:
+        """Return the doubt, 0 to 1, that the calibrated session leaves in every later estimate."""
+        if self.subject is None or "K" not in self.subject.stated:
+            return 0.0
+        stiffness, gain = self.calibration_errors()
+        return imprecision_doubt(
+            stiffness / max(abs(self.subject.stated["K"].value), LEAST_STIFFNESS), gain
+        )
 
     def _error(self, term: str, symbol: str) -> float:
         if not self.model.has(term):

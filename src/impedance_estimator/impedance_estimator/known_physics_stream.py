@@ -116,4 +116,7 @@ class KnownPhysicsStream:
         stiffness_error, gain_error = self._known.calibration_errors()
         rows[:, error_K] = np.hypot(rows[:, error_K], stiffness_error)
         rows[:, error_G] = np.hypot(rows[:, error_G], gain_error * rows[:, G])
+        doubt = ESTIMATE_COLUMNS.index("doubt[1]")
+        # An estimator that does not judge itself goes on saying NaN.
+        rows[:, doubt] = np.maximum(rows[:, doubt], self._known.calibration_doubt)
         return rows

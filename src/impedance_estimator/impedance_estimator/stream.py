@@ -22,6 +22,7 @@ from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
 from impedance_estimator.rig_watch import RigWatch
 from impedance_estimator.settings import EstimatorSettings
+from impedance_estimator.simultaneous.doubt import DOUBTFUL
 from impedance_estimator.validity import RATE_WINDOW
 
 TOPIC, REFERENCE_TOPIC = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
@@ -32,6 +33,10 @@ COMPILATION_DURATION = 2.0
 """So many seconds of samples go through everything once: a block of the simultaneous estimator is
 complete after half a second.
 """
+UNCERTAIN_CALIBRATION = (
+    "the calibrated session knows K no better than to 14 % or G no better than to 12 %: terms that "
+    "it found share what they explain"
+)
 RESPONSE_RATE = 2.0
 """So many reflex impulse responses are sent per second [Hz]."""
 
@@ -115,7 +120,12 @@ class EstimateStream:
     @property
     def doubts(self) -> str:
         """Return why the newest estimate is doubted; empty where it is not."""
-        return self.estimator.doubts if self.estimator else ""
+        if self.estimator is None:
+            return ""
+        reasons = [self.estimator.doubts]
+        if self.known is not None and self.known.calibration_doubt >= DOUBTFUL:
+            reasons.append(UNCERTAIN_CALIBRATION)
+        return "; ".join(reason for reason in reasons if reason)
 
     @property
     def instrument(self) -> str:

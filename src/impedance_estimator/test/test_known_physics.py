@@ -10,7 +10,7 @@ from random_motion import CORE, random_motion
 from scipy import signal
 
 from ankle_physics.errors import ModelError
-from ankle_physics.model import Entry, Model
+from ankle_physics.model import Entry, Model, StatedValue
 from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
@@ -242,6 +242,40 @@ def test_standard_errors_hold_those_of_the_calibration():
     assert stated[error_K] == pytest.approx(5.0)
     # A tenth of the gain, whatever the gain is now.
     assert stated[error_G] == pytest.approx(2.0)
+
+
+def test_the_errors_that_a_calibration_states_of_the_whole_joint_come_before_those_of_its_core():
+    model = Model.of(CORE)
+    model.entry("stiffness").standard_errors = {"K": 1.0}
+    model.stated = {"K": StatedValue(100.0, 20.0), "G": StatedValue(10.0, 0.1)}
+    known = KnownPhysics(subject=model)
+    assert known.calibration_errors() == (20.0, pytest.approx(0.01))
+    # 20 % of K lies beyond the limit of 14 %, by less than half of it.
+    assert 0.5 < known.calibration_doubt < 1.0
+    stream = KnownPhysicsStream(known, RATE, True)
+    rows = np.zeros((2, len(ESTIMATE_COLUMNS)))
+    doubt = ESTIMATE_COLUMNS.index("doubt[1]")
+    rows[1, doubt] = np.nan
+    stated = stream.complete(rows)
+    assert stated[0, doubt] == known.calibration_doubt
+    assert np.isnan(stated[1, doubt])
+    assert KnownPhysics(subject=Model.of(CORE)).calibration_doubt == 0.0
+
+
+def test_friction_keeps_its_torque_at_rest_however_noisy_the_encoder():
+    """Steps and rests; between the steps only the encoder's noise moves."""
+    level = np.repeat(np.random.default_rng(3).choice([-0.02, 0.02], 30), round(0.4 * RATE))
+    smooth = signal.firwin(161, 15.0, fs=RATE)
+    x = signal.lfilter(smooth, 1.0, level)
+    v = np.gradient(x, 1.0 / RATE)
+    model = Model.of({**CORE, "dahl_hysteresis": {"F": 2.0, "slide": 0.004}})
+    samples = samples_of(model, x, v, np.gradient(v, 1.0 / RATE))
+    plain = samples_of(Model.of(CORE), x, v, np.gradient(v, 1.0 / RATE))[:, 3]
+    random = np.random.default_rng(4)
+    samples[:, 1] += random.normal(0.0, 7e-5, len(x))
+    samples[:, 2] += random.normal(0.0, 2e-3, len(x))
+    # By the encoder alone a third of the torque would be left.
+    assert left_over(KnownPhysics(subject=model), samples, lambda _: smoothed(plain)) < 0.12
 
 
 def test_what_the_calibration_says_is_expected():

@@ -28,6 +28,8 @@ LARGEST_ERRORS = (0.14, 0.12)
 """Relative standard errors of K and G from which an estimate is doubted. Without a mismatch the
 independent rig gave up to 9 and 7 %; a reflex with a threshold or one that saturates scatters more
 from stretch to stretch than one that is proportional to velocity."""
+DOUBTFUL = 0.5
+"""From this doubt on, a sign at its limit, an estimate is called doubtful."""
 MODEL_ERROR = np.array([0.012, 0.03, 0.02, 0.025])
 """K, B, I and G have this relative error beyond the scatter within a recording: a joint is never
 exactly the model. The size is what was left on the independent rig without a mismatch."""
@@ -58,6 +60,16 @@ def reasons(signs: np.ndarray) -> str:
     )
 
 
+def imprecision_doubt(stiffness: float, gain: float) -> float:
+    """Return the doubt, 0 to 1, that relative standard errors of K and G [1] make."""
+    return _doubt(max(stiffness / LARGEST_ERRORS[0], gain / LARGEST_ERRORS[1]))
+
+
+def _doubt(size: float) -> float:
+    """Return the doubt that a sign makes, of its size over its limit [1]."""
+    return float(np.clip(size - 0.5, 0.0, 1.0))
+
+
 def judge(s: State) -> None:
     """Set the doubt, 0 to 1, after all signs of the state are read, and the model's share of the
     standard errors; the largest sign counts.
@@ -66,5 +78,5 @@ def judge(s: State) -> None:
     error = np.sqrt(c["variance"] * np.maximum(s.scatter[c["model"]], 1.0) * s.output[1])
     relative = error / np.maximum(np.abs(s.output[0]), 1e-6)
     s.signs[3] = max(relative[0] / LARGEST_ERRORS[0], relative[GAINS - 1] / LARGEST_ERRORS[1])
-    c["doubt"] = float(np.clip(np.max(s.signs / LIMITS) - 0.5, 0.0, 1.0))
+    c["doubt"] = _doubt(float(np.max(s.signs / LIMITS)))
     s.model_error[:] = MODEL_ERROR + DOUBTED_ERROR * c["doubt"]
