@@ -9,6 +9,7 @@ import json
 import math
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,6 +41,8 @@ OwnTerms = Annotated[
     Path | None,
     typer.Option("--terms", help="Folder of terms of your own (Python files, which are run)."),
 ]
+LOG_PERIOD = 10.0
+"""[s] Shortest time between two lines of progress in a log: seldom enough to be read."""
 CORES = os.cpu_count() or 1
 Workers = Annotated[int, typer.Option(help="Processes on this machine.")]
 Scheduler = Annotated[
@@ -76,12 +79,45 @@ def clear_folder(out: Path, overwrite: bool, mark: str) -> None:
     shutil.rmtree(out)
 
 
+class LogLines:
+    """Writes progress as lines, at most one each `LOG_PERIOD`, where no terminal can redraw one.
+
+    Parameters
+    ----------
+    out
+        Where to; a terminal gets no lines.
+    clock
+        Gives the time [s].
+    """
+
+    def __init__(self, out: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        self._out, self._clock = out, clock
+        self._last = clock()
+
+    def __call__(self, line: str) -> None:
+        """Write a line, or leave it out because it comes too early."""
+        now = self._clock()
+        if not self._out.is_terminal and now - self._last >= LOG_PERIOD:
+            self._last = now
+            self._out.print(line, soft_wrap=True)
+
+
+def _errors() -> Console:
+    return Console(stderr=True, markup=False, highlight=False, quiet=console.quiet)
+
+
 def _bar(*columns: Any) -> Progress:
-    shown = Console(stderr=True, markup=False, quiet=console.quiet)
     # The text of a step is data, too: "K[N.m/rad]" must stay as it is.
     text = TextColumn("{task.description}", markup=False)
+    shown = _errors()
     return Progress(
-        text, BarColumn(), TaskProgressColumn(), *columns, console=shown, transient=True
+        text,
+        BarColumn(),
+        TaskProgressColumn(),
+        *columns,
+        console=shown,
+        transient=True,
+        disable=not shown.is_terminal,
     )
 
 
@@ -89,8 +125,13 @@ def _bar(*columns: Any) -> Progress:
 def progress(what: str) -> Iterator[Callable[[float], None]]:
     """Show a progress bar; return a function that takes the done share, from 0 to 1."""
     with _bar(TimeRemainingColumn()) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        task, lines = bar.add_task(what, total=1.0), LogLines(bar.console)
+
+        def show(share: float) -> None:
+            bar.update(task, completed=share)
+            lines(f"{what}: {100 * share:.0f} %")
+
+        yield show
 
 
 @contextmanager
@@ -100,8 +141,13 @@ def steps() -> Iterator[Callable[[str, float], None]]:
     The returned function takes the name of the step and the done share of the whole, from 0 to 1.
     """
     with _bar() as bar:
-        task = bar.add_task("starting", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
+        task, lines = bar.add_task("starting", total=1.0), LogLines(bar.console)
+
+        def show(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+            lines(f"{what}: {100 * share:.0f} %")
+
+        yield show
 
 
 class Work:
@@ -118,10 +164,12 @@ class Work:
     def __init__(self, status: Status, what: str) -> None:
         self._status = status
         self._what = what
+        self._lines = LogLines(status.console)
 
     def __call__(self, step: str) -> None:
         """Show the name of the present step."""
         self._status.update(f"{self._what}: {step}")
+        self._lines(f"{self._what}: {step}")
 
     @contextmanager
     def paused(self) -> Iterator[None]:
@@ -136,7 +184,7 @@ class Work:
 @contextmanager
 def working(what: str) -> Iterator[Work]:
     """Show that work of unknown length goes on; what is returned takes the name of each step."""
-    with Console(stderr=True, markup=False, quiet=console.quiet).status(f"{what} ...") as status:
+    with _errors().status(f"{what} ...") as status:
         yield Work(status, what)
 
 

@@ -1,18 +1,20 @@
 """The `ankle` command: every verb through its app, the options that all share, mistakes by name."""
 
+import io
 import json
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from ankle_bringup import verbs
 from ankle_bringup.command_line import app, load_verb, main, verb_names
 from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.graph import load_graph
-from ankle_bringup.terminal import as_json, clear_folder
+from ankle_bringup.terminal import LOG_PERIOD, LogLines, as_json, clear_folder
 from ankle_bringup.verbs.diagnose import base_values
 
 RATE = 1000
@@ -111,6 +113,17 @@ def test_a_verb_is_one_file(extra_verb):
     assert "double-it" in ankle("--help").output
     result = ankle("double-it", 2.5, "--json")
     assert json.loads(result.output) == {"twice[1]": 5.0}
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_a_log_gets_a_line_of_progress_now_and_then_and_a_terminal_none(terminal):
+    text, now = io.StringIO(), [0.0]
+    lines = LogLines(Console(file=text, force_terminal=terminal), lambda: now[0])
+    for second in range(35):
+        now[0] = float(second)
+        lines(f"recording {second}")
+    written = [f"recording {k * LOG_PERIOD:.0f}" for k in (1, 2, 3)]
+    assert text.getvalue().splitlines() == ([] if terminal else written)
 
 
 def test_quiet_keeps_results_off_the_terminal(extra_verb):

@@ -1,5 +1,6 @@
 """Conditioning courses: what a file may say, who succeeds, and what a course shows in the end."""
 
+import itertools
 import math
 from dataclasses import replace
 from importlib import resources
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 import yaml
 from laboratory import FakeRig, FakeSubject
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.live_signals import LiveSignals
@@ -21,6 +24,7 @@ from biofeedback.session.course import (
     load_course,
 )
 from biofeedback.session.course_file import CourseFile
+from biofeedback.session.course_picture import course_figure
 from biofeedback.session.course_record import SessionResult, load_record, new_record, trend
 from biofeedback.session.protocol import BREAK
 from biofeedback.session.runner import SessionRunner
@@ -211,6 +215,43 @@ def test_a_session_broken_off_early_is_left_out_of_the_trend(tmp_path):
     record.results[-1] = replace(record.results[-1], trials=5, conditioned=1e-9)
     assert trend(record, course).sessions == (2, 3)
     assert trend(record, course, CONDITIONED).percent == pytest.approx(whole.percent, rel=0.2)
+
+
+def texts_of(figure):
+    """Every text of a picture but the axes' numbers, with its place [pixels]."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    places = {}
+    for text in figure.findobj(Text):
+        if text.get_visible() and any(map(str.isalpha, text.get_text())):
+            places[text.get_text()] = text.get_window_extent(canvas.get_renderer())
+    return places
+
+
+@pytest.mark.parametrize(("name", "done"), [(name, 30) for name in SHIPPED] + [(SHIPPED[0], 1)])
+def test_no_text_of_a_courses_picture_is_cut_or_covered(name, done):
+    course = load_course(name)
+    record = new_record(course, "S01")
+    number = range(1, min(done, course.sessions) + 1)
+    record.results += [
+        SessionResult(n, "2026-01-01", 225, 225, 1.0 + 0.1 * math.sin(n), 1.0 - 0.01 * n, 0.5)
+        for n in number
+    ]
+    figure = course_figure(record, course)
+    width, height = figure.bbox.size
+    places = texts_of(figure)
+    for text, place in places.items():
+        assert place.x0 >= 0, text
+        assert place.y0 >= 0, text
+        assert place.x1 <= width, text
+        assert place.y1 <= height, text
+    for (text, place), (other, beside) in itertools.combinations(places.items(), 2):
+        assert not place.overlaps(beside), f"{text!r} over {other!r}"
+    assert not any("_" in text for text in places)
+    assert any("control trials" in text for text in places)
+    if done > course.baseline_sessions + 1:
+        assert "minimal detectable change of one session" in places
+        assert any(text.startswith("95 % interval of the last") for text in places)
 
 
 def led(course, behaviour, seconds=60.0, number=None, lead=1.0):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from ankle_interfaces.topics import (
     SESSION_EVENT,
 )
 from ankle_node.session_event import SessionEventError, parse
+from impedance_estimator.offline.recorded_estimates import DOUBTS_KEY, NOT_VALID_KEY
 from session_analysis.html_page import COLOURS, bullets, heading, page, paragraph
 from session_analysis.values import with_unit
 from session_recorder.bag_reader import BagReader
@@ -48,6 +50,14 @@ MAX_GRID = 50_000_000
 part."""
 
 
+VERDICT_SENTENCES = {
+    "no_mismatch": "The model holds: this recording shows nothing that is missing from it",
+    "explained": "Physics is missing from the basic model, and it was found",
+    "unexplained": "Physics is missing from the basic model, and no known effect explains it",
+    "bad_recording": "The recording cannot be judged",
+}
+
+
 @dataclass(frozen=True)
 class Track:
     """Holds one line of the page: evenly spaced values.
@@ -70,7 +80,9 @@ class Track:
     values: np.ndarray
 
 
-def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = None) -> Path:
+def write_recording_page(
+    bag_path: Path, out: Path, diagnosis: Path | None = None, estimates: Path | None = None
+) -> Path:
     """Write the page.
 
     Parameters
@@ -81,6 +93,8 @@ def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = Non
         The file to write.
     diagnosis
         Folder that `ankle diagnose` wrote for it.
+    estimates
+        Bag that `ankle estimate` wrote for it; its estimates are drawn below the signals.
 
     Raises
     ------
@@ -92,6 +106,9 @@ def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = Non
     tracks = read_tracks(bag, losses)
     if not tracks:
         raise BagError(f"{bag_path} holds nothing to draw; it has {', '.join(bag.topics)}")
+    estimated = None if estimates is None else BagReader(estimates)
+    if estimated is not None:
+        tracks += read_tracks(estimated, losses)
     total = sum(len(track.values) for track in tracks)
     group = max(1, -(-2 * total // MAX_VALUES)) if total > MAX_VALUES else 1
     events = _events(bag, losses.origin)
@@ -110,6 +127,8 @@ def write_recording_page(bag_path: Path, out: Path, diagnosis: Path | None = Non
         bullets(losses.sentences(), "loss", "Nothing is missing."),
         heading("Events"),
         bullets([f"{at:.3f} s: {name}" for at, name in events], nothing="None."),
+        heading("Estimates"),
+        *_estimates(estimated, any(IMPEDANCE_ESTIMATE.name in track.name for track in tracks)),
         heading("Diagnosis"),
         *_diagnosis(diagnosis),
     ]
@@ -216,13 +235,37 @@ def _events(bag: BagReader, origin: float) -> list[tuple[float, str]]:
     return found
 
 
+def _estimates(bag: BagReader | None, drawn: bool) -> list[str]:
+    """Return why estimates are doubtful or not valid, as the bag of estimates says it."""
+    if bag is None:
+        return [
+            paragraph("Those of the running laboratory, above.")
+            if drawn
+            else paragraph("None beside the recording; make them with 'ankle estimate'.")
+        ]
+    reasons = [
+        f"{word} {reason}"
+        for key, word in ((DOUBTS_KEY, "doubtful for"), (NOT_VALID_KEY, "not valid for"))
+        for reason in bag.custom_data.get(key, "").split("; ")
+        if reason
+    ]
+    return [
+        paragraph(f"Drawn above, from {bag.path}. Where nothing is drawn, they are not valid."),
+        bullets(reasons, nothing="All of them are valid and without doubt."),
+    ]
+
+
 def _diagnosis(folder: Path | None) -> list[str]:
     if folder is None or not (folder / "verdict.json").exists():
         return [paragraph("None beside the recording; make one with 'ankle diagnose'.")]
     verdict = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))
     sentences = [str(effect.get("sentence", "")) for effect in verdict.get("effects", [])]
+    word = str(verdict.get("verdict", "unknown"))
+    report = (folder / "report.html").resolve()
+    link = f" <a href='{escape(report.as_uri())}'>All of it</a>" if report.exists() else ""
     return [
-        paragraph(f"Verdict: {verdict.get('verdict', 'unknown')}. All of it: {folder}"),
+        paragraph(f"{VERDICT_SENTENCES.get(word, word)}.", "answer"),
+        f"<p>{link}</p>",
         bullets([*sentences, *map(str, verdict.get("reasons", []))]),
     ]
 

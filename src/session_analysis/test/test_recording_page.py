@@ -67,8 +67,30 @@ def test_the_diagnosis_beside_a_recording_is_shown(tmp_path):
     verdict = {"verdict": "explained", "effects": [{"sentence": "The straps give way."}]}
     (folder / "verdict.json").write_text(json.dumps(verdict))
     text = write_recording_page(tmp_path / "bag", tmp_path / "p.html", folder).read_text()
-    assert "Verdict: explained" in text
+    assert "Physics is missing from the basic model, and it was found." in text
     assert "The straps give way." in text
+    assert "report.html" not in text
+    (folder / "report.html").write_text("all of it")
+    text = write_recording_page(tmp_path / "bag", tmp_path / "p.html", folder).read_text()
+    assert (folder / "report.html").as_uri() in text
+
+
+def test_the_estimates_of_a_recording_are_shown_with_their_doubts(tmp_path):
+    write_bag(tmp_path / "bag")
+    with BagWriter(tmp_path / "bag_estimates") as writer:
+        writer.custom_data = {"doubts": "40 % of the time: tissue relaxes", "not_valid": ""}
+        writer.add_topic("/impedance/estimate")
+        data = np.column_stack([50 + np.arange(512) / 64, np.full((512, 2), (90.0, 1.0))])
+        columns = ("t[s]", "K[N.m/rad]", "valid[1]")
+        writer.write_block("/impedance/estimate", Block(columns, data))
+    page = write_recording_page(
+        tmp_path / "bag", tmp_path / "p.html", None, tmp_path / "bag_estimates"
+    )
+    held, text = content(page)
+    assert "/impedance/estimate K[N.m/rad]" in [track["name"] for track in held["tracks"]]
+    assert "doubtful for 40 % of the time: tissue relaxes" in text
+    alone = write_recording_page(tmp_path / "bag", tmp_path / "p.html").read_text()
+    assert "make them with &#x27;ankle estimate&#x27;" in alone
 
 
 def test_a_bag_with_nothing_to_draw_is_refused(tmp_path):

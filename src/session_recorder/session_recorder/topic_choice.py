@@ -1,4 +1,4 @@
-"""Which topics of a graph belong into a bag, and by which name. No ROS."""
+"""Which topics of a graph belong in a bag, and by which name. No ROS."""
 
 from __future__ import annotations
 

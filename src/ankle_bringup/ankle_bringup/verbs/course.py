@@ -34,7 +34,7 @@ def verb(
 ) -> dict[str, Any]:
     """Check a conditioning course, run it with a simulated subject, or show the trend of a record.
 
-    Writes record.yaml and course.png. The course files are explained in docs/biofeedback.md.
+    Writes record.yaml, course.png and course.pdf. docs/biofeedback.md explains the course files.
 
     Example: ankle course down_training --simulate --change 2 --out trained
     """
@@ -47,8 +47,9 @@ def verb(
     try:
         course = load_course(plan)
         console.print(
-            f"{course.title}: {course.baseline_sessions} + {course.conditioning_sessions} "
-            f"sessions, {course.blocks} x {course.trials_per_block} trials, {course.direction}"
+            f"{course.title}: {course.baseline_sessions} baseline and "
+            f"{course.conditioning_sessions} conditioning sessions of {course.blocks} x "
+            f"{course.trials_per_block} trials; the reflex is to go {course.direction}"
         )
         if record is None and not simulate:
             return {"course": course.title, "sessions": course.sessions}
@@ -65,9 +66,11 @@ def verb(
         raise RunError(str(error)) from None
     out.mkdir(parents=True, exist_ok=True)
     kept.save(out / "record.yaml")
-    draw_course(kept, course, out / "course.png")
-    console.print(sentence(kept, course))
-    console.print(f"record: {(out / 'record.yaml').resolve()}   picture: {out / 'course.png'}")
+    for ending in ("png", "pdf"):
+        draw_course(kept, course, out / f"course.{ending}")
+    console.print(sentence(kept, course), soft_wrap=True)
+    console.print(f"record: {(out / 'record.yaml').resolve()}", soft_wrap=True)
+    console.print(f"picture: {out / 'course.png'}, to print: {out / 'course.pdf'}", soft_wrap=True)
     found = trend(kept, course)
     return {
         "out": out.resolve(),

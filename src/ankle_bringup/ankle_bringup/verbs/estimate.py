@@ -100,7 +100,10 @@ def verb(
         console.print(f"not valid for {reason}", soft_wrap=True)
     console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
     require_valid(found)
-    console.print(f"next, does the model hold: ankle diagnose {bag}", soft_wrap=True)
+    console.print(
+        f"next, does the model hold: ankle diagnose {bag} --out {bag}_diagnosis", soft_wrap=True
+    )
+    console.print(f"recording and estimates on one page: {_opening(bag, out)}", soft_wrap=True)
     return {
         "out": out.resolve(),
         "report": report.resolve(),
@@ -114,3 +117,9 @@ def verb(
         "losses": losses,
         "notes": result.notes,
     }
+
+
+def _opening(bag: Path, out: Path) -> str:
+    """Return the command that shows a bag with its estimates."""
+    beside = bag.resolve().with_name(f"{bag.resolve().name}_estimates")
+    return f"ankle open {bag}" + ("" if out.resolve() == beside else f" --estimates {out}")

@@ -22,6 +22,10 @@ def verb(
         Path | None,
         typer.Option(help="Folder of its diagnosis; else BAG_diagnosis, where that is there."),
     ] = None,
+    estimates: Annotated[
+        Path | None,
+        typer.Option(help="Bag of its estimates; else BAG_estimates, where that is there."),
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Show the page in the browser.")] = True,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
@@ -37,8 +41,11 @@ def verb(
         raise RunError(f"{target} is there already; replace it with --overwrite")
     if diagnosis is None:
         diagnosis = path.with_name(f"{path.name}_diagnosis")
+    if estimates is None:
+        beside = path.with_name(f"{path.name}_estimates")
+        estimates = beside if beside.is_dir() else None
     with working(f"reading {bag}"):
-        write_recording_page(bag, target, diagnosis)
+        write_recording_page(bag, target, diagnosis, estimates)
     console.print(f"page: {target.resolve()}", soft_wrap=True)
     if browser and not webbrowser.open(target.resolve().as_uri()):
         console.print("no browser was found; open the page by hand")

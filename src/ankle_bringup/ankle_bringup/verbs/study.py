@@ -30,6 +30,11 @@ def init(
     made = init_study(folder, name)
     console.print(f"study '{made.name}' in {made.folder.resolve()}")
     console.print(f"next: ankle up rig --study {folder} --subject S01 --visit 1", soft_wrap=True)
+    console.print(
+        f"or, with a recording that is there already: ankle study add {folder} RECORDING "
+        "--subject S01 --visit 1",
+        soft_wrap=True,
+    )
 
 
 @verb.command("list")
@@ -77,7 +82,8 @@ def add(
         entry = replace(entry, source=source)
     study.add(entry, stated)
     (shutil.copytree if recording.is_dir() else shutil.copyfile)(recording, entry.source)
-    console.print(f"{recording} is now {entry.source}", soft_wrap=True)
+    console.print(f"{recording} is copied to {entry.source}", soft_wrap=True)
+    console.print(f"when all are there: ankle study run {folder}", soft_wrap=True)
 
 
 @verb.command()

@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
-from biofeedback.session.course import CONDITIONED, MEASURES, Course
+from biofeedback.session.course import CONDITIONED, Course
 from biofeedback.session.course_record import FINAL_SESSIONS, CourseRecord, trend
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#777777"
 """Okabe and Ito's colours; control and conditioned trials differ in their marks, too."""
+DETECTABLE = 1.96 * math.sqrt(2.0)
+"""Minimal detectable change over the standard error of measurement: the difference of two sessions
+of an unchanged reflex stays below it 19 times of 20."""
+MUSCLE_NAMES = {
+    "SOL": "soleus",
+    "TA": "tibialis anterior",
+    "GL": "lateral gastrocnemius",
+    "GM": "medial gastrocnemius",
+}
+MEASURE_NAMES = {"reflex_emg": "EMG reflex", "G": "reflex gain"}
 
 
 def draw_course(record: CourseRecord, course: Course, path: Path) -> None:
@@ -30,40 +37,68 @@ def draw_course(record: CourseRecord, course: Course, path: Path) -> None:
     path
         Of the picture.
     """
+    course_figure(record, course).savefig(path, dpi=130)
+
+
+def course_figure(record: CourseRecord, course: Course) -> Figure:
+    """Draw the reflex of each session beside the baseline, and the successes below.
+
+    Parameters
+    ----------
+    record
+        What was done.
+    course
+        Its plan.
+    """
     results = record.results
     number = np.array([result.number for result in results])
-    baseline = [r.control for r in results if r.number <= course.baseline_sessions]
-    unit = 100.0 / float(np.mean(baseline)) if baseline else math.nan
-    figure, (sizes, rates) = plt.subplots(
-        2, 1, figsize=(8.0, 6.0), sharex=True, height_ratios=(3, 1), layout="constrained"
-    )
+    baseline = np.array([r.control for r in results if r.number <= course.baseline_sessions])
+    baseline = baseline[np.isfinite(baseline)]
+    unit = 100.0 / float(np.mean(baseline)) if len(baseline) else math.nan
+    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+    sizes, rates = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     if len(baseline) > 1:
         spread = unit * float(np.std(baseline, ddof=1))
         sizes.axhspan(
             100.0 - spread, 100.0 + spread, color=GREY, alpha=0.2, label="baseline ± 1 SD"
         )
+        for sign, label in ((-1, "minimal detectable change of one session"), (1, None)):
+            edge = 100.0 + sign * DETECTABLE * spread
+            sizes.axhline(edge, color=GREY, ls=":", lw=1.2, label=label)
     sizes.plot(
-        number, [unit * r.control for r in results], "o", color=BLUE, mfc="none", label="control"
+        number,
+        [unit * r.control for r in results],
+        "o",
+        color=BLUE,
+        mfc="none",
+        label="control trials",
     )
     sizes.plot(
-        number, [unit * r.conditioned for r in results], "s", color=ORANGE, label="conditioned"
+        number,
+        [unit * r.conditioned for r in results],
+        "s",
+        color=ORANGE,
+        label="conditioned trials",
     )
     found = trend(record, course, CONDITIONED)
     if found is not None:
-        last = [number[-1] - min(FINAL_SESSIONS, found.sessions[0]) + 0.5, number[-1] + 0.5]
-        sizes.fill_between(last, found.lower, found.upper, color=ORANGE, alpha=0.25)
-        sizes.set_title(sentence(record, course), fontsize=10)
+        count = min(FINAL_SESSIONS, found.sessions[0])
+        last = [number[-1] - count + 0.5, number[-1] + 0.5]
+        label = f"95 % interval of the last {count} sessions"
+        sizes.fill_between(last, found.lower, found.upper, color=ORANGE, alpha=0.25, label=label)
+    sizes.set_title(sentence(record, course).replace(": ", ":\n", 1), fontsize=10)
     sizes.axvline(course.baseline_sessions + 0.5, color=GREY, lw=0.8)
-    sizes.set_ylabel(f"{course.muscle} {course.measure} [% of baseline]")
-    sizes.legend(frameon=False, fontsize=9)
+    name = f"{MUSCLE_NAMES[course.muscle]}: {MEASURE_NAMES[course.measure]}"
+    sizes.set_ylabel(f"{name} [% of baseline]")
     rates.plot(number, [100.0 * r.success_rate for r in results], "s", color=ORANGE)
     rates.axhline(100.0 * course.success_rate, color=GREY, ls="--", lw=0.8)
     rates.set_ylabel("successes [%]")
     rates.set_ylim(0, 100)
-    rates.set_xlabel(f"session of {record.subject} ({course.title})")
+    rates.set_xlabel("session")
     rates.set_xlim(0.5, course.sessions + 0.5)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    figure.suptitle(f"{record.subject}: {course.title}", wrap=True)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    return figure
 
 
 def sentence(record: CourseRecord, course: Course) -> str:
@@ -72,7 +107,7 @@ def sentence(record: CourseRecord, course: Course) -> str:
     if found is None:
         return (
             f"{len(record.results)} of {course.sessions} sessions are done: too few for a trend "
-            f"of the {course.measure} [{MEASURES[course.measure]}]"
+            f"of the {MEASURE_NAMES[course.measure]}"
         )
     interval = (
         f"{found.percent:.0f} % of the baseline (95 % interval {found.lower:.0f} to "

@@ -130,7 +130,7 @@ def check_pseudonym(subject: str) -> str:
     if not PSEUDONYM.match(subject):
         raise AnalysisError(
             f"subject '{subject}' is refused; allowed: a pseudonym of up to 12 letters and digits "
-            "with at least one digit, as S07. Names of persons do not belong into recordings"
+            "with at least one digit, as S07. Names of persons do not belong in recordings"
         )
     return subject
 
