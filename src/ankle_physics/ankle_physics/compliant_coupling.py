@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
 # About two reflex delays: longer windows need more rounds, shorter ones more overhead.
 LONGEST_WINDOW = 0.1  # s
-# A window of the paper's model converges in four to eight rounds; one that needs far more is
-# cheaper in halves.
-MOST_ROUNDS = 20
+# A window of the paper's model converges in four to eight rounds, one with springs that yield in
+# about 25, whatever its length; one that needs far more is cheaper in halves.
+MOST_ROUNDS = 40
 # Of the torque, or of 1 N.m where the torque is smaller; far below any sensor's resolution.
 TOLERANCE = 1e-11
 # The linear system is renewed when its coefficients have changed by more than this; smaller changes

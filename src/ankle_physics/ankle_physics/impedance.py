@@ -21,7 +21,7 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.model import Entry, Model
 from ankle_physics.quintic import quintic_upsample
 from ankle_physics.signals import Signals
-from ankle_physics.term import Owner, Place
+from ankle_physics.term import Owner, Place, Term
 
 # Finite differences: far below the movements of any recording and far above rounding errors. The
 # velocity lies below the threshold where friction or damping saturates.
@@ -104,7 +104,9 @@ class Impedance:
     K_effective: float
 
 
-def impedance(model: Model, at: OperatingPoint | None = None) -> Impedance:
+def impedance(
+    model: Model, at: OperatingPoint | None = None, effective: float | None = None
+) -> Impedance:
     """State K, B, I, G and the effective stiffness of a model.
 
     Parameters
@@ -113,6 +115,9 @@ def impedance(model: Model, at: OperatingPoint | None = None) -> Impedance:
         Any list of terms; a parameter that is an array counts with its mean.
     at
         The operating point; None: the middle of a minute at rest, with the paper's pulses.
+    effective
+        Effective stiffness [N.m/rad], where a model that differs in no term of
+        `shapes_effective_stiffness` has told it already; None: it is computed, which takes longest.
 
     Returns
     -------
@@ -121,7 +126,18 @@ def impedance(model: Model, at: OperatingPoint | None = None) -> Impedance:
     """
     at = at or OperatingPoint()
     K, B, I = tangent(model, at)
-    return Impedance(K, B, I, reflex_gain(model, at), effective_stiffness(model, at))
+    effective = effective_stiffness(model, at) if effective is None else effective
+    return Impedance(K, B, I, reflex_gain(model, at), effective)
+
+
+def shapes_effective_stiffness(term: Term) -> bool:
+    """Say whether a term counts in the effective stiffness: those of the subject, without the
+    reflexes but for one that answers position.
+    """
+    reflexes = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
+    return term.belongs_to is Owner.SUBJECT and (
+        term.place not in reflexes or term.name == "position_reflex"
+    )
 
 
 def tangent(model: Model, at: OperatingPoint) -> tuple[float, float, float]:
@@ -212,13 +228,7 @@ def effective_stiffness(model: Model, at: OperatingPoint) -> float:
     at
         The operating point.
     """
-    without = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
-    entries = [
-        entry
-        for entry in model.entries
-        if entry.term.belongs_to is Owner.SUBJECT
-        and (entry.term.place not in without or entry.term.name == "position_reflex")
-    ]
+    entries = [entry for entry in model.entries if shapes_effective_stiffness(entry.term)]
     position, velocity, acceleration = _train(at)
     activation = np.full(len(position), _activation(model, at))
     signals = Signals(RESPONSE_RATE, position, velocity, acceleration, activation)

@@ -7,13 +7,30 @@ samples (first-order hold), so that the result depends on the sampling rate only
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 from scipy.linalg import expm
 
 
-class Delay:
+class Stateful:
+    """Holds numbers and arrays that a run changes.
+
+    A foot behind a compliant coupling tries each stretch several times, from the same state: copies
+    of it have to be cheap.
+    """
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Any:
+        """Return a copy with arrays of its own."""
+        copied = object.__new__(type(self))
+        for name, value in vars(self).items():
+            own = value.copy() if isinstance(value, np.ndarray) else value
+            object.__setattr__(copied, name, own)
+        return copied
+
+
+class Delay(Stateful):
     """Delays a signal: ``y(t) = x(t - delay)``, linear between samples; zero before the first
     sample.
 
@@ -51,7 +68,7 @@ class Delay:
         return (1.0 - part) * later + part * earlier
 
 
-class SecondOrder:
+class SecondOrder(Stateful):
     """Filters a signal: ``y'' + 2 z w y' + w^2 y = w^2 x``, unit gain at rest; `run` also gives y'
     and y''.
     """
@@ -129,7 +146,7 @@ def _second_order(
     return out
 
 
-class FirstOrder:
+class FirstOrder(Stateful):
     """Filters a signal: ``T y' + y = x`` for a time constant T [s]; exact for an input linear
     between samples.
     """

@@ -13,8 +13,10 @@ import math
 import numpy as np
 from numba import njit
 
+from ankle_physics.linear_dynamics import Stateful
 
-class DahlSpring:
+
+class DahlSpring(Stateful):
     """Models a spring that slips: ``z' = v - |v| z / yield_size - z / recovery``; z starts at 0.
 
     For a step much larger than `yield_size` z saturates there (Dahl 1968); at rest it is forgotten
@@ -50,7 +52,7 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
     return out
 
 
-class BacklashOperator:
+class BacklashOperator(Stateful):
     """Follows its input only when the gap is used up.
 
     It starts in the middle of the gap.
@@ -77,7 +79,7 @@ def _play(x: np.ndarray, half: float, state: np.ndarray) -> np.ndarray:
     return out
 
 
-class Structure:
+class Structure(Stateful):
     """Follows a structure that movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s /
     breaking``.
 
@@ -111,7 +113,7 @@ def _structure(
     return out
 
 
-class UnequalLag:
+class UnequalLag(Stateful):
     """Filters by a first-order lag that has another time constant while falling."""
 
     def __init__(self, rate: float) -> None:

@@ -30,7 +30,15 @@ _STEP = 1e-4
 _LINEAR_SHARE = 0.1
 # Whitened columns kept: two models of twelve columns each; one takes 0.1 to 0.2 MB.
 _CACHE_SIZE = 24
+# A model is compared with several candidates in turn; the derivatives of one take 3 MB.
+_DERIVATIVES_KEPT = 4
 _BOUND_MARGIN = 2e-3
+# Evaluations after which a fit is asked whether it may still do what it is for. Its steps shrink
+# like a geometric series, by a third and more from stage to stage.
+STAGE = 4
+STAGES_AHEAD = 2.0
+# The tolerance of a single fit.
+_CONVERGED_SHARE = 1e-4
 # Ranges that span more than this ratio are searched on a logarithmic scale.
 _LOG_RATIO = 8.0
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
@@ -187,6 +195,9 @@ class Fitter:
     def _refresh(self) -> None:
         self.target = self.rows.whitened(self.columns.target)
         self._whitened: OrderedDict[int, tuple[np.ndarray, np.ndarray]] = OrderedDict()
+        self._derivatives: OrderedDict[tuple[int, bool], tuple[Fit, np.ndarray, list[Column]]] = (
+            OrderedDict()
+        )
 
     def whitened(self, spectra: Iterable[np.ndarray]) -> np.ndarray:
         """Return the whitened rows of these spectra, shape (count, size); remembered as long as
@@ -266,6 +277,37 @@ class Fitter:
             values = problem.values_at(found.x)
         return self.solve(values, mask)
 
+    def fit_below(
+        self,
+        names: Sequence[str],
+        start: Start,
+        limit: float,
+        evaluations: int,
+    ) -> Fit:
+        """Fit these terms as long as their score may still come below a limit.
+
+        Parameters
+        ----------
+        names
+            Terms.
+        start
+            Values to begin with, by term.
+        limit
+            Of the score. The fit ends early where two more stages of `STAGE` evaluations, each of
+            which lowers the score as much as the last one did, would not reach it.
+        evaluations
+            Of the residual at most.
+        """
+        last = self.solve(self.start_values(names, start)).score
+        fit = self.fit(names, start, evaluations=STAGE)
+        for _ in range(STAGE, evaluations, STAGE):
+            fell = last - fit.score
+            if fell < _CONVERGED_SHARE * fit.score or fit.score - STAGES_AHEAD * fell > limit:
+                break
+            last = fit.score
+            fit = self.fit(names, fit.values, evaluations=STAGE)
+        return fit
+
     def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:
         """Return the fit with these values of what is searched for; only the other, linear
         parameters are solved for.
@@ -317,8 +359,17 @@ class Fitter:
 
     def derivatives(self, fit: Fit, plain: bool = False) -> tuple[np.ndarray, list[Column]]:
         """Return the columns and derivatives by the nonlinear parameters per unit of the scaled
-        range, shape (count, size), whitened or plain.
+        range, shape (count, size), whitened or plain; those of the last few fits are remembered.
         """
+        known = self._derivatives.pop((id(fit), plain), None)
+        if known is None:
+            known = (fit, *self._differentiated(fit, plain))
+            if len(self._derivatives) >= _DERIVATIVES_KEPT:
+                self._derivatives.popitem(last=False)
+        self._derivatives[id(fit), plain] = known
+        return known[1], known[2]
+
+    def _differentiated(self, fit: Fit, plain: bool) -> tuple[np.ndarray, list[Column]]:
         spectra = self.columns.spectra(fit.values)
         amplitudes = {(n, symbol): fit.values[n][symbol] for n, symbol in spectra}
         found = {

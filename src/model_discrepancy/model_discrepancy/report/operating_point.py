@@ -11,7 +11,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from ankle_physics.impedance import OperatingPoint, impedance
+from ankle_physics.impedance import OperatingPoint, impedance, shapes_effective_stiffness
+from ankle_physics.term import term_library
 from model_discrepancy.fit.fitter import Fit
 from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.recording.motion import Motion
@@ -75,7 +76,8 @@ def stated_impedance(fit: Fit, at: OperatingPoint) -> dict[str, tuple[float, flo
             continue
         moved = {name: dict(given) for name, given in fit.values.items()}
         moved[term][symbol] += step
-        there = _values(moved, at)
+        shaping = shapes_effective_stiffness(term_library()[term]())
+        there = _values(moved, at, None if shaping else here["K_effective"])
         for name in UNITS:
             total[name] = total[name] + (there[name] - here[name]) / step * drawn
     return {
@@ -131,5 +133,7 @@ def with_model_error(
     return wider
 
 
-def _values(values: dict[str, dict[str, float]], at: OperatingPoint) -> dict[str, float]:
-    return asdict(impedance(to_model(values, "at an operating point"), at))
+def _values(
+    values: dict[str, dict[str, float]], at: OperatingPoint, effective: float | None = None
+) -> dict[str, float]:
+    return asdict(impedance(to_model(values, "at an operating point"), at, effective))

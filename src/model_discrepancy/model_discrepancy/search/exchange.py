@@ -69,7 +69,14 @@ def _rivals(fitter: Fitter, found: Found, grids: Grids, progress: Progress) -> N
         screened = screen(fitter, without, points)
         promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
         trials = [
-            refitted(fitter, without, s.name, {**without.values, s.name: s.start}, evaluations=8)
+            refitted(
+                fitter,
+                without,
+                s.name,
+                {**without.values, s.name: s.start},
+                evaluations=8,
+                limit=(1.0 + RIVAL_EXCESS) * final.score,
+            )
             for rank, s in enumerate(promising)
             if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
         ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -38,9 +39,23 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
     return replace(trial, held_out=held_out, by_chance=by_chance, torque_share=float(changed))
 
 
-def refitted(fitter: Fitter, current: Fit, name: str, start: Start, evaluations: int = 12) -> Trial:
-    """Return the trial of one more term, fitted together with those of the current model."""
-    fit = fitter.fit(with_term(current.terms, name), start, evaluations=evaluations)
+def refitted(
+    fitter: Fitter,
+    current: Fit,
+    name: str,
+    start: Start,
+    evaluations: int = 12,
+    limit: float = math.inf,
+) -> Trial:
+    """Return the trial of one more term, fitted together with those of the current model; a fit
+    that cannot come below a limit of the score ends early.
+    """
+    terms = with_term(current.terms, name)
+    fit = (
+        fitter.fit(terms, start, evaluations=evaluations)
+        if math.isinf(limit)
+        else fitter.fit_below(terms, start, limit, evaluations)
+    )
     gain = 1.0 - fit.score / current.score
     return Trial(name, fit, gain, (0.0, 0.0), bic_change(fitter, current, fit))
 
@@ -75,9 +90,15 @@ def drop_superfluous(
         name = effect.trial.name
         if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
             continue
-        without = fitter.fit(without_term(current.terms, name), current.values, evaluations=20)
+        by_chance = null.threshold(name)
+        without = fitter.fit_below(
+            without_term(current.terms, name),
+            current.values,
+            limit=current.score / (1.0 - min(by_chance, INDISPENSABLE_SHARE)),
+            evaluations=20,
+        )
         gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
-        if 1.0 - current.score / without.score < null.threshold(name) or min(gains) <= 0.0:
+        if 1.0 - current.score / without.score < by_chance or min(gains) <= 0.0:
             progress(f"{name} is superfluous now")
             found.effects.remove(effect)
             current = without

@@ -1,0 +1,52 @@
+"""The foot's motion behind a nonlinear coupling, against the simulation of the same model."""
+
+import numpy as np
+import pytest
+
+from ankle_physics.foot_motion import foot_motion
+from ankle_physics.model import Model
+from ankle_physics.signals import Signals
+from ankle_physics.term import term_library
+
+RATE = 500.0
+FINE = 16
+
+
+def _plate(rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration of a plate that moves at 3 to 20 Hz for 4 s."""
+    time = np.arange(0.0, 4.0, 1.0 / rate)
+    omega = 2.0 * np.pi * np.array([3.0, 7.3, 20.0])[:, None]
+    size = np.array([0.02, 0.008, 0.002])[:, None] * np.minimum(time / 0.5, 1.0) ** 3
+    x = np.sum(size * np.sin(omega * time), axis=0)
+    v = np.gradient(x, 1.0 / rate)
+    return x, v, np.gradient(v, 1.0 / rate)
+
+
+@pytest.mark.parametrize("curvature", [60.0, -80.0])
+def test_the_foot_moves_as_in_the_simulation(curvature):
+    fixation = {"k_s": 900.0, "b_s": 3.0, "curvature": curvature}
+    impedance = {"inertia": {"I": 0.012}, "viscosity": {"B": 0.8}, "stiffness": {"K": 60.0}}
+    model = Model.of({**impedance, "stiffening_fixation": fixation})
+    fine = _plate(RATE * FINE)
+    signals = Signals(RATE * FINE, *fine, np.zeros(fine[0].size))
+    model.start(RATE * FINE).torque(signals)
+    term = term_library()["stiffening_fixation"]()
+    plate = tuple(signal[::FINE] for signal in fine[:2])
+    x, v, a = foot_motion(term, fixation, (0.012, 0.8, 60.0), plate, RATE)
+    later = slice(round(RATE), None)
+    for own, simulated, least in (
+        (x, signals.foot_position, 1e-3),
+        (v, signals.foot_velocity, 5e-3),
+        (a, signals.foot_acceleration, 2e-2),
+    ):
+        expected = simulated[::FINE][later]
+        assert np.std(own[later] - expected) < least * np.std(expected)
+        assert np.std(own[later] - expected) < 0.1 * np.std(expected - expected.mean())
+
+
+def test_a_foot_without_inertia_moves():
+    fixation = {"k_s": 900.0, "b_s": 3.0, "curvature": 60.0}
+    term = term_library()["stiffening_fixation"]()
+    x, v, a = foot_motion(term, fixation, (0.0, 0.8, 60.0), _plate(RATE)[:2], RATE)
+    assert np.all(np.isfinite([x, v, a]))
+    assert np.std(x) > 0.5 * np.std(_plate(RATE)[0])
