@@ -40,7 +40,7 @@ INTERVAL = 1.96
 DOUBTS = (
     "Doubtful means: the torque shows more than inertia, viscosity, stiffness and one reflex can "
     "explain, so K and G may be off by more than their errors say. 'ankle diagnose' looks for what "
-    "is missing; the offline value beside each one is a second opinion."
+    "is missing."
 )
 BASE_VALUES = (
     "These are the values that the online estimator tracks, as medians over the recording. 'ankle "
@@ -80,7 +80,7 @@ def value_rows(found: Answer) -> list[list[str]]:
 
     The first row names the columns.
     """
-    rows = [["", "median ± standard error", "parallel cascade, offline"]]
+    rows = [["", "median ± standard error", "second opinion"]]
     for quantity in QUANTITIES:
         name = quantity.partition("[")[0]
         offline = None if found.opinion is None else {"K": found.opinion.K, "G": found.opinion.G}
@@ -97,8 +97,8 @@ def _parts(found: Answer) -> list[str]:
     parts = [
         paragraph(f"{share}. Estimator: {found.algorithm}.", "answer"),
         table(value_rows(found)),
-        *_reasons(found),
         paragraph(BASE_VALUES),
+        *_reasons(found),
         heading("What the recording lacks"),
         bullets(found.losses.sentences(), "loss", "Nothing is missing."),
         heading("K, B, I and G over time"),
@@ -109,6 +109,12 @@ def _parts(found: Answer) -> list[str]:
     ]
     if len(found.torques):
         parts += [heading("Prediction against measurement"), figure(_torque(found))]
+        parts.append(
+            paragraph(
+                "Move the window below the curves to see other times; click a name to show or hide "
+                "its curve."
+            )
+        )
     parts += [heading("Second opinion")]
     if found.opinion is None:
         parts.append(paragraph(f"None: {found.no_opinion}"))
@@ -117,7 +123,7 @@ def _parts(found: Answer) -> list[str]:
     parts += [
         heading("Remarks"),
         bullets(found.notes),
-        paragraph(f"Settings: {found.settings}"),
+        paragraph(f"Settings: {found.settings.partition('(')[2].rstrip(')') or found.settings}"),
     ]
     return parts
 
@@ -164,8 +170,9 @@ def _opinion(found: Answer) -> list[str]:
     )
     return [
         paragraph(
-            "The parallel cascade has no parametric form. It is fitted offline, to the whole "
-            "recording and to each half; errors are from the scatter of stretches of 6 to 10 s. "
+            "The second opinion is the parallel cascade, which assumes no inertia, viscosity and "
+            "stiffness but two free responses. It is fitted to the whole recording and to each "
+            "half; errors are from the scatter of stretches of 6 to 10 s. "
             "Its reflex response lasts 0.4 s and can stand in for a part of the stiffness: of an "
             "ankle without reflexes it says K up to 10 % too low and G up to 3 N·m·s/rad. Its "
             "prediction of the other half is what a linear joint with one reflex can explain."
@@ -173,7 +180,11 @@ def _opinion(found: Answer) -> list[str]:
         table(rows),
         heading("From position to torque"),
         figure(_frequency(found)),
-        paragraph(how),
+        paragraph(
+            "Gain and phase say how large the torque is and how far ahead of the position, by "
+            "frequency. Coherence is the share of the torque that follows the motion: 1 is all of "
+            f"it, and where it is low, gain and phase say little. {how}"
+        ),
     ]
 
 

@@ -74,14 +74,14 @@ def estimates(seconds=40.0, valid_from=8.0, K=K, doubts=""):
 
 def test_the_report_answers_and_needs_no_network(tmp_path):
     bag = write_bag(tmp_path / "bag", ankle(), left_out=(100, 101))
-    found = answer(bag, estimates(), "CE", "CESettings(...)")
+    found = answer(bag, estimates(), "CE", "CESettings(memory=10.0)")
     path = write_estimates(found, tmp_path)
     text = path.read_text()
     body = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
     assert "64 samples (0.064 s) are missing in 1 gap: 64 at 3.199 s" in body
     assert "2048 of 2560 estimates are valid" in body
     assert "something happened" in body
-    assert "CESettings(...)" in body
+    assert "Settings: memory=10.0<" in body
     # Figures draw from what the file holds; nothing is fetched.
     assert text.count("Plotly.newPlot(") >= 3
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.http", text)
