@@ -314,7 +314,8 @@ class McapFile:
         """
         wanted = frozenset(channels)
         with self.path.open("rb") as stream:
-            for piece in self._pieces:
+            # By time, the chunks of topics that were written one after the other would interleave.
+            for piece in sorted(self._pieces, key=lambda piece: piece.offset):
                 if piece.index and wanted.isdisjoint(piece.index):
                     continue
                 try:

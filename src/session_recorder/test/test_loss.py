@@ -192,6 +192,21 @@ def test_two_publishers_of_a_signal_are_named(tmp_path, block):
     recording.close()
 
 
+def test_topics_that_are_written_one_after_the_other_lose_nothing(tmp_path):
+    time = np.arange(60 * 2048) / 2048.0
+    noise = np.random.default_rng(1).normal(size=(len(time), 3))  # does not compress: many chunks
+    whole = np.column_stack([time, noise])
+    columns = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
+    with BagWriter(tmp_path / "bag") as writer:
+        for topic in ("/perturbation/reference", TOPIC):
+            writer.add_topic(topic)
+            for first in range(0, len(time), 512):
+                writer.write_block(topic, Block(columns, whole[first : first + 512]))
+    found = account(tmp_path / "bag")
+    assert found.missing == 0
+    assert found.sentences() == []
+
+
 def test_an_empty_account_says_nothing():
     assert LossAccount().sentences() == []
 
