@@ -13,14 +13,14 @@ import edfio
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from dask.distributed import Client, LocalCluster, get_task_stream
+from dask.distributed import Client, get_task_stream
 
 from ankle_interfaces.block import Block
 from ankle_node.session_event import SessionEvent
 from session_analysis.errors import AnalysisError
 from session_analysis.study.bids_export import export_bids
 from session_analysis.study.layout import Study, check_pseudonym, check_stated, init_study
-from session_analysis.study.recording_results import Row, process
+from session_analysis.study.recording_results import Row, process, verdict_rows
 from session_analysis.study.reliability import reliability
 from session_analysis.study.running import read_results, run_study, write_results
 from session_analysis.study.study_report import visit_table, write_study_report
@@ -229,18 +229,64 @@ def test_a_study_is_run_and_a_bad_recording_does_not_end_it(study):
         run_study(init_study(study.folder.parent / "empty"), 1)
 
 
+def until(condition, what, seconds=10.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.05)
+
+
+CLOSING_LIMIT = 60.0
+"""[s] A process of the cluster that was asked to end has ended by then, on a busy computer, too."""
+
+
+@contextlib.contextmanager
+def running(*command):
+    """A program that is asked to end at the end, and killed where it does not."""
+    process = subprocess.Popen([sys.executable, "-m", *map(str, command)])
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(CLOSING_LIMIT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+@contextlib.contextmanager
+def dask_cluster(folder, workers):
+    """The programs that a laboratory starts for a Dask cluster; gives the scheduler's address.
+
+    The workers end before the scheduler. They have no nanny: a nanny's limit of 5 s for closing
+    a worker cannot be set, and a busy computer does not keep it.
+    """
+    file = folder / "scheduler.json"
+    scheduler = ("distributed.cli.dask_scheduler", "--port", 0, "--no-dashboard")
+    worker = ("distributed.cli.dask_worker", "--no-nanny", "--nthreads", 1, "--no-dashboard")
+    with contextlib.ExitStack() as started:
+        started.enter_context(running(*scheduler, "--scheduler-file", file))
+        until(file.exists, "the scheduler started", 120.0)
+        for number in range(workers):
+            where = ("--local-directory", folder / f"worker_{number}")
+            started.enter_context(running(*worker, "--scheduler-file", file, *where))
+        yield json.loads(file.read_text())["address"]
+
+
 @pytest.mark.slow
 @pytest.mark.live
 @pytest.mark.timeout(900)
-def test_a_dask_cluster_computes_what_this_machine_does(study):
+def test_a_dask_cluster_computes_what_this_machine_does(study, tmp_path):
     for visit in (1, 2):
         entry = study.next_entry("S07", visit)
         study.add(entry, {})
         write_bag(entry.source)
-    cluster = LocalCluster(2, threads_per_worker=1, dashboard_address=None)
-    with cluster, Client(cluster) as client, get_task_stream(client) as tasks:
-        command = [ANKLE, "study", "run", study.folder, "--no-diagnose", "--scheduler"]
-        subprocess.run([*command, cluster.scheduler_address], check=True)
+    with dask_cluster(tmp_path, 2) as address, Client(address, timeout="60s") as client:
+        client.wait_for_workers(2, timeout=120)
+        command = [ANKLE, "study", "run", study.folder, "--no-diagnose", "--scheduler", address]
+        with get_task_stream(client) as tasks:
+            subprocess.run(command, check=True, timeout=600.0)
     assert len({task["worker"] for task in tasks.data}) == 2
     computed = read_results(study.results)
     assert {row.visit for row in computed} == {1, 2}
@@ -262,13 +308,6 @@ def members_of(group):
             if int(of_group) == group and state != "Z":
                 found.append(int(stat.parent.name))
     return found
-
-
-def until(condition, what, seconds=10.0):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.05)
 
 
 @pytest.mark.slow
@@ -334,6 +373,33 @@ def test_bids_has_motion_and_emg_with_their_descriptions(study, tmp_path):
     assert signal.label == "SOL"
     np.testing.assert_allclose(signal.data[:1000], 20 * np.sin(100 * ankle()[0][:1000]), atol=1e-4)
     assert json.loads((tmp_path / "bids" / "dataset_description.json").read_text())["BIDSVersion"]
+
+
+def test_bids_has_imported_files_or_says_that_they_are_missing(study, tmp_path):
+    entry = study.next_entry("S08", 1)
+    study.add(entry, {})
+    entry.source.with_name(f"{entry.name}.csv").write_text("Time (s),Ankle Angle (deg)\n")
+    with pytest.raises(AnalysisError, match="not imported yet: 'ankle study run"):
+        export_bids(study, tmp_path / "bids")
+    assert not (tmp_path / "bids").exists()
+    write_bag(study.derived(entry) / "imported")
+    (motion,) = export_bids(study, tmp_path / "bids")
+    assert motion.name.startswith("sub-S08_ses-01")
+    with pytest.raises(AnalysisError, match="no recording"):
+        export_bids(init_study(tmp_path / "empty"), tmp_path / "nothing")
+
+
+def test_a_diagnosis_becomes_rows_with_their_units(study):
+    entry = study.next_entry("S08", 1)
+    verdict = {
+        "effects": [{"name": "backlash", "probability": 0.7}],
+        "fit": {"ceiling_vaf": 97.4, "gap_closed": 0.96, "note": "text"},
+    }
+    assert {row.quantity: row.value for row in verdict_rows(entry, verdict)} == {
+        "effect:backlash[1]": 0.7,
+        "diagnosis_ceiling_vaf[%]": 97.4,
+        "diagnosis_gap_closed[1]": 0.96,
+    }
 
 
 def test_the_largest_torque_of_the_check_list_is_in_the_recording(tmp_path):

@@ -14,6 +14,8 @@ from ankle_interfaces.continuity import sampling_rate
 from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES
 from session_analysis.errors import AnalysisError
 from session_analysis.study.layout import Entry, Study, software_version
+from session_analysis.study.recording_results import imported_bag
+from session_recorder.bag_metadata import METADATA_FILE
 from session_recorder.bag_reader import BagReader
 
 BIDS_VERSION = "1.10.0"
@@ -25,7 +27,8 @@ _KINDS = {"position": "ORNT", "velocity": "ANGVEL", "torque": "MISC"}
 def export_bids(
     study: Study, out: Path, progress: Callable[[str, float], None] | None = None
 ) -> list[Path]:
-    """Write every recorded bag of a study as BIDS.
+    """Write every recording of a study as BIDS; files from elsewhere as 'ankle study run' imported
+    them.
 
     Parameters
     ----------
@@ -44,15 +47,16 @@ def export_bids(
     Raises
     ------
     AnalysisError
-        `out` holds something, or the study has no bag.
+        `out` holds something, the study has no recording, or a file is not imported yet.
     BagError
         A bag cannot be read.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise AnalysisError(f"{out} is not an empty folder; nothing is overwritten")
-    entries = [entry for entry in study.entries() if entry.source.is_dir()]
+    entries = study.entries()
     if not entries:
-        raise AnalysisError(f"{study.folder} has no recorded bag")
+        raise AnalysisError(f"{study.folder} has no recording")
+    bags = {entry.name: _bag_of(study, entry) for entry in entries}
     out.mkdir(parents=True, exist_ok=True)
     about = {
         "Name": study.name,
@@ -66,7 +70,8 @@ def export_bids(
     (out / "participants.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     written = []
     for done, entry in enumerate(entries, 1):
-        written += _export(entry, out / f"sub-{entry.subject}" / f"ses-{entry.visit:02d}")
+        folder = out / f"sub-{entry.subject}" / f"ses-{entry.visit:02d}"
+        written += _export(entry, BagReader(bags[entry.name]), folder)
         if progress:
             progress(entry.name, done / len(entries))
     return written
@@ -76,8 +81,18 @@ def _json(path: Path, content: dict[str, Any]) -> None:
     path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def _export(entry: Entry, folder: Path) -> list[Path]:
-    bag = BagReader(entry.source)
+def _bag_of(study: Study, entry: Entry) -> Path:
+    if entry.source.is_dir():
+        return entry.source
+    bag = imported_bag(study.derived(entry))
+    if not (bag / METADATA_FILE).exists():
+        raise AnalysisError(
+            f"{entry.source} is not imported yet: 'ankle study run {study.folder}' imports it"
+        )
+    return bag
+
+
+def _export(entry: Entry, bag: BagReader, folder: Path) -> list[Path]:
     stem = f"sub-{entry.subject}_ses-{entry.visit:02d}_task-{TASK}"
     written = []
     if ANKLE_SAMPLES.absolute in bag.topics:

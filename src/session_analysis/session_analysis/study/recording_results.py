@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -127,6 +128,11 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
     return rows
 
 
+def imported_bag(derived: Path) -> Path:
+    """Return where the bag of a recording stands that was imported from a file."""
+    return derived / "imported"
+
+
 def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
     """Return the bag of a file of another system, by what is stated or else by what is likely."""
     table = read_table(entry.source)
@@ -139,7 +145,7 @@ def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
         resample = resample or proposal.resample
     report = import_recording(
         table,
-        derived / "imported",
+        imported_bag(derived),
         columns,
         torque_sign=sign,
         rate=None if any(name.startswith("t[") for name in columns) else table.rate,
@@ -190,7 +196,24 @@ def _relative_rows(entry: Entry, found: Answer, stated: dict[str, Any], bag: Pat
 def _diagnosis_rows(entry: Entry, bag: Path, out: Path) -> list[Row]:
     from model_discrepancy.diagnose import diagnose
 
-    verdict = json.loads(json.dumps(diagnose(bag, out).verdict, default=vars))
+    return verdict_rows(entry, json.loads(json.dumps(diagnose(bag, out).verdict, default=vars)))
+
+
+def verdict_rows(entry: Entry, verdict: Mapping[str, Any]) -> list[Row]:
+    """Return the rows of a diagnosis: the probability of each effect, and how well models fit.
+
+    Parameters
+    ----------
+    entry
+        The recording.
+    verdict
+        As in ``verdict.json``.
+
+    Returns
+    -------
+    list[Row]
+        VAF in per cent, every other measure of the fit as a share from 0 to 1.
+    """
     who = (entry.subject, entry.visit, entry.run)
     rows = []
     for effect in verdict.get("effects", []):
@@ -198,5 +221,6 @@ def _diagnosis_rows(entry: Entry, bag: Path, out: Path) -> list[Row]:
         rows.append(Row(*who, f"effect:{effect['name']}[1]", probability, math.nan, math.nan))
     for name, value in (verdict.get("fit") or {}).items():
         if isinstance(value, (int, float)):
-            rows.append(Row(*who, f"diagnosis_{name}[%]", float(value), math.nan, math.nan))
+            unit = "%" if "vaf" in name else "1"
+            rows.append(Row(*who, f"diagnosis_{name}[{unit}]", float(value), math.nan, math.nan))
     return rows
