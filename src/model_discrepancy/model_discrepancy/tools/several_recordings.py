@@ -33,10 +33,10 @@ from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.search.found import FOLLOWING_MARGIN, Progress
+from model_discrepancy.search.hypotheses import MIN_PROMISE, MOST_TERMS, REFITS_PER_STEP
 from model_discrepancy.search.null import Null, thresholds
 from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
 from model_discrepancy.search.surrogate_activation import surrogate_activation
-from model_discrepancy.search.term_search import MIN_PROMISE, MOST_TERMS, REFITS_PER_STEP
 from model_discrepancy.search.trials import halves_errors
 
 # Values of a rig's term differ between recordings where Q is that improbable. Standard errors of a

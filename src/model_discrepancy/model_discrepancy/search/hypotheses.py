@@ -1,0 +1,280 @@
+"""Hypotheses about what is missing: each adds one term after the other.
+
+Which of two terms comes first depends on what is still missing, and a search that only ever takes
+the best one does not find back from a term that stood in for two others. Where a second candidate
+did about as well as the chosen one, the search forks: that hypothesis is followed, too, as long as
+it keeps up with the first, and the one of the least BIC wins (a beam search; Lowerre 1976, The
+Harpy speech recognition system, Carnegie Mellon University).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ankle_physics.term import term_library
+from model_discrepancy.fit.base_model import align, bic_change
+from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.search.found import Effect, Found, Progress, Trial
+from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import Screened, screen
+from model_discrepancy.search.trials import (
+    drop_superfluous,
+    fixed_errors,
+    halves_errors,
+    judged,
+    refitted,
+)
+
+# Of the whitened residual that a candidate promises, to be refitted at all.
+MIN_PROMISE = 0.003
+# Joint refits per step; the screening's order is right about the first few only.
+REFITS_PER_STEP = 4
+# Where none of them is accepted, further ones are refitted, up to so many.
+MOST_REFITS = 12
+# Candidates that gain less than this ratio of the best one's are not refitted to the end.
+NEAR_BEST_RATIO = 0.6
+# Of those, so many are scored on unseen rows: the best, and those that may generalise better.
+SCORED_CANDIDATES = 3
+# Whitened gains within this ratio are too near to choose by: which of two comes first depends on
+# what is still missing.
+RIVAL_GAIN_RATIO = 0.5
+MOST_TERMS = 9
+# A term that makes another one superfluous leaves their number as it was; steps end all the same.
+MOST_STEPS = 2 * MOST_TERMS
+# Of one or two terms every rival is tried anyway (`exchange`); three and more may stand in for
+# others.
+LEAST_TERMS_FORKED = 3
+# Hypotheses beside the first one; each may take as long as that one.
+MOST_FORKS = 2
+# A hypothesis that is behind by more than the next term gains, two terms after its fork, stays so.
+TERMS_TO_CATCH_UP = 2
+BEHIND_RATIO = 1.05
+
+
+@dataclass
+class Fork:
+    """Describes a step at which a second candidate did about as well as the one that was chosen.
+
+    Attributes
+    ----------
+    effects
+        Found before it.
+    current
+        The model with them.
+    trial
+        The second candidate.
+    """
+
+    effects: list[Effect]
+    current: Fit
+    trial: Trial
+
+    @property
+    def gain(self) -> float:
+        """Return the smaller gain of both directions on unseen rows."""
+        return min(self.trial.held_out)
+
+
+@dataclass
+class Hypothesis:
+    """Holds the terms that one order of choices led to.
+
+    Attributes
+    ----------
+    found
+        Its effects and near misses.
+    current
+        The model with them.
+    scores
+        Least whitened sum of squares by number of effects.
+    forks
+        Steps at which it might have gone another way.
+    """
+
+    found: Found
+    current: Fit
+    scores: dict[int, float] = field(default_factory=dict)
+    forks: list[Fork] = field(default_factory=list)
+
+
+class Hypotheses:
+    """Follows hypotheses about one recording.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    base
+        The base model's fit.
+    null
+        Surrogates of that noise.
+    grids
+        Of the library that may be added.
+    yardstick
+        Gain of a fixed whitening at each frequency of the rows.
+    progress
+        Called with one line for each step.
+    activation_of
+        Slow torque that belongs to each surrogate, as `screening.screen` takes it.
+    """
+
+    def __init__(
+        self,
+        fitter: Fitter,
+        base: Fit,
+        null: Null,
+        grids: Grids,
+        yardstick: np.ndarray,
+        progress: Progress,
+        activation_of: Callable[[int], np.ndarray] | None = None,
+    ) -> None:
+        self._fitter, self._base, self._null, self._grids = fitter, base, null, grids
+        self._yardstick, self._progress = yardstick, progress
+        self._activation_of = activation_of
+
+    def best(self) -> Hypothesis:
+        """Return the hypothesis of the least BIC."""
+        first = best = Hypothesis(Found(self._base, self._base), self._base)
+        self._follow(first)
+        forks = first.forks if len(first.found.effects) >= LEAST_TERMS_FORKED else []
+        for _ in range(min(MOST_FORKS, len(forks))):
+            fork = max(forks, key=lambda fork: fork.gain)
+            self._progress(f"another hypothesis: {fork.trial.name} first")
+            found = Found(self._base, self._base, effects=list(fork.effects))
+            other = Hypothesis(found, fork.current)
+            self._add(other, fork.trial)
+            self._follow(other, leading=best)
+            forks = [*(one for one in forks if one is not fork), *other.forks]
+            if bic_change(self._fitter, best.current, other.current) < 0.0:
+                best = other
+        return best
+
+    def _follow(self, hypothesis: Hypothesis, leading: Hypothesis | None = None) -> None:
+        """Add as many terms as are worth it; stop where the leading hypothesis is well ahead."""
+        found, begun = hypothesis.found, len(hypothesis.found.effects)
+        for _ in range(MOST_STEPS):
+            count = len(found.effects)
+            if count >= MOST_TERMS or (
+                leading is not None
+                and count >= begun - 1 + TERMS_TO_CATCH_UP
+                and hypothesis.current.score
+                > BEHIND_RATIO * leading.scores.get(count, leading.current.score)
+            ):
+                return
+            self._progress(f"looking for term {count + 1}: screening")
+            trials, found.by_chance = self._step(hypothesis.current)
+            good = [t for t in trials if t.accepted]
+            if not good:
+                found.near = trials[:3]
+                return
+            chosen = _chosen(self._fitter, good)
+            hypothesis.forks += [
+                Fork(list(found.effects), hypothesis.current, other)
+                for other in _equal(good)
+                if other is not chosen
+            ]
+            self._add(hypothesis, chosen)
+
+    def _add(self, hypothesis: Hypothesis, trial: Trial) -> None:
+        """Add a term and remove what it makes superfluous."""
+        found, fitter = hypothesis.found, self._fitter
+        current = align(fitter, fitter.fit(trial.fit.terms, trial.fit.values, evaluations=15))
+        found.effects.append(Effect(trial, fixed_errors(current, self._yardstick)))
+        hypothesis.current = drop_superfluous(fitter, found, current, self._null, self._progress)
+        count, score = len(found.effects), hypothesis.current.score
+        hypothesis.scores[count] = min(score, hypothesis.scores.get(count, score))
+
+    def _step(self, current: Fit) -> tuple[list[Trial], float]:
+        """Return the most promising candidates, refitted and scored on unseen rows, best first, and
+        what the best one gains by chance.
+
+        Where none of the first few is accepted, those behind them are tried.
+        """
+        fitter, null, grids = self._fitter, self._null, self._grids
+        # The library is tried on the noise once: later models imitate no less of it.
+        screened = screen(
+            fitter,
+            current,
+            grids.points(current),
+            None if null.observed else null,
+            self._activation_of,
+        )
+        grids.learn(screened)
+        by_chance = {s.name: null.threshold(s.name) for s in screened}
+        promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
+        tried: list[Trial] = []
+        for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
+            few = promising[begin : begin + REFITS_PER_STEP]
+            trials = _refitted_and_judged(fitter, current, few, by_chance, self._progress)
+            tried = sorted([*tried, *trials], key=lambda t: -t.gain)
+            if any(t.accepted for t in trials):
+                break
+        return tried, tried[0].by_chance if tried else by_chance[screened[0].name]
+
+
+def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
+    """Choose the best on unseen rows; among those that do about as well, the one that predicts the
+    plain torque best.
+    """
+    equal = _equal(good)
+    return (
+        equal[0]
+        if len(equal) == 1
+        else min(equal, key=lambda t: sum(halves_errors(fitter, t.fit, plain=True)))
+    )
+
+
+def _equal(good: Sequence[Trial]) -> list[Trial]:
+    """Return those that gain about as much on unseen rows as the best one, and are not needless."""
+    good = [t for t in good if not _needless(t, good)]
+    largest = max(min(t.held_out) for t in good)
+    return [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
+
+
+def _needless(general: Trial, good: Sequence[Trial]) -> bool:
+    """Say whether a special case of a term does as well, but for what its further parameters gain
+    by chance.
+    """
+    return any(
+        special.name in term_library()[general.name].generalises
+        and general.gain < special.gain + general.by_chance
+        for special in good
+    )
+
+
+def _refitted_and_judged(
+    fitter: Fitter,
+    current: Fit,
+    few: Sequence[Screened],
+    by_chance: dict[str, float],
+    progress: Progress,
+) -> list[Trial]:
+    """Return a few candidates, best first; those near the best are refitted to the end and scored
+    on unseen rows.
+    """
+    trials = []
+    for s in few:
+        progress(f"refitting with {s.name}")
+        trials.append(
+            refitted(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5)
+        )
+    best = max((t.gain for t in trials), default=0.0)
+    # The first steps of a refit tell which ones are worth the others.
+    near = [
+        refitted(fitter, current, t.name, t.fit.values)
+        if t.gain > max(0.5 * by_chance[t.name], NEAR_BEST_RATIO * best)
+        else t
+        for t in trials
+    ]
+    near.sort(key=lambda t: -t.gain)
+    return [
+        judged(fitter, current, t, by_chance[t.name])
+        if place < SCORED_CANDIDATES
+        and t.gain > max(by_chance[t.name], NEAR_BEST_RATIO * near[0].gain)
+        else replace(t, by_chance=by_chance[t.name])
+        for place, t in enumerate(near)
+    ]
