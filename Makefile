@@ -5,6 +5,9 @@ VENV ?= .venv
 BUILD ?= build
 INSTALL ?= install
 PYTHONS ?= 3.10 3.11 3.12 3.13
+# Every process of the tests would otherwise compile the workspace's sources anew where a container
+# sets this, half a second each.
+unexport PYTHONDONTWRITEBYTECODE
 BIN := $(VENV)/bin
 STAMP := $(VENV)/set-up
 REQUIREMENTS := $(wildcard requirements/*.txt)

@@ -16,7 +16,8 @@ A reference may carry the position alone. A term that the model lacks is NaN in 
 node advances by the samples of the reference, never by timers: it is as fast as its input. A
 simulated subject (parameter `subject`) sets K, G and the voluntary torque by what its muscles do. A
 value that is set by hand then (``ros2 param set /ankle_sim K 120.0``) is kept until the subject's
-state is set or its next hold begins. Parameters: `ankle_sim.parameters`.
+state is set or its next hold begins. Parameters: `ankle_sim.parameters`,
+`ankle_sim.subject_parameters`.
 """
 
 from __future__ import annotations
@@ -45,11 +46,12 @@ from ankle_physics.model import Model
 from ankle_sim import start_setup
 from ankle_sim.live_rig import LiveRig, Setup, Stretch
 from ankle_sim.live_subject import SUBJECT_PARAMETER_SYMBOLS, LiveSubject
-from ankle_sim.parameters import STATE_PARAMETERS, SUBJECT, model_parameters
+from ankle_sim.parameters import model_parameters
 from ankle_sim.rest import Rest
 from ankle_sim.rest_services import RestServices
 from ankle_sim.start_setup import MODEL_CHOICE, holds_from, make_model, setup_from, state_from
 from ankle_sim.start_values import start_value
+from ankle_sim.subject_parameters import STATE_PARAMETERS, SUBJECT
 from ankle_sim.virtual_subject import draw_subject
 
 NAME = "ankle_sim"

@@ -15,21 +15,23 @@ from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import Setup
 from ankle_sim.live_subject import subject_model
 from ankle_sim.parameters import (
-    HOLD_DURATION,
-    HOLDS,
     MODEL,
-    REACH_DURATION,
     RIG,
     RIG_PARAMETERS,
     SCENARIO,
-    STATE_PARAMETERS,
-    SUBJECT,
-    SUBJECT_PARAMETERS,
     TERMS,
     model_parameters,
     with_voluntary_torque,
 )
 from ankle_sim.procedure import PlannedHold, some_holds
+from ankle_sim.subject_parameters import (
+    HOLD_DURATION,
+    HOLDS,
+    REACH_DURATION,
+    STATE_PARAMETERS,
+    SUBJECT,
+    SUBJECT_PARAMETERS,
+)
 from ankle_sim.virtual_subject import State, draw_subject
 
 MODEL_CHOICE = (MODEL, TERMS, SUBJECT, RIG)

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from ankle_physics.errors import ModelError
-from ankle_physics.model import Model
-from ankle_physics.rig_file import RigFile
 from biofeedback.errors import CommandError
 from biofeedback.session.check_list import SESSION_CALIBRATION
 
@@ -51,6 +49,9 @@ def rig_calibration(path: str, valid_days: float, now: datetime | None = None) -
     again = "calibrate with 'ankle calibrate rig --out rig.yaml' and set the parameter rig_file"
     if not path:
         raise CommandError(f"no rig file is named; {again}")
+    # The physics brings a compiler that takes half a second to load: only where there is a file.
+    from ankle_physics.rig_file import RigFile
+
     try:
         rig = RigFile.load(path)
     except (ModelError, OSError) as error:
@@ -78,6 +79,8 @@ def session_calibration(path: str, now: float | None = None) -> dict[str, Any]:
     )
     if not path:
         raise CommandError(f"no subject file is named (parameter subject_file); {again}")
+    from ankle_physics.model import Model
+
     try:
         model = Model.load(path)
         hours = ((time.time() if now is None else now) - Path(path).stat().st_mtime) / 3600.0

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from scipy import stats
 
 from ankle_interfaces.yaml_text import parse_yaml, read_text
 from biofeedback.errors import CommandError
@@ -251,6 +250,8 @@ def trend(record: CourseRecord, course: Course, kind: str = CONDITIONED) -> Tren
     )
     if len(before) < 2 or len(after) < 2:
         return None
+    from scipy import stats  # takes a second to load: only for those who compare
+
     interval = stats.ttest_ind(after, before, equal_var=False).confidence_interval(LEVEL)
     percent, lower, upper = (
         100.0 * math.exp(value)

@@ -16,7 +16,6 @@ from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from ankle_node.qos import reader_qos
 from ankle_physics.errors import ModelError
-from ankle_physics.model import Model
 from biofeedback.errors import CommandError
 
 ESTIMATOR, MODEL = "impedance_estimator", "model"
@@ -84,6 +83,8 @@ class ModelOfEstimator:
         CommandError
             The file cannot be read, or no estimator answers.
         """
+        from ankle_physics.model import Model  # with its compiler, only where a model is used
+
         self._wanted = None
         try:
             self._wanted = "" if model is None else Model.load(model).sha256

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from ankle_node.node import SIMULATION
-from ankle_sim.parameters import STATE_PARAMETERS, SUBJECT
+from ankle_sim.subject_parameters import STATE_PARAMETERS, SUBJECT
 from biofeedback.errors import CommandError
 
 NAMES = tuple(parameter.name for parameter in STATE_PARAMETERS)
@@ -57,7 +57,7 @@ class SimulatedSubject:
         )
 
     async def set(self, values: Mapping[str, float]) -> None:
-        """Set what the subject does; see `ankle_sim.parameters` for the ranges.
+        """Set what the subject does; see `ankle_sim.subject_parameters` for the ranges.
 
         Raises
         ------
