@@ -20,7 +20,8 @@ from ankle_physics.term import term_library
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import Fitter, from_unit, to_unit
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parameter_scale import from_unit, to_unit
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import motion_of
 from simulation_study.planted_trials import simulate_trial

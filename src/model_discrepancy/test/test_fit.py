@@ -8,7 +8,9 @@ import pytest
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.base_model import fit_base
-from model_discrepancy.fit.fitter import Fitter, bounded, from_unit, ranges, to_unit
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.least_squares import bounded
+from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
 from model_discrepancy.fit.rows import autoregression
 from model_discrepancy.recording.motion import motion_of
 from simulation_study.planted_trials import simulate_trial

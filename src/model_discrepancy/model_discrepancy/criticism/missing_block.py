@@ -22,9 +22,10 @@ import numpy as np
 from ankle_physics.terms.missing_block import INPUTS as TERM_INPUTS
 from ankle_physics.terms.missing_block import LAGS_S as TERM_LAGS_S
 from ankle_physics.terms.missing_block import LEVELS as TERM_LEVELS
-from model_discrepancy.fit.fitter import Fit, Fitter, orthonormal
+from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.generic_bank import LAGS_S, lag_windows
 from model_discrepancy.fit.halves import STRETCH_S, interleaved
+from model_discrepancy.fit.least_squares import orthonormal
 from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.recording.motion import Motion
 

@@ -13,34 +13,40 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares
 
-from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_changes
-from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Column, Columns
+from model_discrepancy.fit.columns import Column, Columns
+from model_discrepancy.fit.least_squares import bounded
+from model_discrepancy.fit.parameter_scale import (
+    UNIT_STEP,
+    Start,
+    at_bounds,
+    nonlinear,
+    ranges,
+    searched,
+    stretch,
+    to_unit,
+    with_unit,
+)
+from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
 from model_discrepancy.recording.motion import Motion
 
-Start = Mapping[str, Mapping[str, float]]
 Spectra = Mapping[Column, np.ndarray]
-# Step of numerical derivatives and width of "at the bound", in units of the scaled range 0...1.
-_STEP = 1e-4
 # A refit to half of the rows stays within this share of a nonlinear parameter's range.
 _LINEAR_SHARE = 0.1
 # Whitened columns kept: two models of twelve columns each; one takes 0.1 to 0.2 MB.
 _CACHE_SIZE = 24
 # A model is compared with several candidates in turn; the derivatives of one take 3 MB.
 _DERIVATIVES_KEPT = 4
-_BOUND_MARGIN = 2e-3
 # Evaluations after which a fit is asked whether it may still do what it is for. Its steps shrink
 # like a geometric series, by a third and more from stage to stage.
 STAGE = 4
 STAGES_AHEAD = 2.0
 # The tolerance of a single fit.
 _CONVERGED_SHARE = 1e-4
-# Ranges that span more than this ratio are searched on a logarithmic scale.
-_LOG_RATIO = 8.0
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
 # is below any instrument's own errors. In a loop whose command was recorded, torque that moved the
 # plate lets generic regressors predict up to a half of it.
@@ -93,47 +99,6 @@ class Fit:
     def terms(self) -> tuple[str, ...]:
         """Return the names of the model's terms."""
         return tuple(self.values)
-
-
-def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
-    """Return the nonlinear fitted parameters of these terms, with the term's name."""
-    return [
-        (name, p)
-        for name in names
-        for p in term_library()[name].parameters
-        if p.fitted and not p.linear
-    ]
-
-
-def searched(names: Sequence[str]) -> list[tuple[str, Parameter]]:
-    """Return the parameters that a fit searches for.
-
-    They are the nonlinear ones, and the foot's impedance where a compliant fixation filters by it.
-    """
-    coupled = any(issubclass(term_library()[name], CompliantCoupling) for name in names)
-    foot = [
-        (name, p)
-        for name in names
-        if coupled and name in FOOT_IMPEDANCE
-        for p in term_library()[name].parameters
-        if p.linear
-    ]
-    return nonlinear(names) + foot
-
-
-def to_unit(parameter: Parameter, value: float) -> float:
-    """Return a parameter on the scale 0...1 of its range."""
-    if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
-        return float(np.log(value / parameter.lower) / np.log(parameter.upper / parameter.lower))
-    return (value - parameter.lower) / (parameter.upper - parameter.lower)
-
-
-def from_unit(parameter: Parameter, unit: float) -> float:
-    """Invert `to_unit`; values outside 0...1 are brought to the bounds."""
-    unit = min(max(unit, 0.0), 1.0)
-    if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
-        return float(parameter.lower * (parameter.upper / parameter.lower) ** unit)
-    return parameter.lower + unit * (parameter.upper - parameter.lower)
 
 
 class Fitter:
@@ -257,10 +222,10 @@ class Fitter:
         values = self.start_values(names, start)
         free = self.searched(names)
         if free:
-            problem = _Projection(self, values, free, mask)
+            problem = Projection(self, values, free, mask)
             first = np.array(
                 [
-                    min(max(to_unit(p, values[name][p.symbol]), 2 * _STEP), 1 - 2 * _STEP)
+                    min(max(to_unit(p, values[name][p.symbol]), 2 * UNIT_STEP), 1 - 2 * UNIT_STEP)
                     for name, p in free
                 ]
             )
@@ -339,7 +304,7 @@ class Fitter:
             self.rows,
             float(residual[mask] @ residual[mask]),
             size,
-            at_bounds=_bounds(filled),
+            at_bounds=at_bounds(filled),
         )
 
     def evaluate(self, values: Start) -> Fit:
@@ -380,7 +345,7 @@ class Fitter:
         for name, parameter in self.searched(fit.terms):
             slope = self.slope(fit.values, name, parameter, amplitudes, spectra, plain)
             found[name, parameter.symbol] = (
-                slope / _stretch(parameter, fit.values[name][parameter.symbol])
+                slope / stretch(parameter, fit.values[name][parameter.symbol])
                 if parameter.linear
                 else slope
             )
@@ -431,8 +396,8 @@ class Fitter:
             Not whitened.
         """
         unit = to_unit(parameter, values[name][parameter.symbol])
-        step = _STEP if unit + _STEP <= 1.0 else -_STEP
-        moved = _moved(values, name, parameter, unit + step)
+        step = UNIT_STEP if unit + UNIT_STEP <= 1.0 else -UNIT_STEP
+        moved = with_unit(values, name, parameter, unit + step)
         # Columns that the parameter does not touch come back as the very same arrays.
         change = sum(
             amplitudes[c] * (s - here[c])
@@ -472,120 +437,9 @@ class Fitter:
         for place, (k, spread) in enumerate(zip(free, spreads, strict=True)):
             name, symbol = labels[k]
             parameter = term_library()[name].parameter(symbol)
-            unit = 1.0 if parameter.linear else _stretch(parameter, fit.values[name][symbol])
+            unit = 1.0 if parameter.linear else stretch(parameter, fit.values[name][symbol])
             errors[name][symbol] = float(spread * unit)
             if np.isfinite(drawn[place]) and drawn[place] > 0.0:
                 fit.draws[name, symbol] = changes[:, place] * unit * spread / drawn[place]
         fit.errors = errors
         return fit
-
-
-class _Projection:
-    """Computes residual and Jacobian without the linear parameters (Kaufman's approximation)."""
-
-    def __init__(
-        self,
-        fitter: Fitter,
-        values: dict[str, dict[str, float]],
-        free: list[tuple[str, Parameter]],
-        mask: np.ndarray,
-    ) -> None:
-        self._fitter, self._values, self._free, self._mask = fitter, values, free, mask
-        self._at: np.ndarray | None = None
-
-    def values_at(self, units: np.ndarray) -> dict[str, dict[str, float]]:
-        values = {name: dict(given) for name, given in self._values.items()}
-        for (name, parameter), unit in zip(self._free, units, strict=True):
-            values[name][parameter.symbol] = from_unit(parameter, float(unit))
-        return values
-
-    def residual(self, units: np.ndarray) -> np.ndarray:
-        self._fit = self._fitter.solve(self.values_at(units), self._mask)
-        self._at = units.copy()
-        return self._fit.residual[self._mask]
-
-    def jacobian(self, units: np.ndarray) -> np.ndarray:
-        if self._at is None or not np.array_equal(units, self._at):
-            self.residual(units)
-        values = self.values_at(units)
-        spectra = self._fitter.columns.spectra(values)
-        amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}
-        slopes = np.column_stack(
-            [self._fitter.slope(values, name, p, amplitudes, spectra) for name, p in self._free]
-        )[self._mask]
-        # Columns at a bound do not follow, so they are not projected out.
-        own = {(name, p.symbol) for name, p in self._free}
-        inside = [
-            s
-            for (n, symbol), s in spectra.items()
-            if (n, symbol) not in own
-            and n not in self._fitter.held
-            and f"{n}.{symbol}" not in self._fit.at_bounds
-        ]
-        if inside:
-            basis = orthonormal(self._fitter.whitened(inside)[self._mask])
-            slopes = slopes - basis @ (basis.T @ slopes)
-        return -slopes
-
-
-def _moved(
-    values: Start, name: str, parameter: Parameter, unit: float
-) -> dict[str, dict[str, float]]:
-    """Return the values with one parameter at another place of its scaled range."""
-    moved = {n: dict(v) for n, v in values.items()}
-    moved[name][parameter.symbol] = from_unit(parameter, unit)
-    return moved
-
-
-def orthonormal(matrix: np.ndarray) -> np.ndarray:
-    """Return the orthonormal basis of the columns' span, shape (n, rank)."""
-    scale = np.linalg.norm(matrix, axis=0)
-    kept = matrix[:, scale > 0] / scale[scale > 0]
-    eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
-    large = eigenvalues > 1e-10 * eigenvalues[-1]
-    return kept @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
-
-
-def bounded(
-    matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> np.ndarray:
-    """Return the least-squares amplitudes within ranges, each of shape (p,)."""
-    scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0] = 1.0
-    scaled = matrix / scale
-    gram = scaled.T @ scaled
-    gram[np.diag_indices_from(gram)] += 1e-10
-    factor = np.linalg.cholesky(gram).T
-    right = np.linalg.solve(factor.T, scaled.T @ target)
-    lower, upper = lower * scale, upper * scale
-    free = np.linalg.solve(factor, right)
-    if np.all((free >= lower) & (free <= upper)):
-        return free / scale
-    return lsq_linear(factor, right, (lower, upper), method="bvls").x / scale
-
-
-def ranges(columns: Iterable[Column]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper ends of the linear parameters of these columns."""
-    parameters = [term_library()[name].parameter(symbol) for name, symbol in columns]
-    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-
-
-def _stretch(parameter: Parameter, value: float) -> float:
-    """Return the derivative of a parameter by its scaled value."""
-    unit = to_unit(parameter, value)
-    low, high = max(unit - _STEP, 0.0), min(unit + _STEP, 1.0)
-    return (from_unit(parameter, high) - from_unit(parameter, low)) / (high - low)
-
-
-def _bounds(values: Start) -> tuple[str, ...]:
-    """Return the names of fitted parameters at a bound of their range."""
-    found = []
-    for name, given in values.items():
-        for p in term_library()[name].parameters:
-            if not p.fitted:
-                continue
-            unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
-            width = 1e-9 if p.linear else _BOUND_MARGIN
-            if unit <= width or unit >= 1.0 - width:
-                found.append(f"{name}.{p.symbol}")
-    return tuple(found)

@@ -18,15 +18,9 @@ import numpy as np
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
-from model_discrepancy.fit.fitter import (
-    Fit,
-    Fitter,
-    bounded,
-    from_unit,
-    nonlinear,
-    orthonormal,
-    ranges,
-)
+from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.least_squares import bounded, orthonormal
+from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
 from model_discrepancy.search.null import Null
 
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}

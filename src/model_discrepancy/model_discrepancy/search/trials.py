@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from model_discrepancy.fit.base_model import bic_change
-from model_discrepancy.fit.fitter import Fit, Fitter, Start, bounded, orthonormal
+from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.fit.least_squares import bounded, orthonormal
+from model_discrepancy.fit.parameter_scale import Start
 from model_discrepancy.search.found import Found, Progress, Trial
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term

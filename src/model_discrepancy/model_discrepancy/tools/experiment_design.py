@@ -31,7 +31,8 @@ from ankle_physics.model import Model
 from ankle_physics.term import Place, term_library
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import Fitter, orthonormal
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.least_squares import orthonormal
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.report.verdict import separating_measurements
 from model_discrepancy.search.exchange import RIVAL_EXCESS

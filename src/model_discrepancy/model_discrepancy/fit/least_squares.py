@@ -1,0 +1,33 @@
+"""Linear least squares within ranges, and the span of columns."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+
+def orthonormal(matrix: np.ndarray) -> np.ndarray:
+    """Return the orthonormal basis of the columns' span, shape (n, rank)."""
+    scale = np.linalg.norm(matrix, axis=0)
+    kept = matrix[:, scale > 0] / scale[scale > 0]
+    eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
+    large = eigenvalues > 1e-10 * eigenvalues[-1]
+    return kept @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
+
+
+def bounded(
+    matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """Return the least-squares amplitudes within ranges, each of shape (p,)."""
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0] = 1.0
+    scaled = matrix / scale
+    gram = scaled.T @ scaled
+    gram[np.diag_indices_from(gram)] += 1e-10
+    factor = np.linalg.cholesky(gram).T
+    right = np.linalg.solve(factor.T, scaled.T @ target)
+    lower, upper = lower * scale, upper * scale
+    free = np.linalg.solve(factor, right)
+    if np.all((free >= lower) & (free <= upper)):
+        return free / scale
+    return lsq_linear(factor, right, (lower, upper), method="bvls").x / scale

@@ -1,0 +1,96 @@
+"""The parameters of a fit on the scale 0...1 of their ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.term import Parameter, term_library
+from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Column
+
+Start = Mapping[str, Mapping[str, float]]
+# Ranges that span more than this ratio are searched on a logarithmic scale.
+_LOG_RATIO = 8.0
+# Of numerical derivatives, in units of the scaled range 0...1.
+UNIT_STEP = 1e-4
+# Of "at the bound", in units of the scaled range 0...1: what a search of this tolerance leaves.
+_BOUND_MARGIN = 2e-3
+
+
+def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
+    """Return the nonlinear fitted parameters of these terms, with the term's name."""
+    return [
+        (name, p)
+        for name in names
+        for p in term_library()[name].parameters
+        if p.fitted and not p.linear
+    ]
+
+
+def searched(names: Sequence[str]) -> list[tuple[str, Parameter]]:
+    """Return the parameters that a fit searches for.
+
+    They are the nonlinear ones, and the foot's impedance where a compliant fixation filters by it.
+    """
+    coupled = any(issubclass(term_library()[name], CompliantCoupling) for name in names)
+    foot = [
+        (name, p)
+        for name in names
+        if coupled and name in FOOT_IMPEDANCE
+        for p in term_library()[name].parameters
+        if p.linear
+    ]
+    return nonlinear(names) + foot
+
+
+def to_unit(parameter: Parameter, value: float) -> float:
+    """Return a parameter on the scale 0...1 of its range."""
+    if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
+        return float(np.log(value / parameter.lower) / np.log(parameter.upper / parameter.lower))
+    return (value - parameter.lower) / (parameter.upper - parameter.lower)
+
+
+def from_unit(parameter: Parameter, unit: float) -> float:
+    """Invert `to_unit`; values outside 0...1 are brought to the bounds."""
+    unit = min(max(unit, 0.0), 1.0)
+    if parameter.lower > 0 and parameter.upper / parameter.lower > _LOG_RATIO:
+        return float(parameter.lower * (parameter.upper / parameter.lower) ** unit)
+    return parameter.lower + unit * (parameter.upper - parameter.lower)
+
+
+def ranges(columns: Iterable[Column]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends of the linear parameters of these columns."""
+    parameters = [term_library()[name].parameter(symbol) for name, symbol in columns]
+    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+
+
+def stretch(parameter: Parameter, value: float) -> float:
+    """Return the derivative of a parameter by its scaled value."""
+    unit = to_unit(parameter, value)
+    low, high = max(unit - UNIT_STEP, 0.0), min(unit + UNIT_STEP, 1.0)
+    return (from_unit(parameter, high) - from_unit(parameter, low)) / (high - low)
+
+
+def with_unit(
+    values: Start, name: str, parameter: Parameter, unit: float
+) -> dict[str, dict[str, float]]:
+    """Return the values with one parameter at another place of its scaled range."""
+    changed = {n: dict(v) for n, v in values.items()}
+    changed[name][parameter.symbol] = from_unit(parameter, unit)
+    return changed
+
+
+def at_bounds(values: Start) -> tuple[str, ...]:
+    """Return the names of fitted parameters at a bound of their range."""
+    found = []
+    for name, given in values.items():
+        for p in term_library()[name].parameters:
+            if not p.fitted:
+                continue
+            unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
+            width = 1e-9 if p.linear else _BOUND_MARGIN
+            if unit <= width or unit >= 1.0 - width:
+                found.append(f"{name}.{p.symbol}")
+    return tuple(found)
