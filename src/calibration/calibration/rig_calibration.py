@@ -200,7 +200,7 @@ def rig_file(
         )
     values["footplate_inertia"] = {"Ip": inertia}
     if found.friction.value > MIN_SIGNIFICANCE * found.friction.error:
-        values["footplate_friction"] = {"F": found.friction}
+        values["footplate_friction"] = {"F": found.friction, "v0": found.friction_velocity}
     slope = Found(found.slope.value - load.spring, found.slope.error)
     if abs(slope.value) > MIN_SIGNIFICANCE * slope.error:
         # A centre of mass above the axis pulls the plate away: the same weight, half a turn on.

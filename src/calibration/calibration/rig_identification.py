@@ -8,8 +8,9 @@ far better than the channel itself. That part is found as a smoothed transfer fr
     velocity(f) = 2 pi i f x(f) e^(-2 pi i f d_v)
     x(f)        = H(f) [r(f) - torque(f) / k_a]
 
-S is 1, a lag or a mode of the torque sensor, whichever predicts best (BIC); H the servo; r the
-reference. Standard errors come from the scatter of what is left between bands of frequency.
+S is 1, a lag or a mode of the torque sensor, the latter two where they halve what is left; H the
+servo; r the reference. Standard errors come from the scatter of what is left between bands of
+frequency.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ class IdentifiedRig:
         After the position [s].
     inertia
         Of everything that moves with the plate [kg.m^2].
-    friction
-        Dry friction [N.m].
+    friction, friction_velocity
+        Dry friction [N.m], and the velocity [rad/s] that rounds its jump at rest.
     slope
         Torque per angle [N.m/rad]: weight of the plate, and a spring that is mounted.
     lag
@@ -62,6 +63,7 @@ class IdentifiedRig:
     velocity_delay: Found | None
     inertia: Found
     friction: Found
+    friction_velocity: Found
     slope: Found
     lag: Found | None
     mode: tuple[Found, Found] | None
@@ -108,6 +110,7 @@ def identify_rig(signals: Signals) -> IdentifiedRig:
         velocity_delay=_velocity_delay(spectra, motion),
         inertia=fit.linear["inertia"],
         friction=fit.linear["friction"],
+        friction_velocity=fit.shape["friction_velocity"],
         slope=fit.linear["slope"],
         lag=fit.shape.get("lag"),
         mode=(fit.shape["mode"], fit.shape["mode_damping"]) if "mode" in fit.shape else None,

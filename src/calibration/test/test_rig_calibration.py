@@ -114,6 +114,21 @@ def test_a_rigs_hidden_imperfections_are_found(bag, tmp_path):
     assert RigFile.load(tmp_path / "rig.yaml").text() == rig.text()
 
 
+def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
+    """Friction of seals is rounded over a wide range of velocities; here by another curve."""
+    position, velocity, acceleration = movements()[: int(60 * RATE)].T
+    friction = 1.2 * np.clip(velocity / 0.15, -1.0, 1.0)
+    random = np.random.default_rng(6)
+    torque = 0.0025 * acceleration + friction + random.normal(0.0, 0.02, len(position))
+    found = identify_rig(Signals(RATE, position, velocity, torque, position))
+    assert found.lag is None
+    assert found.mode is None
+    assert found.torque_delay.value == pytest.approx(0.0, abs=3e-4)
+    assert found.friction.value == pytest.approx(1.2, rel=0.03)
+    assert found.inertia.value == pytest.approx(0.0025, rel=0.03)
+    assert 0.05 < found.friction_velocity.value < 0.2
+
+
 def identified(**changes):
     small = Found(0.0, 1e-4)
     plain = IdentifiedRig(
@@ -121,6 +136,7 @@ def identified(**changes):
         velocity_delay=None,
         inertia=Found(0.009, 1e-5),
         friction=small,
+        friction_velocity=Found(0.03, 0.01),
         slope=small,
         lag=None,
         mode=None,

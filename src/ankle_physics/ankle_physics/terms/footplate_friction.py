@@ -6,7 +6,6 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
-from ankle_physics.terms.coulomb_friction import CoulombFriction
 
 
 class FootplateFriction(Term):
@@ -25,7 +24,14 @@ class FootplateFriction(Term):
         Parameter(
             "F", "N.m", 0.0, 10.0, 0.2, "bearings and seals of ankle rigs: below 2 N.m", linear=True
         ),
-        CoulombFriction.parameter("v0"),
+        Parameter(
+            "v0",
+            "rad/s",
+            0.01,
+            1.0,
+            0.03,
+            "dry bearings a few hundredths; greased ones and seals up to 1 rad/s (Stribeck)",
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
