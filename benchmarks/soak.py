@@ -28,7 +28,6 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from playwright.sync_api import Page, sync_playwright
-from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray, String
 from stop_latency import Commander
 
@@ -39,6 +38,7 @@ from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
 from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, RIG_STATE, Topic
+from ankle_node.block_executor import BlockExecutor
 from ankle_node.domain import take_free_domain
 from ankle_node.qos import reader_qos
 from ankle_node.real_time import RECORDER_PRIORITY, take_priority
@@ -76,7 +76,7 @@ class Reader:
                 raw=True,
             )
         node.create_subscription(String, RIG_STATE.name, self._follow, reader_qos(RIG_STATE))
-        self._executor = SingleThreadedExecutor()
+        self._executor = BlockExecutor()
         self._executor.add_node(node)
 
     @property

@@ -23,6 +23,7 @@ from functools import partial
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -84,9 +85,13 @@ class ActuatorDriverNode(ManagedNode):
         self._events = self.create_publisher(
             String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
         )
+        # In the node's own group a stop would wait for the answer to an arming.
+        commands = ReentrantCallbackGroup()
         for name in COMMANDS:
             answer = self._command_to_confirm if name in CONFIRMED_STATES else self._command
-            self.create_service(Trigger, f"~/{name}", partial(answer, name))
+            self.create_service(
+                Trigger, f"~/{name}", partial(answer, name), callback_group=commands
+            )
         self.create_subscription(
             String, RIG_OPERATOR_ALIVE.name, self._hear_operator, reader_qos(RIG_OPERATOR_ALIVE)
         )

@@ -150,8 +150,8 @@ MUTANTS = [
         ),
         (
             "path over the seam",
-            "        if gap <= LONGEST_BRIDGE:\n            seam",
-            "        if False:\n            seam",
+            "        if gap <= LONGEST_BRIDGE:\n            whole",
+            "        if False:\n            whole",
             "turns_round or jump_after",
         ),
         ("rest before a pause", "if not self._rests(motion[0]):", "if False:", "jump_after"),

@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ankle_actuator_driver.safety.command_record import CommandRecord
 from ankle_actuator_driver.safety.continuation import LONGEST_BRIDGE
 from ankle_actuator_driver.safety.encoder_check import EncoderCheck
+from ankle_actuator_driver.safety.interpolated_path import positions_at
 from ankle_actuator_driver.safety.limits import (
     HARD_LIMIT_PARAMETERS,
     LIMIT_PARAMETERS,
@@ -209,3 +211,19 @@ def test_an_encoder_that_stands_still_while_the_plate_is_told_to_move_is_stuck()
     first = next(time for time, told, _ in at if stuck.stuck(time, told, 0.01))
     onset = next(time for time, told, _ in at if told > 0.005)
     assert first - onset < 0.05
+
+
+def test_the_record_of_what_was_sent_gives_the_path_of_all_stretches_at_any_time():
+    """Also at a seam, in a gap, before the first stretch and behind the last one."""
+    motion, time = paper_signal(2.0), 5.0 + np.arange(int(2.0 * RATE)) / RATE
+    time[2000:] += 0.02
+    record, cuts = CommandRecord(), range(0, len(time), 32)
+    for cut in cuts:
+        record.add(time[cut : cut + 32], motion[cut : cut + 32], 5.0)
+    random = np.random.default_rng(3)
+    starts = [4.9, *time[random.integers(0, len(time), 40)], time[1999], time[-1] - 0.01, 7.5]
+    for start in starts:
+        wanted = start + np.arange(32) / RATE
+        assert record.positions(wanted) == pytest.approx(
+            positions_at(time, motion, wanted), abs=1e-15
+        )

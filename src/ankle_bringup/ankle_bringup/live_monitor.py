@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
@@ -18,6 +17,7 @@ from ankle_interfaces.topics import (
     IMPEDANCE_ESTIMATE,
     PERTURBATION_REFERENCE,
 )
+from ankle_node.block_executor import BlockExecutor
 from ankle_node.node import BLOCK_QOS
 
 ESTIMATE = IMPEDANCE_ESTIMATE.name
@@ -60,7 +60,7 @@ class LiveMonitor:
     ) -> None:
         # rclpy.spin_once would build an executor at each call, too slow for 256 messages a second
         # on a busy machine.
-        self._executor = SingleThreadedExecutor()
+        self._executor = BlockExecutor()
         self._executor.add_node(node)
         self.streams = {topic: Stream() for topic in topics}
         self.latencies: list[float] = []

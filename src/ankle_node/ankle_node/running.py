@@ -11,9 +11,10 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
+from ankle_node.block_executor import BlockExecutor
 from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
         stop = StopSignal()
         node = make()
         stop.starting = False
-        executor = SingleThreadedExecutor()
+        executor = BlockExecutor()
         executor.add_node(node)
         while rclpy.ok() and not stop.received:
             executor.spin_once(timeout_sec=STOP_POLL_PERIOD)

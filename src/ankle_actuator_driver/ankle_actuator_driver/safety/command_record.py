@@ -44,9 +44,22 @@ class CommandRecord:
         """Return the commanded positions [rad] at ROS times [s], shape (n,)."""
         if not self._parts:
             return np.full(len(time), self._held)
-        times = np.concatenate([part[0] for part in self._parts])
-        motion = np.concatenate([part[1] for part in self._parts])
+        parts = self._parts_around(float(time.min()), float(time.max()))
+        times = np.concatenate([part[0] for part in parts])
+        motion = np.concatenate([part[1] for part in parts])
         return positions_at(times, motion, time)
+
+    def _parts_around(self, first: float, last: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the stretches between two times [s], with the one before and the one after."""
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for part in reversed(self._parts):
+            if part[0][0] > last:
+                found = [part]
+                continue
+            found.append(part)
+            if part[0][-1] <= first:
+                break
+        return found[::-1]
 
     def to_come(self, ros: float) -> np.ndarray:
         """Return the motion that was sent and is not due yet at a ROS time [s], shape (n, 3)."""

@@ -227,6 +227,11 @@ class Continuation:
         """Return the limit that the interpolated path passes, seam included."""
         gap = float(time[0]) - self.end
         if gap <= LONGEST_BRIDGE:
+            whole = path_through(
+                np.concatenate([[self.end], time]), np.concatenate([self._last[None], motion])
+            )
+            if limits.passed_on(whole) is None:
+                return None
             seam = path_through(np.array([self.end, time[0]]), np.vstack([self._last, motion[0]]))
             if passed := limits.passed_on(seam):
                 return f"on the way from the last block to this one, {passed}"

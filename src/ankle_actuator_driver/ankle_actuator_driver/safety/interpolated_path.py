@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -74,6 +75,12 @@ def _powers(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return position, velocity
 
 
+@lru_cache(maxsize=16)
+def _powers_of_parts(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the powers at the ends of so many equal parts of an interval."""
+    return _powers(np.linspace(0.0, 1.0, count + 1))
+
+
 def _largest_acceleration(c: np.ndarray, length: np.ndarray) -> float:
     """Return the exact largest absolute acceleration: at an end, or where the jerk is zero."""
     c2, c3, c4, c5 = c[:, 2], c[:, 3], c[:, 4], c[:, 5]
@@ -107,8 +114,7 @@ def path_through(time: np.ndarray, motion: np.ndarray) -> Path:
     """
     length = np.diff(time)
     c = coefficients(motion[:-1], motion[1:], length)
-    count = max(2, math.ceil(float(length.max()) / RESOLUTION))
-    position, velocity = _powers(np.linspace(0.0, 1.0, count + 1))
+    position, velocity = _powers_of_parts(max(2, math.ceil(float(length.max()) / RESOLUTION)))
     return Path(c @ position, (c @ velocity) / length[:, None], _largest_acceleration(c, length))
 
 

@@ -15,13 +15,14 @@ from typing import Any
 
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_interfaces.topics import RIG_OPERATOR_ALIVE, RIG_STATE
+from ankle_node.block_executor import BlockExecutor
 from ankle_node.qos import LATEST_QOS, publisher_qos
 from biofeedback.errors import CommandError
 from biofeedback.session.drivers import ACTIONS, Drivers
@@ -72,7 +73,7 @@ class RigServices:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(LOOK_PERIOD, self.look, clock=steady)
         self._node.create_timer(REPEAT_PERIOD, self._repeat_stop, clock=steady)
-        self._executor = SingleThreadedExecutor(context=parent.context)
+        self._executor = BlockExecutor(context=parent.context)
         self._executor.add_node(self._node)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._spin, name="rig services", daemon=True)
