@@ -34,6 +34,7 @@ rig's own watchdog stops the plate."""
 SAME_MOMENT = 50e-6
 """[s] Longest time between two readings of clocks that count as one moment."""
 CLOCK_READINGS = 5
+HAS_CUT_THE_LINE = "this driver hung when it was told to stop, and has cut the line to the rig"
 REPORT_PERIOD = 1.0
 """[s] Longest time between two pieces of news."""
 LONG_PAUSE = LOST_AFTER / 2
@@ -129,6 +130,7 @@ class RigSession:
         self.longest_pause = 0.0
         self._looked = self._reported = -math.inf  # [s] of the steady clock
         self._busy = threading.Lock()
+        self._line_was_cut = False
         self._ended = threading.Event()
         self._threads: list[threading.Thread] = []
         self._news: queue.SimpleQueue[News | None] = queue.SimpleQueue()
@@ -167,17 +169,24 @@ class RigSession:
         self.link.close()
 
     def operate(self, name: str) -> Answer:
-        """Carry out an operator's command; see `Bridge.command`."""
+        """Carry out an operator's command; see `Bridge.command`.
+
+        A stop that finds the driver hanging cuts the line. That is a fault once the driver works
+        again, and its reset opens the line.
+        """
         if not self._busy.acquire(timeout=STOP_PATIENCE if name == "stop" else CONFIRMATION):
             if name != "stop":
                 return Answer(False, f"{name} is refused: the driver hangs; stop it")
             self.link.silence()
+            self._line_was_cut = True
             return Answer(
                 True,
                 "stop: the driver hangs and has cut the line; the rig stops by its own watchdog",
             )
         try:
             answer = self.bridge.command(name, *self._clocks())
+            if name == "reset_fault" and answer.done:
+                self.link.speak()
             self._send()
         finally:
             self._busy.release()
@@ -258,6 +267,9 @@ class RigSession:
         arrivals = self.link.receive(POLL)
         bridge = self.bridge
         with self._busy:
+            if self._line_was_cut:
+                self._line_was_cut = False
+                bridge.take(Interruption(HAS_CUT_THE_LINE), self._clocks()[0])
             for arrival in arrivals:
                 bridge.take(arrival.event, arrival.now)
             now, ros = self._clocks()

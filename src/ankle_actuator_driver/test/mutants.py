@@ -477,6 +477,38 @@ MUTANTS = [
         ),
     ),
     *_of(
+        DRIVER + "ankle_actuator_driver_node.py",
+        "test_commands.py",
+        (
+            "stop beside an arming that waits",
+            "callback_group=commands",
+            "callback_group=None",
+            "arming_waits",
+        ),
+    ),
+    *_of(
+        DRIVER + "rig_session.py",
+        "test_link.py",
+        (
+            "line cut where the driver hangs",
+            "            self.link.silence()\n            self._line_was_cut = True\n",
+            "            self._line_was_cut = True\n",
+            "driver_hanging",
+        ),
+        (
+            "line that only a reset opens",
+            'if name == "reset_fault" and answer.done:',
+            "if True:",
+            "driver_hanging",
+        ),
+        (
+            "fault of a line that was cut",
+            "if self._line_was_cut:",
+            "if False:",
+            "driver_hanging",
+        ),
+    ),
+    *_of(
         RIG + "emulated_device.py",
         "test_virtual_rig.py",
         (

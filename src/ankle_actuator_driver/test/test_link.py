@@ -11,9 +11,10 @@ import pytest
 from ankle_actuator_driver import link, settings
 from ankle_actuator_driver.link.rig_link import Clocks, link_names, open_link
 from ankle_actuator_driver.operator_commands import OperatorCommands
-from ankle_actuator_driver.rig_session import RigSession, state_text
+from ankle_actuator_driver.rig_session import HAS_CUT_THE_LINE, RigSession, state_text
 from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_actuator_driver.safety.limits import Limits
+from ankle_actuator_driver.safety.rig import Order, Purpose, Wanted
 from ankle_actuator_driver.session_setup import adjustment, open_session
 
 VALUES = {parameter.name: parameter.default for parameter in settings.PARAMETERS}
@@ -36,17 +37,23 @@ class Link(RigLink):
         self.clocks, self.wanted, self.stretches, self.silent = clocks, Wanted.OFF, [], False
 
     def send(self, order):
+        if self.silent:
+            return
         self.wanted = order.wanted
         self.stretches += [order.stretch] if order.stretch is not None else []
 
     def receive(self, timeout):
         now, ros = self.clocks.read()
-        report = RigReport(STATE[self.wanted], DeviceFault.NONE, Status(0), True, True, True, 0.0,
+        state = DeviceState.OFF if self.silent else STATE[self.wanted]  # by its own watchdog
+        report = RigReport(state, DeviceFault.NONE, Status(0), True, True, True, 0.0,
                            received=1)
         return [Arrival(report, now, ros)]
 
     def silence(self):
         self.silent = True
+
+    def speak(self):
+        self.silent = False
 
     def close(self):
         self.silent = True
@@ -103,6 +110,55 @@ def test_an_arming_is_answered_once_the_rig_has_confirmed_it(fieldbus):
         waiting.send(None)
     assert ended.value.value.done
     assert session.figures()["state"] == "armed"
+
+
+def test_a_stop_that_finds_the_driver_hanging_cuts_the_line_until_the_fault_is_reset(fieldbus):
+    now = [0.0]
+    line = open_link(fieldbus, VALUES, Clocks(lambda: (now[0], 1e9 + now[0])))
+    bridge = Bridge(Limits(), 0.5, 0.0)
+    session = RigSession(bridge, line, line.clocks.read, lambda news: None, lambda error: None)
+
+    def pass_time():
+        for _ in range(5):
+            now[0] += 0.01
+            session._look()
+
+    session._look()
+    assert session.operate("arm").done
+    pass_time()
+    assert bridge.states.confirmed
+    with session._busy:  # held by a thread that hangs
+        assert "has cut the line" in session.operate("stop").sentence
+        assert not session.operate("reset_fault").done
+    assert line.silent
+    pass_time()
+    assert state_text(bridge.states.state, bridge.states.reason) == f"fault: {HAS_CUT_THE_LINE}"
+    assert not session.operate("arm").done
+    assert line.silent
+    assert session.operate("reset_fault").done
+    assert not line.silent
+    pass_time()
+    assert session.operate("arm").done
+    pass_time()
+    assert line.wanted.name == "HOLD"
+    assert bridge.states.confirmed
+
+
+def test_a_line_of_packets_sends_again_after_a_reset():
+    """The line to an emulated rig, as every line that has a sender."""
+    line = open_link("emulated", VALUES, Clocks(lambda: (time.monotonic(), time.time())))
+    order = Order(Wanted.OFF, 0, Purpose.HEARTBEAT)
+    sent = []
+    line.line.send = sent.append
+    try:
+        line.silence()
+        line.send(order)
+        assert not sent
+        line.speak()
+        line.send(order)
+        assert len(sent) == 1
+    finally:
+        line.close()
 
 
 def test_without_a_session_a_stop_is_granted_and_all_else_refused():

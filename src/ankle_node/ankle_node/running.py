@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -32,17 +31,19 @@ class StopSignal:
 
     def __init__(self) -> None:
         self.starting = True
-        self._received = threading.Event()
+        # No lock and so no event: a second signal in the middle of the first one's handler would
+        # wait for ever for what this thread holds.
+        self._received = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._receive)
 
     @property
     def received(self) -> bool:
         """Tell whether the process was asked to stop."""
-        return self._received.is_set()
+        return self._received
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
-        self._received.set()
+        self._received = True
         if self.starting:
             self.starting = False
             raise KeyboardInterrupt

@@ -149,3 +149,26 @@ def test_a_node_that_is_still_starting_ends_at_once(number):
     assert process.returncode == 0
     assert "Traceback" not in error
     assert time.monotonic() - began < 20.0  # instead of a minute; the limit is for a busy machine
+
+
+SECOND_SIGNAL = """
+import signal, sys
+from ankle_node.running import StopSignal
+stop = StopSignal()
+stop.starting = False
+left = [20]
+def trace(frame, event, argument):
+    if left[0]:
+        left[0] -= 1
+        signal.raise_signal(signal.SIGTERM)
+    return trace
+sys.settrace(trace)
+signal.raise_signal(signal.SIGINT)
+sys.settrace(None)
+sys.exit(0 if stop.received else 3)
+"""
+
+
+def test_a_second_signal_in_the_middle_of_the_first_does_not_hang_the_node():
+    """As when the parent is killed, which sends one, and somebody else sends another."""
+    assert subprocess.run([sys.executable, "-c", SECOND_SIGNAL], timeout=120).returncode == 0

@@ -93,7 +93,10 @@ class RigLink(ABC):
 
     @abstractmethod
     def silence(self) -> None:
-        """Send nothing any more, at once: the rig's own watchdog is to stop it."""
+        """Send nothing from now on until `speak`: the rig's own watchdog is to stop it."""
+
+    def speak(self) -> None:
+        """Send again after a silence: an operator has reset the fault that it led to."""
 
     @abstractmethod
     def close(self) -> None:

@@ -115,6 +115,11 @@ class PacketLink(RigLink):
         if sender is not None:
             sender.close()
 
+    def speak(self) -> None:
+        """See `RigLink`."""
+        if self._sender is None:
+            self._sender = self.make_sender()
+
     def alarm(self) -> str | None:
         """See `RigLink`; a process that sends heartbeats is replaced."""
         if self._sender is None or not self._sender.ended():
