@@ -18,8 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 # Longer than a response of the reflex (0.5 s), so that each response keeps its shape.
 STRETCH_S = 1.0
@@ -109,18 +108,17 @@ class Null:
         name
             Of the candidate.
         span
-            Orthonormal basis of its columns, shape (rows, p).
+            Orthonormal basis of its columns, shape (rows, p), orthogonal to what was projected out.
         draw
             Number of the surrogate that it tries; None for all of them.
         """
         tried = slice(None) if draw is None else slice(draw, draw + 1)
-        parts = np.split(span, self._begins[1:])
-        products = np.array([part.T @ part for part in parts])
-        explained = span.T @ self.own
+        products = np.array([part.T @ part for part in np.split(span, self._begins[1:])])
+        shares = np.add.reduceat(span * self.own[:, None], self._begins, axis=0)
+        explained = shares.sum(axis=0)
+        # The surrogates' projection on the span, less what the candidate explains of the noise.
         signs = self.signs[self.stretch[self._begins]][:, tried]
-        kept = span.astype(np.float32).T @ self.noise[:, tried] - np.einsum(
-            "kd,kij,j->id", signs, products, explained
-        )
+        kept = (shares - products @ explained).T @ signs
         power = self._power[tried]
         left = np.maximum(power - explained @ explained, _LEAST_NOISE_SHARE * power)
         taken = np.sum(kept**2, axis=0) / left * _tail_ratio(np.trace(products, axis1=1, axis2=2))
@@ -191,4 +189,4 @@ def _tail_ratio(energies: np.ndarray) -> float:
     """
     stretches = float(energies.sum() ** 2 / np.sum(energies**2))
     side = 0.5 * _CANDIDATE_EXCEEDANCE
-    return float((student.isf(side, max(stretches, 2.0)) / norm.isf(side)) ** 2)
+    return float((stdtrit(max(stretches, 2.0), side) / ndtri(side)) ** 2)
