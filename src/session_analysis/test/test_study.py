@@ -132,9 +132,9 @@ def test_reliability_of_a_known_scatter_and_of_one_subject():
     assert reliability(np.full((3, 2), np.nan)) is None
 
 
-def rows_of(subject, visit, K, run=1, torque=-3.0):
+def rows_of(subject, visit, K, run=1, torque=-3.0, error=1.0, doubt=0.1):
     values = {"K[N.m/rad]": K, "G[N.m.s/rad]": 8.0, "mean_torque[N.m]": torque}
-    return [Row(subject, visit, run, name, value, 1.0, 0.1) for name, value in values.items()]
+    return [Row(subject, visit, run, name, value, error, doubt) for name, value in values.items()]
 
 
 def test_the_report_states_changes_against_the_detectable_one(tmp_path):
@@ -156,6 +156,21 @@ def test_the_report_states_changes_against_the_detectable_one(tmp_path):
     one = write_study_report(rows, {}, path, "T", "S2").read_text()
     assert "Subject S2" in one
     assert "Subject S1" not in one
+
+
+def test_a_change_within_the_errors_of_its_estimates_is_said_to_be_so(tmp_path):
+    def sentences(error, doubt):
+        rows = [row for s in ("S1", "S2", "S3") for visit in (1, 2)
+                for row in rows_of(s, visit, 80.0 + visit)]  # fmt: skip
+        rows += rows_of("S4", 1, 80.0) + rows_of("S4", 2, 110.0, error=error, doubt=doubt)
+        text = write_study_report(rows, {}, tmp_path / "r.html", "T", "S4").read_text()
+        return text.partition("K changed by +30 N·m/rad")[2].partition("</li>")[0]
+
+    assert ", more than the minimal detectable change" in sentences(1.0, 0.0)
+    assert "errors explain" not in sentences(1.0, 0.0)
+    assert "doubtful" not in sentences(1.0, 0.0)
+    assert "but not more than their errors explain (39.2 N·m/rad)" in sentences(20.0, 0.0)
+    assert sentences(1.0, 0.9).endswith("; the estimates are doubtful")
 
 
 def test_results_come_back_from_the_table(study):

@@ -33,6 +33,10 @@ PAPER_ANKLE = {
 }
 """The ankle of the simulations of van 't Veld et al. 2018, section II-D, and the ranges that its
 random ankles were drawn from. Absolute values of its subjects are not stated there."""
+NORMAL_95 = 1.96
+"""Standard errors that 19 of 20 differences of normal errors stay within."""
+DOUBTFUL_SHARE = 0.5
+"""Share of doubtful estimates from which the values of a visit are called doubtful."""
 MIN_PAIRS = 4
 """Least number of recordings from which a relation with the mean torque is drawn; fewer lie on a
 line by themselves."""
@@ -143,7 +147,8 @@ def _reliability_parts(repeat: dict[str, Reliability | None]) -> list[str]:
         table([head, *body]),
         paragraph(
             "Between two visits of an unchanged ankle 19 of 20 differences are below the minimal "
-            "detectable change. Only subjects with every visit count."
+            "detectable change. Only subjects with every visit count. Visits between which an "
+            "ankle was trained make it too large: it then hides what the training did."
         ),
     ]
 
@@ -185,7 +190,11 @@ def _text(row: Row | None) -> str:
 
 
 def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list[str]:
-    """Return each visit against the first one, with the minimal detectable change beside it."""
+    """Return the last visit against the first one.
+
+    A change counts where it is beyond the minimal detectable one and beyond what the errors of both
+    estimates explain; where the estimates are doubtful, the sentence says so.
+    """
     sentences = []
     for quantity in SHOWN[:2]:
         _, visits, values = visit_table(rows, quantity)
@@ -194,12 +203,30 @@ def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list
             continue
         name, unit = with_unit(quantity).rstrip("]").split(" [")
         change = float(values[0, -1] - values[0, 0])
+        ends = [
+            row for row in rows if row.quantity == quantity and row.visit in (visits[0], visits[-1])
+        ]
+        explained = NORMAL_95 * float(np.hypot(*_errors_of_visits(ends, (visits[0], visits[-1]))))
         beyond = "more" if abs(change) > found.mdc else "not more"
-        sentences.append(
+        sentence = (
             f"{name} changed by {change:+.3g} {unit} from visit {visits[0]} to visit {visits[-1]}, "
             f"{beyond} than the minimal detectable change of {found.mdc:.3g} {unit}"
         )
+        if found.mdc < abs(change) <= explained:
+            sentence += f", but not more than their errors explain ({explained:.3g} {unit})"
+        if any(row.doubt >= DOUBTFUL_SHARE for row in ends):
+            sentence += "; the estimates are doubtful"
+        sentences.append(sentence)
     return sentences
+
+
+def _errors_of_visits(rows: Sequence[Row], visits: Sequence[int]) -> list[float]:
+    """Return the standard error of each visit's mean over its recordings; 0 where none is known."""
+    errors = []
+    for visit in visits:
+        own = np.array([row.error for row in rows if row.visit == visit])
+        errors.append(float(np.sqrt(np.nansum(own**2))) / max(1, len(own)))
+    return errors
 
 
 def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
