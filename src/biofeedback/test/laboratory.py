@@ -148,6 +148,10 @@ class FakeEstimator:
     def __init__(self, at_once=True):
         self.at_once, self.confirmed, self.handed = at_once, False, []
         self.refusal = self.problem = ""
+        self.prepared = False
+
+    def prepare(self):
+        self.prepared = True
 
     def hand_over(self, model):
         self.handed.append(model)

@@ -5,6 +5,8 @@ import json
 import sys
 import time
 from pathlib import Path
+from threading import current_thread
+from unittest.mock import Mock
 
 import pytest
 from laboratory import (
@@ -18,6 +20,7 @@ from laboratory import (
 )
 
 from ankle_node.session_event import SessionEvent
+from ankle_physics import term
 from ankle_physics.model import Model
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.live_signals import LiveSignals
@@ -98,9 +101,11 @@ def test_the_step_begins_the_calibration_and_ends_with_it(visit):
     with pytest.raises(CommandError, match="needs the running perturbation"):
         visit.command("check", check=NAME, act="begin")
     assert visit.calibration.begun == []
+    assert not visit.estimator.prepared
     visit.start()
     assert visit.session.step.kind == "calibration"
     assert visit.calibration.begun == [90.0]
+    assert visit.estimator.prepared
     assert visit.check == (RUNNING, {"progress": "recording, 34 of 90 s"})
     visit.calibration.recording = False
     visit.pass_time(300.0)  # the step waits for the diagnosis, however long that takes
@@ -406,6 +411,14 @@ def test_only_a_session_that_got_anywhere_is_resumed():
     assert not worth_resuming({"state": "idle", "index": 0, "checks": {}})
     assert worth_resuming({"state": "idle", "index": 0, "checks": {"zero": {}}})
     assert worth_resuming({"state": "running", "index": 0})
+
+
+def test_terms_are_loaded_beside_the_session_while_it_is_calibrated(monkeypatch):
+    loaded = []
+    monkeypatch.setattr(term, "term_library", lambda: loaded.append(current_thread()))
+    ModelOfEstimator(Mock()).prepare()
+    until(lambda: loaded, "loaded")
+    assert loaded != [current_thread()]
 
 
 @pytest.mark.live

@@ -139,6 +139,7 @@ class CalibrationStep:
             self._calibration.begin(session.step.duration)
         except (CommandError, OSError) as error:
             return _finish(checks, now, str(error))
+        self._estimator.prepare()
         checks.run(SESSION_CALIBRATION, self._calibration.progress())
         return []
 

@@ -122,5 +122,8 @@ class EstimatorModel(Protocol):
     def refusal(self) -> str:
         """Tell why the estimator refused that model; empty where it did not."""
 
+    def prepare(self) -> None:
+        """Load, beside the session, what handing a model over needs."""
+
     def hand_over(self, model: Path | None) -> None:
         """Ask the estimator to go on with a model, or without one; raises `CommandError`."""

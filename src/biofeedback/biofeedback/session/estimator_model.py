@@ -5,6 +5,7 @@ state.
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Thread
 
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
@@ -70,6 +71,14 @@ class ModelOfEstimator:
         """Tell whether the estimates are made with the model that was handed over last."""
         return self._wanted is not None and self._stated == self._wanted
 
+    def prepare(self) -> None:
+        """Load, beside the session, what reading a model needs.
+
+        It takes a second, and several on a busy computer. The session's loop, which hands the model
+        over, keeps the rig alive meanwhile.
+        """
+        Thread(target=_load_terms, daemon=True).start()
+
     def hand_over(self, model: Path | None) -> None:
         """Ask the estimator to go on with a model, or without one; from any thread.
 
@@ -111,3 +120,9 @@ class ModelOfEstimator:
             self.refusal = next((r.reason for r in answer.results if not r.successful), "")
 
         self._client.call_async(request).add_done_callback(done)
+
+
+def _load_terms() -> None:
+    from ankle_physics.term import term_library  # with its compiler, only where a model is used
+
+    term_library()
