@@ -206,7 +206,7 @@ def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list
         ends = [
             row for row in rows if row.quantity == quantity and row.visit in (visits[0], visits[-1])
         ]
-        explained = NORMAL_95 * float(np.hypot(*_errors_of_visits(ends, (visits[0], visits[-1]))))
+        explained = NORMAL_95 * _error_of_change(ends)
         beyond = "more" if abs(change) > found.mdc else "not more"
         sentence = (
             f"{name} changed by {change:+.3g} {unit} from visit {visits[0]} to visit {visits[-1]}, "
@@ -220,13 +220,15 @@ def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list
     return sentences
 
 
-def _errors_of_visits(rows: Sequence[Row], visits: Sequence[int]) -> list[float]:
-    """Return the standard error of each visit's mean over its recordings; 0 where none is known."""
-    errors = []
-    for visit in visits:
+def _error_of_change(rows: Sequence[Row]) -> float:
+    """Return the standard error of the difference of two visits' means; errors that are not known
+    count as none.
+    """
+    variance = 0.0
+    for visit in {row.visit for row in rows}:
         own = np.array([row.error for row in rows if row.visit == visit])
-        errors.append(float(np.sqrt(np.nansum(own**2))) / max(1, len(own)))
-    return errors
+        variance += float(np.nansum(own**2)) / len(own) ** 2
+    return float(np.sqrt(variance))
 
 
 def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
