@@ -10,6 +10,22 @@ from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
 from simulation_study.planted_trials import simulate_trial
 
+RIVALS = (
+    "channel_skew",
+    "torque_sensor_lag",
+    "torque_sensor_mode",
+    "partial_sensor_mode",
+    "plate_appendage",
+    "maxwell_relaxation",
+    "fractional_damping",
+    "asymmetric_damping",
+    "coulomb_friction",
+    "position_dependent_stiffness",
+    "reflex_threshold",
+    "long_latency_reflex",
+)
+"""Terms of every place; the whole library is searched where nothing is missing."""
+
 
 def test_no_mismatch_is_recognised(null_recording, tmp_path):
     diagnosis = diagnose(null_recording, tmp_path)
@@ -36,7 +52,8 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
     ],
 )
 def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked):
-    diagnosis = diagnose(simulate_trial({name: values}, seed=5, duration=30.0), tmp_path)
+    recording = simulate_trial({name: values}, seed=5, duration=30.0)
+    diagnosis = diagnose(recording, tmp_path, library=RIVALS)
     verdict = diagnosis.verdict
     assert verdict.verdict == "explained"
     assert [e["name"] for e in verdict.effects] == [name]

@@ -21,12 +21,12 @@ def trials(rigs):
 
 def test_an_interrupted_study_goes_on(tmp_path):
     out = tmp_path / "study"
-    # The third trial fails; what was finished before it stays.
+    # The second trial fails; what was finished before it stays.
     with pytest.raises(KeyError):
-        run_study(trials(["CE", "CE", "no such rig"]), ASKED, out, carry_out, workers=1)
+        run_study(trials(["CE", "no such rig"]), ASKED, out, carry_out, workers=1)
     kept = {path: path.stat().st_mtime_ns for path in (out / "trials").glob("*.json")}
-    assert {path.stem for path in kept} == {"t0", "t1"}
-    good = trials(["CE", "CE", "CE"])
+    assert {path.stem for path in kept} == {"t0"}
+    good = trials(["CE", "CE"])
     results = run_study(good, ASKED, out, carry_out, workers=1)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert results == {trial.name: json.loads(json.dumps(carry_out(trial))) for trial in good}
