@@ -30,7 +30,23 @@ def verb_names() -> dict[str, str]:
     return {module.rstrip("_").replace("_", "-"): module for module in modules}
 
 
-class VerbGroup(TyperGroup):
+class SentenceGroup(TyperGroup):
+    """Groups commands, each listed with its whole first sentence: wrapped, not cut at the
+    terminal's width.
+    """
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands with their sentences."""
+        lines = []
+        for name in self.list_commands(ctx):
+            command = self.get_command(ctx, name)
+            if command is not None:
+                lines.append((name, command.get_short_help_str(limit=sys.maxsize)))
+        with formatter.section("Commands"):
+            formatter.write_dl(lines)
+
+
+class VerbGroup(SentenceGroup):
     """Groups the modules of `ankle_bringup.verbs` as commands; a module is imported when its verb
     is used or listed.
     """
@@ -65,6 +81,7 @@ def load_verb(name: str, module: str) -> Any:
     loaded = importlib.import_module(f"{verbs.__name__}.{module}")
     described = loaded.verb
     app = typer.Typer(
+        cls=SentenceGroup,
         help=loaded.__doc__,
         add_completion=False,
         rich_markup_mode=None,

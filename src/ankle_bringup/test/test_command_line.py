@@ -137,6 +137,13 @@ def test_quiet_keeps_results_off_the_terminal(extra_verb):
     assert ankle("speak").output.strip() == "position[rad]"
 
 
+@pytest.mark.parametrize("group", [(), ("calibrate",), ("study",)])
+def test_the_list_of_commands_cuts_no_sentence(group):
+    listed = ankle(*group, "--help").output.partition("Commands:")[2]
+    assert listed
+    assert "..." not in listed
+
+
 @pytest.mark.parametrize(
     ("arguments", "suggestion"),
     [
