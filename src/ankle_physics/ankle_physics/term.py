@@ -163,6 +163,9 @@ class Term(ABC):
         torque: a diagnosis does not look for it.
     follows_torque
         Whether it follows the slow torque of the recording, and so the very noise that it explains.
+    rest_torque
+        Symbol of a torque [N.m] that may be held at rest, where the equation gives none: dry
+        friction carries a part of what a spring would. Empty where there is none.
     companions
         Terms that come with this one and can be told from the base model only beside it.
     generalises
@@ -187,6 +190,7 @@ class Term(ABC):
     searched: ClassVar[bool] = True
     companions: ClassVar[tuple[str, ...]] = ()
     follows_torque: ClassVar[bool] = False
+    rest_torque: ClassVar[str] = ""
     generalises: ClassVar[tuple[str, ...]] = ()
     resolved_by_duration: ClassVar[str] = ""
     of_joint: ClassVar[str] = ""

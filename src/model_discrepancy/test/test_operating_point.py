@@ -1,15 +1,21 @@
 """Standard errors of K and G hold where the equations are not quite those of the joint."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
 from ankle_physics.impedance import OperatingPoint
 from model_discrepancy.report.operating_point import (
+    EFFECT_SHARE,
     ENGINE_SHARE,
     EQUATION_SHARE,
+    REFLEX_SHAPE_SHARE,
+    UNEXPLAINED_SHARE,
+    stated_impedance,
     with_model_error,
 )
+from model_discrepancy.report.verdict import before_and_after
 from model_discrepancy.search.found import Effect, Found, Trial
 
 KEY = "K[N.m/rad]"
@@ -17,7 +23,8 @@ STATED = {KEY: (100.0, 1.0), "B[N.m.s/rad]": (1.0, None)}
 
 
 def fit(stiffness, score=1.0):
-    return SimpleNamespace(values={"stiffness": {"K": stiffness}}, score=score)
+    values = {"stiffness": {"K": stiffness}}
+    return SimpleNamespace(values=values, terms=tuple(values), score=score)
 
 
 def error_of(found):
@@ -54,3 +61,60 @@ def test_a_near_miss_that_criticises_the_model_widens_the_error():
 def test_an_error_that_nobody_knows_stays_unknown():
     found = Found(fit(60.0), fit(100.0))
     assert with_model_error(STATED, found, OperatingPoint())["B[N.m.s/rad]"] == (1.0, None)
+
+
+def effect(name):
+    return Effect(Trial(name, fit(100.0), 0.5, (0.5, 0.5), -10.0), errors=None)
+
+
+def test_equations_of_the_reflex_widen_the_error_of_its_gain_most():
+    stated = {KEY: (100.0, 0.0), "G[N.m.s/rad]": (10.0, 0.0)}
+    final = fit(100.0)
+    widths = {
+        name: with_model_error(
+            stated, Found(final, final, effects=[effect(name)]), OperatingPoint()
+        )
+        for name in ("maxwell_relaxation", "reflex_saturation")
+    }
+    for name in widths:
+        assert widths[name][KEY][1] >= 100.0 * EFFECT_SHARE["K"]
+    intrinsic, reflex = (widths[name]["G[N.m.s/rad]"][1] for name in widths)
+    assert reflex**2 - intrinsic**2 == pytest.approx((10.0 * REFLEX_SHAPE_SHARE) ** 2)
+
+
+def test_something_missing_widens_the_error():
+    found = Found(fit(100.0), fit(100.0))
+    assert with_model_error(STATED, found, OperatingPoint(), True)[KEY][1] > (
+        100.0 * UNEXPLAINED_SHARE["K"]
+    )
+
+
+def test_what_refinements_changed_widens_the_error():
+    found = Found(fit(100.0), fit(100.0), unrefined=fit(160.0))
+    assert error_of(found) == pytest.approx((0.5 * 60.0**2) ** 0.5, rel=0.01)
+
+
+def test_dry_friction_that_may_hold_torque_at_rest_widens_the_error():
+    final = fit(100.0)
+    final.values["coulomb_friction"] = {"F": 1.0, "v0": 0.03}
+    final.terms = tuple(final.values)
+    at = OperatingPoint(step=0.04)
+    assert with_model_error(STATED, Found(fit(100.0), final), at)[KEY][1] == pytest.approx(
+        1.0 / (3.0**0.5 * 0.04), rel=0.01
+    )
+
+
+def test_a_foot_whose_simulation_does_not_converge_has_no_effective_stiffness():
+    values = {
+        "inertia": {"I": 1e-7},
+        "viscosity": {"B": 1.0},
+        "stiffness": {"K": 900.0, "x0": 0.0},
+        "fixation_compliance": {"k_s": 300.0, "b_s": 0.1},
+        "maxwell_relaxation": {"k": 5000.0, "T": 0.3},
+    }
+    stated = stated_impedance(SimpleNamespace(values=values, draws={}), OperatingPoint())
+    assert stated[KEY][0] == pytest.approx(900.0, rel=0.01)
+    assert math.isnan(stated["K_effective[N.m/rad]"][0])
+    shown = before_and_after(stated, stated)
+    assert KEY in shown
+    assert "K_effective[N.m/rad]" not in shown

@@ -16,6 +16,7 @@ class CoulombFriction(Term):
     name = "coulomb_friction"
     place = Place.INTRINSIC
     belongs_to = Owner.RIG
+    rest_torque = "F"
     family = "intrinsic memory"
     separated_by = "slow triangular movements of several sizes"
     sentence = "A constant torque opposes every movement, however fast: dry friction."

@@ -18,6 +18,7 @@ class FootplateFriction(Term):
     name = "footplate_friction"
     place = Place.COUPLING
     belongs_to = Owner.RIG
+    rest_torque = "F"
     searched = False
     sentence = "The bearing of the footplate opposes every movement with a constant torque."
     parameters = (

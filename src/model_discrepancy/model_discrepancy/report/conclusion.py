@@ -36,8 +36,8 @@ from model_discrepancy.search.exchange import REFINEMENT
 from model_discrepancy.search.found import Found, place_of
 
 LOOP_SENTENCE = (
-    "no command was recorded and the servo gives way under load: what generic regressors predict "
-    "of the rest may be torque that moved the plate, and is no sign of missing physics"
+    "no command was recorded and the servo gives way under load: what is left of the torque may "
+    "have moved the plate itself, so that it is no sign of missing physics"
 )
 EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
 
@@ -105,15 +105,15 @@ def _verdict(
         for name in found.base.at_bounds
     ]
     reasons.append(
-        f"generic regressors still predict {100 * max(after.share, 0.0):.1f} % of the whitened "
-        "residual on unseen data"
+        f"{100 * max(after.share, 0.0):.1f} % of what the model leaves unexplained can still be "
+        "predicted from the movement, on data that were not used for the fit"
     )
     reasons += criticism.varies.unusual
     if named != found.effects:
         names = ", ".join(effect.trial.name for effect in found.effects)
         reasons.append(
-            f"{names} would take something off the whitened error, and predict no torque on "
-            "unseen data"
+            f"{names} would improve the fit a little, and predict no torque on data that were not "
+            "used for it"
         )
     if found.refinements:
         names = ", ".join(effect.trial.name for effect in found.refinements)
@@ -129,7 +129,7 @@ def _verdict(
     if word == "unexplained" and after.significant:
         strongest = max(after.by_input, key=lambda key: after.by_input[key])
         reasons.append(
-            f"no term of the library explains it; regressors of {strongest} predict most of it "
+            f"no known effect explains it; what is missing follows {strongest} most "
             f"({100 * after.by_input[strongest]:.0f} %)"
         )
     if baseline is not None:
@@ -146,7 +146,8 @@ def _verdict(
         "remaining_predictable_share": round(max(after.share, 0.0), 4),
     }
     at = operating_point(fitter.motion, base_map.onsets)
-    stated = with_model_error(stated_impedance(found.final, at), found, at)
+    missing = word == "unexplained" and after.significant
+    stated = with_model_error(stated_impedance(found.final, at), found, at, missing)
     for effect, entry in zip(named, effects, strict=False):
         entry["on_impedance"] = on_impedance(stated_impedance(effect.without, at), stated)
     place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)

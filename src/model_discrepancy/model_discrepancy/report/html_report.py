@@ -190,12 +190,15 @@ def _sections(d: Diagnosis) -> list[str]:
             image(block_picture(left.block)),
         ]
     final_map = left.final_map if augmented else None
-    parts += ["<h2>Where the residual sits</h2>", image(residual_picture(left.base_map, final_map))]
+    parts += [
+        "<h2>Where the model misses torque</h2>",
+        image(residual_picture(left.base_map, final_map)),
+    ]
     if left.base_map.cells:
         parts.append(image(cells_picture(left.base_map, final_map)))
     parts += [image(dependence_picture(left.base_map)), _localisation(d.verdict.localisation)]
     if augmented:
-        parts += ["<h2>What each term buys</h2>", image(ladder(d.found))]
+        parts += ["<h2>What each effect explains</h2>", image(ladder(d.found))]
         parts += ["<h2>Base parameters before and after</h2>", _parameters(d.verdict.parameters)]
     if d.verdict.alternatives:
         rows = [
@@ -204,7 +207,7 @@ def _sections(d: Diagnosis) -> list[str]:
         ]
         parts += [
             "<h2>Other terms</h2>",
-            html_table(["term", "instead of", "change of BIC (negative: worse)"], rows),
+            html_table(["term", "instead of", "how much worse with it (difference of BIC)"], rows),
         ]
     rows = [
         [

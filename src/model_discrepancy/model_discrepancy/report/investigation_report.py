@@ -53,7 +53,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
         head = [
             "name",
             "error beyond the best of its set, recording by recording [%]",
-            "log-likelihood below the best",
+            "how much less likely (ln)",
             "",
         ]
         parts.append(html_table(head, rows))

@@ -142,9 +142,11 @@ def residual_picture(
                 1000 * found.responses[0], found.responses[direction], color=color, label=label
             )
         axes.axhline(0.0, color="0.8", lw=0.8)
-        axes.set_title(f"mean residual, {('dorsiflexion', 'plantarflexion')[number]}", fontsize=10)
+        axes.set_title(
+            f"mean unexplained torque, {('dorsiflexion', 'plantarflexion')[number]}", fontsize=10
+        )
         axes.set_xlabel("time after onset [ms]")
-        axes.set_ylabel("residual [N.m]")
+        axes.set_ylabel("unexplained [N.m]")
         axes.legend(fontsize=7)
     axes = figure.add_subplot(1, 3, 3)
     place = np.arange(len(base.share))
@@ -157,7 +159,7 @@ def residual_picture(
         )
     axes.set_xticks(place, [f"{low:g}-{high:g}" for low, high in base.share], fontsize=7)
     axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("residual, % of torque")
+    axes.set_ylabel("unexplained, % of torque")
     figure.tight_layout()
     return encoded(figure)
 
@@ -169,7 +171,7 @@ def ladder(found: Found) -> str:
     names = [effect.trial.name.replace("_", " ") for effect in found.effects]
     axes.barh(names, [100 * effect.trial.gain for effect in found.effects], color=_BLUE)
     axes.invert_yaxis()
-    axes.set_xlabel("share of the whitened error that comes back without the term [%]")
+    axes.set_xlabel("share of the unexplained torque that comes back without the effect [%]")
     figure.tight_layout()
     return encoded(figure)
 
@@ -214,7 +216,7 @@ def cells_picture(base: ResidualMap, final: ResidualMap | None, label: str = "ba
             range(len(groups)), names if number == 0 else [""] * len(groups), fontsize=8
         )
         axes.set_xlabel("window after onset [ms]", fontsize=8)
-        axes.set_title(f"mean residual [N.m], {title}", fontsize=10)
+        axes.set_title(f"mean unexplained torque [N.m], {title}", fontsize=10)
     figure.tight_layout()
     return encoded(figure)
 
@@ -245,7 +247,7 @@ def dependence_picture(base: ResidualMap) -> str:
     axes.set_xticks(range(len(bands)), [f"{low:g}-{high:g}" for low, high in bands], fontsize=8)
     axes.set_yticks(range(len(base.coherent)), list(base.coherent), fontsize=8)
     axes.set_xlabel("frequency [Hz]")
-    axes.set_title("coherence of the residual with", fontsize=10)
+    axes.set_title("coherence of the unexplained torque with", fontsize=10)
     axes = figure.add_subplot(1, 2, 2)
     names = list(base.dependence)
     axes.barh(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -233,10 +234,17 @@ def separating_measurements(effects: list[dict[str, Any]]) -> list[str]:
 def before_and_after(
     base: dict[str, tuple[float, float | None]], final: dict[str, tuple[float, float | None]]
 ) -> dict[str, dict[str, Any]]:
-    """Impedance at the operating point before and after the new physics is in the model."""
+    """Return the impedance at the operating point before and after the new physics is in the model,
+    without a quantity that a model does not tell.
+    """
     return {
-        key: {"base": base[key][0], "augmented": value, "standard_error": error}
+        key: {
+            "base": base[key][0],
+            "augmented": value,
+            "standard_error": None if error is None or not math.isfinite(error) else error,
+        }
         for key, (value, error) in final.items()
+        if math.isfinite(value) and math.isfinite(base[key][0])
     }
 
 

@@ -16,6 +16,9 @@ LEAST_TERM_SHARE = 0.5 * MATERIAL_SHARE
 # Another term that gains this many times what it gains by chance, on unseen rows too, criticises a
 # model, however little torque it changes.
 CRITICISING_RATIO = 3.0
+# Of the whitened error. A term that gains less may not do away with a part of the base model, such
+# as the joint's viscosity: it would only stand in for it.
+DISPLACING_GAIN = 0.1
 # Slow torque holds a part of every variation of the responses. The surrogates take it along, as far
 # as the size of each response is known: to about a fifth of its power where responses overlap.
 FOLLOWING_MARGIN = 1.3
@@ -44,6 +47,8 @@ class Trial:
     torque_share
         Power of the torque that it changes beyond what the other terms imitate, as a share of the
         recorded torque's.
+    displaced
+        "term.symbol" of parts of the base model that vanish with it and did not without it.
     """
 
     name: str
@@ -53,15 +58,19 @@ class Trial:
     bic: float
     by_chance: float = 0.0
     torque_share: float = 0.0
+    displaced: tuple[str, ...] = ()
 
     @property
     def accepted(self) -> bool:
-        """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough."""
+        """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough, also for
+        what it displaces.
+        """
         margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
         return (
             self.gain > margin * self.by_chance
             and min(self.held_out) > 0.0
             and self.torque_share > LEAST_TERM_SHARE
+            and (not self.displaced or self.gain > DISPLACING_GAIN)
         )
 
     @property
@@ -111,6 +120,8 @@ class Found:
     refinements
         Terms that stay in the model but take off too little of the mismatch to be an effect: no
         equation is exact.
+    unrefined
+        The final model without the refinements; None where it has none.
     near
         Best candidates that were not accepted.
     base_score
@@ -123,6 +134,7 @@ class Found:
     final: Fit
     effects: list[Effect] = field(default_factory=list)
     refinements: list[Effect] = field(default_factory=list)
+    unrefined: Fit | None = None
     near: list[Trial] = field(default_factory=list)
     base_score: float = 0.0
     by_chance: float = 0.0

@@ -19,7 +19,7 @@ from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.screening import with_term
+from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.search.trials import (
     fixed_errors,
     halves_errors,
@@ -68,9 +68,20 @@ def search(
             evaluations=20,
         )
     exchange(fitter, found, grids, null, yardstick, progress)
+    found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
+
+
+def _unrefined(fitter: Fitter, found: Found) -> Fit | None:
+    """Return the final model without its refinements; None where it has none."""
+    if not found.refinements:
+        return None
+    names: Sequence[str] = found.final.terms
+    for effect in found.refinements:
+        names = without_term(names, effect.trial.name)
+    return fitter.fit(names, found.final.values, evaluations=20)
 
 
 def _settle_alignment(

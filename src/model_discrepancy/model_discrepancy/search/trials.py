@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ankle_physics.joint_profile import joint_in_force
+from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.halves import interleaved
@@ -38,7 +40,26 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
     held_out = halves_gain(halves_errors(fitter, current), halves_errors(fitter, trial.fit))
     used = fitter.rows.used
     changed = np.var((trial.fit.plain - current.plain)[used]) / np.var(fitter.plain_target[used])
-    return replace(trial, held_out=held_out, by_chance=by_chance, torque_share=float(changed))
+    return replace(
+        trial,
+        held_out=held_out,
+        by_chance=by_chance,
+        torque_share=float(changed),
+        displaced=displaced(current, trial.fit),
+    )
+
+
+def displaced(current: Fit, fit: Fit) -> tuple[str, ...]:
+    """Return the linear parameters of the base model, "term.symbol", that are at a bound in a fit
+    and are not in the current one.
+    """
+    names = {
+        f"{name}.{parameter.symbol}"
+        for name in joint_in_force().terms
+        for parameter in term_library()[name].parameters
+        if parameter.linear
+    }
+    return tuple(sorted((set(fit.at_bounds) - set(current.at_bounds)) & names))
 
 
 def refitted(

@@ -1,0 +1,95 @@
+"""The search follows a second candidate that did about as well as the one that it chose."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from model_discrepancy.search import hypotheses
+from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
+from model_discrepancy.search.hypotheses import MOST_FORKS, Hypotheses
+
+# What each set of terms leaves. "relaxation" stands in for two terms, and nothing after it leads to
+# the pair that leaves least.
+SCORES = {
+    (): 100.0,
+    ("maxwell_relaxation",): 40.0,
+    ("short_range_stiffness",): 45.0,
+    ("maxwell_relaxation", "tendon"): 35.0,
+    ("maxwell_relaxation", "tendon", "backlash"): 33.0,
+    ("short_range_stiffness", "long_latency_reflex"): 10.0,
+}
+
+
+def fit_of(terms):
+    return SimpleNamespace(terms=terms, score=SCORES[terms], size=len(terms), values={})
+
+
+class Scripted(Hypotheses):
+    """Takes its trials from the table of scores."""
+
+    def __init__(self):
+        fitter = SimpleNamespace(rows=SimpleNamespace(independent=1000))
+        super().__init__(fitter, fit_of(()), None, None, None, lambda line: self.said.append(line))
+        self.said = []
+
+    def _step(self, current):
+        longer = [t for t in SCORES if t[:-1] == current.terms and len(t) > len(current.terms)]
+        trials = [
+            Trial(t[-1], fit_of(t), gain, (gain, gain), -1.0, torque_share=1.0)
+            for t in longer
+            for gain in [1.0 - SCORES[t] / current.score]
+        ]
+        return sorted(trials, key=lambda t: -t.gain), 0.0
+
+    def _add(self, hypothesis, trial):
+        hypothesis.current = trial.fit
+        hypothesis.found.effects.append(Effect(trial, errors=None))
+        hypothesis.scores[len(hypothesis.found.effects)] = trial.fit.score
+
+
+@pytest.fixture(autouse=True)
+def plain_errors(monkeypatch):
+    monkeypatch.setattr(
+        hypotheses, "halves_errors", lambda fitter, fit, plain: (fit.score, fit.score)
+    )
+
+
+def test_the_better_of_two_hypotheses_wins_whichever_term_came_first():
+    best = Scripted().best()
+    assert [e.trial.name for e in best.found.effects] == [
+        "short_range_stiffness",
+        "long_latency_reflex",
+    ]
+    assert best.current.score == 10.0
+
+
+def test_a_search_that_never_forks_stays_with_what_it_took_first(monkeypatch):
+    monkeypatch.setattr(hypotheses, "MOST_FORKS", 0)
+    assert Scripted().best().current.score == 33.0
+    assert MOST_FORKS > 0
+
+
+def test_a_model_of_two_terms_is_left_to_the_exchange_of_rivals(monkeypatch):
+    monkeypatch.delitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"))
+    search = Scripted()
+    assert search.best().current.score == 35.0
+    assert not any("hypothesis" in line for line in search.said)
+
+
+def test_a_hypothesis_that_stays_behind_is_given_up(monkeypatch):
+    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.setitem(SCORES, ("short_range_stiffness", "tendon"), 44.0)
+    monkeypatch.setitem(SCORES, ("short_range_stiffness", "tendon", "backlash"), 1.0)
+    assert Scripted().best().current.score == 33.0
+
+
+@pytest.mark.parametrize(("gain", "accepted"), [(0.5, True), (0.5 * DISPLACING_GAIN, False)])
+def test_a_small_term_may_not_do_away_with_the_joints_viscosity(gain, accepted):
+    trial = Trial("saturating_damping", None, gain, (gain, gain), -1.0, torque_share=1.0)
+    assert trial.accepted
+    displacing = Trial(
+        *("saturating_damping", None, gain, (gain, gain), -1.0),
+        torque_share=1.0,
+        displaced=("viscosity.B",),
+    )
+    assert displacing.accepted == accepted
