@@ -179,7 +179,7 @@ class Model:
                     raise ModelError(f"{name}: unknown parameter '{key}'; it has {known}")
                 if isinstance(value, dict):
                     if "standard_error" in value:
-                        errors[parameter.symbol] = float(value["standard_error"])
+                        errors[parameter.symbol] = _error(value["standard_error"], name, key)
                     value = value.get("value")
                 given[parameter.symbol] = value
             entry = _entry(name, given)
@@ -337,6 +337,16 @@ def _walk(pairs: list[tuple[Entry, State]], signals: Signals) -> dict[str, np.nd
         [entry.values for entry, _ in pairs],
         [state for _, state in pairs],
     )
+
+
+def _error(value: object, name: str, key: str) -> float:
+    """Return a standard error of a file as a number."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise ModelError(
+            f"{name}: the standard_error of '{key}' = {value!r} is refused; expected a number"
+        ) from None
 
 
 def _flag(value: Any, term: str) -> bool:

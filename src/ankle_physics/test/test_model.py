@@ -97,6 +97,10 @@ def test_a_model_file_survives_saving(tmp_path):
         ),
         ("terms: [{term: stiffness, 'K[N.m/rad]': soft}]", "'stiffness.K' = 'soft' is refused"),
         ("terms: [{term: inertia}, {term: inertia}]", "appears 2 times"),
+        (
+            "{terms: [{term: stiffness, 'K[N.m/rad]': {value: 9, standard_error: '1,5'}}]}",
+            "the standard_error of 'K.N.m/rad.' = '1,5' is refused",
+        ),
         ("{terms: [], impedance: {'B[N.m]': 3}}", "unknown value 'B\\[N.m\\]'"),
         ("{terms: [], impedance: {'K[N.m/rad]': 3}}", "has 'value' and 'standard_error'"),
         (

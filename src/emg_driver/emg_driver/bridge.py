@@ -20,6 +20,7 @@ from emg_driver.electrode_quality import SHORTEST_STRETCH, WINDOW, defects
 from emg_driver.errors import StreamRefused
 from emg_driver.lsl_source import Chunk
 from emg_driver.muscles import MUSCLES
+from emg_driver.rate_check import RateCheck, Window
 from emg_driver.settings import ElectrodeSettings
 from emg_driver.stream_description import ChannelMap, StreamDescription, map_channels
 
@@ -27,17 +28,17 @@ BLOCK_RATE = 64.0
 """[Hz] Blocks per second, as every sampled topic."""
 JUDGE_PERIOD = 0.25
 """[s] Time between two checks of the electrodes."""
-START = 2.0, 0.05
-"""[s], [1] Window and tolerance of the rate before anything is published; a busy computer delays by
-0.1 s."""
+START = Window(length=2.0, tolerance=0.05)
+"""Of the rate before anything is published."""
 RATE_PATIENCE = 10.0
-"""[s] Time after which a stream that has not come at its declared rate for `START` is refused;
-until then a busy computer may be the reason."""
-RUNNING = 30.0, 0.003
-"""[s], [1] Window and tolerance of the rate once samples are published."""
-RATE_ERROR_TIME = 2.0
-"""[s] Time for which a wrong rate has to last: a shorter one is a computer, here or there, that was
-busy for a moment at one end of the window."""
+"""[s] Time after which a stream that has not come at its declared rate for the window `START` is
+refused; until then a busy computer may be the reason."""
+RUNNING = Window(length=30.0, tolerance=0.003)
+"""Of the rate once samples are published."""
+RATE_ERROR_TIME = 10.0
+"""[s] Time for which a wrong rate has to last: a third of the window `RUNNING`, after which the
+newest delays that it compares are all new. A computer that is busy for a few seconds refuses no
+amplifier."""
 
 
 @dataclass
@@ -105,7 +106,7 @@ class EmgBridge:
         self._line = SampleLine(stream.rate, ros_minus_lsl)
         self._block = max(round(stream.rate / BLOCK_RATE), 1)
         self._waiting: deque[Chunk] | None = deque()
-        self._arrivals: deque[tuple[float, int]] = deque()
+        self._rate = RateCheck(stream.rate, START)
         self._received = 0
         self._odd_since: float | None = None
         self._pending: np.ndarray = np.empty((0, 1 + len(MUSCLES)))
@@ -156,22 +157,16 @@ class EmgBridge:
         return out
 
     def _check_rate(self, chunk: Chunk) -> bool:
-        """Return whether samples come as often as declared, by arrival over the last `START` or
-        `RUNNING` seconds; False while it is open.
-        """
+        """Return whether samples come as often as declared; False while it is open."""
         self._received += len(chunk.stamps)
-        self._arrivals.append((chunk.arrival, self._received))
-        starting = self._waiting is not None
-        length, limit = START if starting else RUNNING
-        while len(self._arrivals) > 2 and chunk.arrival - self._arrivals[1][0] >= length:
-            self._arrivals.popleft()
-        first, before = self._arrivals[0]
-        elapsed = chunk.arrival - first
-        if elapsed < length:
+        self._rate.add(chunk.arrival, self._received + self.missing)
+        starting, agrees = self._waiting is not None, self._rate.agrees
+        if agrees is None:
             return not starting
-        measured = (self._received - before) / elapsed
-        if abs(measured / self.stream.rate - 1.0) <= limit + self._line_missing(elapsed):
+        if agrees:
             self._odd_since = None
+            if starting:
+                self._rate = RateCheck(self.stream.rate, RUNNING)
             return True
         if starting and self._waiting and chunk.arrival - self._waiting[0].arrival < RATE_PATIENCE:
             return False
@@ -179,12 +174,9 @@ class EmgBridge:
         if not starting and chunk.arrival - self._odd_since < RATE_ERROR_TIME:
             return True
         raise StreamRefused(
-            f"{self.stream.title} declares {self.stream.rate:g} Hz and sends {measured:.1f} Hz"
+            f"{self.stream.title} declares {self.stream.rate:g} Hz and sends "
+            f"{self._rate.measured:.1f} Hz"
         )
-
-    def _line_missing(self, elapsed: float) -> float:
-        """Return the share of samples that gaps explain."""
-        return self.missing / (elapsed * self.stream.rate)
 
     def _bridge(self, chunk: Chunk, out: Bridged) -> None:
         emg = self._map.volts(chunk.samples)

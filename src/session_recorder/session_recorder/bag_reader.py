@@ -117,6 +117,12 @@ class BagReader:
                 topic = topics.setdefault(
                     channel.topic, Topic(channel.topic, schema.name if schema else "")
                 )
+                if schema is not None and topic.type != schema.name:
+                    self.problems.append(
+                        f"{channel.topic} is of type '{topic.type}' by {METADATA_FILE} and of "
+                        f"'{schema.name}' by {file.path.name}, which counts"
+                    )
+                    topic.type = schema.name
                 topic.count += file.counts[channel_id]
                 if schema is not None and not topic.definition:
                     topic.definition = schema.data.decode(errors="replace")

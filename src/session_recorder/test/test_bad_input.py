@@ -189,3 +189,16 @@ def test_a_c3d_file_that_its_library_does_not_survive_is_refused(tmp_path, monke
     path.write_bytes(b"\x02\x50" + bytes(600))
     with pytest.raises(ImportRefused, match=r"cut\.c3d cannot be read as C3D"):
         read_table(path)
+
+
+def test_a_type_that_the_metadata_state_wrongly_is_told_and_read_by_the_file(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/ankle/samples")
+        time = 1e9 + np.arange(32) / 1000
+        block = Block(("t[s]", "torque[N.m]"), np.column_stack([time, time]))
+        writer.write_block("/ankle/samples", block)
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("std_msgs/msg/Float64M", "std_msgs/msg/M"))
+    account = account_of_bag(BagReader(tmp_path / "bag"))
+    assert account.topics["/ankle/samples"].samples == 32
+    assert any("which counts" in sentence for sentence in account.sentences())
