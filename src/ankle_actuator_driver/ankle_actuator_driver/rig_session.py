@@ -100,7 +100,7 @@ class RigSession:
     Parameters
     ----------
     bridge
-        The driver.
+        The safety logic of the driver.
     link
         To the rig; closed by `close`.
     clocks
@@ -198,7 +198,7 @@ class RigSession:
         Parameters
         ----------
         state
-            That was entered.
+            The state that the rig has entered.
         """
         states = self.bridge.states
         if states.state is not state:

@@ -31,7 +31,7 @@ def open_session(
     ros_time
         Reads ROS time [s].
     tell, fail
-        As for `RigSession`.
+        See `RigSession`.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def fetch(recording: Recording, folder: Path, show_progress: bool = True) -> Pat
     Parameters
     ----------
     recording
-        What to fetch.
+        The recording to fetch.
     folder
         Where to keep it.
     show_progress

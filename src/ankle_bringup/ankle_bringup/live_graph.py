@@ -74,7 +74,7 @@ def echo(node: Node, topic: str, show: Callable[[str], None], count: int, second
     Parameters
     ----------
     node
-        Node that reads.
+        The node that reads.
     topic
         Name of the topic, resolved as the node's names are.
     show

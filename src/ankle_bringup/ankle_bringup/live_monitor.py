@@ -52,7 +52,7 @@ class LiveMonitor:
     node
         A node made by `ankle_bringup.live_graph.observer`.
     topics
-        Which to follow.
+        The topics to follow.
     """
 
     def __init__(

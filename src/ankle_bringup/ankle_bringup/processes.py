@@ -64,7 +64,7 @@ class Processes:
     Parameters
     ----------
     graph
-        What to run.
+        The graph to run.
     logs
         Folder for one log file a node.
 
@@ -95,7 +95,7 @@ class Processes:
         Parameters
         ----------
         name
-            Of the node.
+            Name of the node.
         parameters
             Values that it gets instead of those of the graph.
         """

@@ -41,9 +41,9 @@ def in_study(
     study
         Made by ``ankle study init``.
     subject
-        Pseudonym.
+        Pseudonym of the subject.
     visit
-        Counted from 1.
+        Number of the visit, counted from 1.
     stated
         Content of the recording's sidecar file.
 

@@ -24,7 +24,7 @@ def regenerate_by_replay(
     Parameters
     ----------
     bag
-        What was recorded.
+        The recorded bag.
     out
         The new bag, with the estimates.
     logs

@@ -156,7 +156,7 @@ class Work:
     Parameters
     ----------
     status
-        What is shown.
+        The line that is shown while the work lasts.
     what
         The work, in front of each step.
     """

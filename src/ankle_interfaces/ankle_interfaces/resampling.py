@@ -20,7 +20,7 @@ def resample(signals: np.ndarray, from_rate: float, to_rate: float) -> np.ndarra
     signals
         Shape (n,) or (n, m); time is not one of the columns.
     from_rate, to_rate
-        [Hz].
+        Sampling rates before and after [Hz].
 
     Returns
     -------

@@ -68,7 +68,7 @@ def check_overrides(given: Iterable[str], declared: Mapping[str, Quantity]) -> l
     Parameters
     ----------
     given
-        Their names.
+        Names of the parameters that were given.
     declared
         Quantities of the node by name.
 

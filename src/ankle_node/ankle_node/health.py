@@ -33,7 +33,7 @@ class Health:
         level
             `OK`, `WARN` or `ERROR`.
         message
-            One sentence.
+            One sentence that describes the state.
 
         Returns
         -------

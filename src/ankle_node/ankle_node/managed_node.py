@@ -24,7 +24,7 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
     Parameters
     ----------
     name, parameters
-        As `AnkleNode`.
+        See `AnkleNode`.
     """
 
     def __init__(self, name: str, parameters: Sequence[Quantity]) -> None:

@@ -64,7 +64,7 @@ class AnkleNode(NodeWithParameters):
     Parameters
     ----------
     name
-        Node name.
+        Name of the node.
     parameters
         Every parameter of the node; a refused start value raises `QuantityError`.
     """
@@ -243,7 +243,7 @@ class AnkleNode(NodeWithParameters):
         Parameters
         ----------
         priority
-            As for `ankle_node.real_time.take_priority`.
+            See `ankle_node.real_time.take_priority`.
         """
         topic = self.resolve_topic_name(RIG_STATE.name)
 

@@ -19,7 +19,7 @@ class NodeWithParameters(Node):
     Parameters
     ----------
     name
-        Node name.
+        Name of the node.
     parameters
         Every parameter of the node; a refused start value raises `QuantityError`.
 

@@ -19,7 +19,7 @@ def end_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
     Parameters
     ----------
     number
-        The signal.
+        The signal that is sent when the parent ends.
     """
     with contextlib.suppress(AttributeError):
         _LIBC.prctl(_PR_SET_PDEATHSIG, number)

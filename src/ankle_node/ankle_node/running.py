@@ -57,7 +57,7 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
     Parameters
     ----------
     make
-        Makes the node.
+        Function that makes the node.
     arguments
         Command line; that of the process where None.
 

@@ -79,7 +79,7 @@ class Actuator:
     Parameters
     ----------
     servo
-        Its dynamics.
+        Dynamics of the servo.
     rate
         Of the reference [Hz].
     """

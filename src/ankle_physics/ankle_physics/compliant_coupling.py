@@ -110,13 +110,13 @@ class FootLoop:
     Parameters
     ----------
     rate
-        [Hz].
+        Sampling rate [Hz].
     coupling
         The compliant coupling of the model.
     terms
         Every term that acts on the foot and may depend on its motion, in the order of the path.
     states
-        Their states.
+        States of the terms.
     """
 
     def __init__(

@@ -46,7 +46,7 @@ def foot_motion(
     coupling
         Between plate and foot.
     values
-        Of the coupling.
+        Parameter values of the coupling.
     impedance
         Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot.
     plate

@@ -37,7 +37,7 @@ class Delay(Stateful):
     Parameters
     ----------
     rate
-        [Hz].
+        Sampling rate [Hz].
     longest
         Longest delay that will be asked for [s].
     """

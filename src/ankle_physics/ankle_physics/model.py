@@ -80,7 +80,7 @@ class Model:
     entries
         At most one of each term.
     title
-        Free text.
+        Free text that describes the model.
     stated
         K and G of the whole joint with their standard errors, where a fit gave them; None: none.
 

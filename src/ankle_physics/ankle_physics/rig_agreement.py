@@ -90,7 +90,7 @@ def velocity_delay(rate: float, position: np.ndarray, velocity: np.ndarray) -> M
     Parameters
     ----------
     rate
-        [Hz].
+        Sampling rate [Hz].
     position, velocity
         [rad], [rad/s], shape (n,), of a perturbed plate.
     """

@@ -42,7 +42,7 @@ class ServoLoop:
     servo
         Of the actuator; not ideal.
     stiffness
-        k_a [N.m/rad].
+        Stiffness k_a of the servo [N.m/rad].
     rate
         Internal rate [Hz].
     run

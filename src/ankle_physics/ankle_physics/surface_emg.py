@@ -125,7 +125,7 @@ class SurfaceEmg:
     seed
         Of all random draws.
     electrodes, variability
-        Defaults where None.
+        The defaults are used where they are None.
     """
 
     def __init__(

@@ -233,13 +233,13 @@ def simulate(
     rate
         Of the reference and the samples [Hz].
     model
-        None: the paper's.
+        The joint; None stands for the paper's model.
     servo
         None: 30 Hz, damping 0.7.
     signal_to_noise
         None: the paper's; `sensors.NO_NOISE` for none.
     scenario
-        Changes of parameters.
+        Changes of parameters while it runs.
     seed
         Of every random term and of the noise.
     progress

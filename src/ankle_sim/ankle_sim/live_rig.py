@@ -198,7 +198,7 @@ class LiveRig:
         Parameters
         ----------
         time
-            [s], shape (n,).
+            Times of the samples [s], shape (n,).
         reference
             Position, velocity, acceleration, shape (n, 3), or position alone, shape (n, 1). Samples
             that are not finite count as missing.

@@ -73,7 +73,7 @@ class LiveSubject:
     noisy
         Whether the rig's samples have noise.
     steady
-        As `VirtualSubject`.
+        See `VirtualSubject`.
 
     Raises
     ------
@@ -140,9 +140,9 @@ class LiveSubject:
         Parameters
         ----------
         time
-            [s], shape (n,).
+            Times of the samples [s], shape (n,).
         reference
-            As `LiveRig.take`.
+            See `LiveRig.take`.
 
         Raises
         ------

@@ -73,7 +73,7 @@ def plan(
         Whether the subject can change stiffness and reflex; else every hold has the same state at a
         target.
     hold, reach
-        [s].
+        Durations of a hold and of the way to it [s].
     """
     random = np.random.default_rng([6_173, seed])
     wanted = []

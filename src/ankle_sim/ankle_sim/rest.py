@@ -70,7 +70,7 @@ class Rest:
         Parameters
         ----------
         time
-            [s], shape (n,).
+            Times of the samples [s], shape (n,).
         reference
             Position [rad], and where known velocity [rad/s] and acceleration [rad/s^2]; shape
             (n, 1) or (n, 3).

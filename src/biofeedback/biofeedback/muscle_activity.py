@@ -28,7 +28,7 @@ class MuscleActivity:
     Parameters
     ----------
     names
-        Of the channels.
+        Names of the channels.
 
     Attributes
     ----------

@@ -34,7 +34,7 @@ class VoluntaryTorque:
     Parameters
     ----------
     cutoff
-        [Hz].
+        Cut-off frequency of the low-pass [Hz].
 
     Attributes
     ----------

@@ -31,9 +31,9 @@ def standard_errors(slopes: np.ndarray, residual: np.ndarray, frequency: np.ndar
     slopes
         Derivatives of the residual, shape (2 n, p): real parts, then imaginary ones.
     residual
-        Shape (2 n,).
+        Real and imaginary residuals, shape (2 n,).
     frequency
-        [Hz], shape (n,).
+        Frequencies of the spectra [Hz], shape (n,).
     """
     inverse = np.linalg.pinv(slopes.T @ slopes)
     variance = float(residual @ residual) / (len(residual) - slopes.shape[1])

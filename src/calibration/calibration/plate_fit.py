@@ -75,7 +75,7 @@ def fit_plate(spectra: RigSpectra, motion: np.ndarray) -> PlateFit:
     Parameters
     ----------
     spectra
-        The recording.
+        Spectra of the recording.
     motion
         Spectrum of the position that follows the reference [rad].
 

@@ -168,7 +168,7 @@ def rig_file(
     Parameters
     ----------
     found
-        The numbers.
+        The numbers that the calibration found.
     title
         Name of the rig.
     load

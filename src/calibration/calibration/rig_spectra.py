@@ -80,7 +80,7 @@ class RigSpectra:
     Parameters
     ----------
     signals
-        The recording.
+        Signals of the recording.
     rest
         Samples at which the plate rests; their mean is taken off.
     """

@@ -117,7 +117,7 @@ def stated_values(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[
     Parameters
     ----------
     parameters
-        Of the verdict.
+        The ``parameters`` of the verdict.
     """
     found = {}
     for key, given in parameters.items():

@@ -65,7 +65,7 @@ class EmgBridge:
     stream
         What it says about itself.
     channels, unit, rate
-        As `map_channels`.
+        See `map_channels`.
     limits
         For a good electrode.
     ros_minus_lsl

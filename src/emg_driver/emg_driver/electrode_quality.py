@@ -57,7 +57,7 @@ def defects(emg: np.ndarray, rate: float, limits: ElectrodeSettings) -> list[Def
     emg
         Raw EMG [V], shape (n, m), equally spaced, at least `SHORTEST_STRETCH` long.
     rate
-        [Hz].
+        Sampling rate [Hz].
     limits
         Beyond which a channel is bad.
     """

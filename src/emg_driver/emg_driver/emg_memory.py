@@ -16,7 +16,7 @@ class EmgMemory:
     kept
         Samples that are always kept.
     channels
-        M.
+        Number of channels m.
     """
 
     def __init__(self, kept: int, channels: int) -> None:

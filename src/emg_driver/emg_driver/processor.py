@@ -136,7 +136,7 @@ class EmgProcessor:
         Parameters
         ----------
         time
-            [s], shape (n,).
+            Times of the samples [s], shape (n,).
         emg
             [V], shape (n, 4), muscles in the order of `MUSCLES`; NaN where a channel is bad.
 

@@ -29,11 +29,11 @@ class Rectifier:
     rate
         Sampling rate [Hz].
     channels
-        M.
+        Number of channels m.
     cutoff
         Of the high-pass [Hz], below half the rate.
     order
-        Of the high-pass.
+        Order of the high-pass.
 
     Raises
     ------

@@ -25,11 +25,11 @@ def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | N
     time
         Ascending times [s], shape (n,).
     start
-        First time [s].
+        Time of the first sample [s].
     end
         First time that no longer counts [s].
     rate
-        [Hz].
+        Sampling rate [Hz].
     """
     first, stop = (int(k) for k in np.searchsorted(time, [start - ON_SAMPLE, end - ON_SAMPLE]))
     # How many samples fall into the window depends on where they lie by one.
@@ -48,13 +48,13 @@ def respond(
     Parameters
     ----------
     time
-        [s], shape (n,).
+        Times of the samples [s], shape (n,).
     rectified
         [V], shape (n, m).
     rate
         Sampling rate [Hz].
     onset
-        [s].
+        Time of the onset [s].
     settings
         Windows of background and reflex.
     """

@@ -52,9 +52,9 @@ class OnsetDetector:
         Parameters
         ----------
         time
-            [s], shape (n,).
+            Times of the samples [s], shape (n,).
         velocity
-            [rad/s], shape (n,).
+            Velocity of the ankle [rad/s], shape (n,).
 
         Returns
         -------

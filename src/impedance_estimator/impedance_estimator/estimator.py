@@ -68,7 +68,7 @@ class Estimator(ABC):
     measured_velocity
         Whether samples carry a velocity column.
     settings
-        Defaults where None.
+        Settings of the algorithm; None stands for the defaults.
 
     Attributes
     ----------

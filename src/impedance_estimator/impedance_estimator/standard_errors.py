@@ -77,7 +77,7 @@ def intrinsic_variance(
     Parameters
     ----------
     moments
-        Shape (`MOMENTS`,).
+        Running moments of the signals, shape (`MOMENTS`,).
     inverse
         Shape (3, 3), inverse of the running normal matrix.
     gain
@@ -109,7 +109,7 @@ def reflex_variance(moments: np.ndarray, gain: float, factor: float) -> float:
     Parameters
     ----------
     moments
-        Shape (`MOMENTS`,).
+        Running moments of the signals, shape (`MOMENTS`,).
     gain
         Present gain of the running correlations in T.
     factor

@@ -90,7 +90,7 @@ class EstimateStream:
     algorithm
         A name in `algorithms.ALGORITHMS`.
     settings
-        Defaults where None.
+        Settings of the algorithm; None stands for the defaults.
     known
         Physics of rig and subject that is known beforehand; None: nothing is.
 

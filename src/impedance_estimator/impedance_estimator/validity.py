@@ -124,7 +124,7 @@ def judge_sample(
     clock
         Record of `CLOCK`, shape (1,).
     rate
-        [Hz].
+        Sampling rate [Hz].
     memory
         Longest interruption that is bridged [s].
     t, x, v, torque

@@ -25,11 +25,11 @@ def cross_correlation(
     Parameters
     ----------
     position
-        [rad], shape (n,).
+        Position of the ankle [rad], shape (n,).
     velocity
-        [rad/s], shape (n,).
+        Velocity of the ankle [rad/s], shape (n,).
     rate
-        [Hz].
+        Sampling rate [Hz].
     first, last
         Smallest and largest lag [s].
 

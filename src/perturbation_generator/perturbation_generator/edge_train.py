@@ -33,7 +33,7 @@ class EdgeTrain:
     Parameters
     ----------
     shape
-        Of every edge.
+        Shape of every edge.
     rate
         Sampling rate [Hz].
     """

@@ -17,7 +17,7 @@ class EmulatedAnkle:
     Parameters
     ----------
     setup
-        Rig, subject, sensors.
+        Rig, subject and sensors that are emulated.
     rate
         Of the servo [Hz].
     noisy

@@ -86,9 +86,9 @@ class EmulatedDevice:
     Parameters
     ----------
     plant
-        What it drives.
+        The plate and the ankle that the device drives.
     limits
-        That it enforces.
+        The limits that the device enforces.
     rate
         Of servo and samples [Hz].
     session

@@ -34,7 +34,7 @@ class EmulatedRig:
     settings
         What it is made of.
     line
-        To the driver.
+        The line to the driver.
     switches
         Where fault switches come in, or None.
     say

@@ -21,7 +21,7 @@ class FaultyLine:
     Parameters
     ----------
     seed
-        Of everything random.
+        Seed of all that is random.
 
     Attributes
     ----------

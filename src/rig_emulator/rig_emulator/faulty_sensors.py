@@ -26,9 +26,9 @@ class FaultySensors:
     Parameters
     ----------
     rate
-        [Hz].
+        Sampling rate [Hz].
     seed
-        Of everything random.
+        Seed of all that is random.
     """
 
     def __init__(self, rate: float, seed: int) -> None:
@@ -46,7 +46,7 @@ class FaultySensors:
         samples
             True position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
         faults
-            The switches.
+            The faults that are switched on.
 
         Returns
         -------

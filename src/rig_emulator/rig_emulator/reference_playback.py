@@ -69,7 +69,7 @@ class ReferencePlayback:
         first
             Time of sample 0 [s].
         interval
-            Between samples [s].
+            Time between two samples [s].
         motion
             Position, velocity, acceleration, shape (n, 3).
         """

@@ -70,9 +70,9 @@ def correlate(
     Parameters
     ----------
     x, y
-        Shape (n,).
+        Paired values, shape (n,).
     seed
-        Of the bootstrap.
+        Seed of the bootstrap.
     resamples
         Draws of the bootstrap.
     """

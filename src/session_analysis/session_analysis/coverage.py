@@ -29,13 +29,13 @@ def coverage(
     r
         True correlation within subjects, -1 to 1.
     holds
-        Of each subject.
+        Number of holds of each subject.
     trials
         Number of studies.
     resamples
-        Of each bootstrap.
+        Number of resamples of each bootstrap.
     seed
-        Of everything.
+        Seed of all that is random.
     progress
         Called with the fraction done.
     """

@@ -105,7 +105,7 @@ class Answer:
         Parameters
         ----------
         quantity
-            As ``K[N.m/rad]``.
+            Name with its unit, such as ``K[N.m/rad]``.
         half
             0 or 1 for a half of the recording, None for all of it.
 
@@ -142,9 +142,9 @@ def answer(
     bag
         The recording.
     result
-        Its estimates.
+        Estimates of the recording.
     algorithm, settings
-        Of the estimates.
+        Algorithm and settings of the estimates.
     progress
         Called with what is done and the fraction.
 
@@ -190,7 +190,7 @@ def why_nothing_is_valid(bag: Path) -> str:
     Parameters
     ----------
     bag
-        With ``/ankle/samples``.
+        A recording with the topic ``/ankle/samples``.
 
     Raises
     ------

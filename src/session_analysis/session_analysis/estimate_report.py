@@ -56,7 +56,7 @@ def write_estimates(found: Answer, folder: Path) -> Path:
     Parameters
     ----------
     found
-        What to show.
+        The estimates to show.
     folder
         An existing folder.
 

@@ -92,7 +92,7 @@ def read_session(
     Parameters
     ----------
     path
-        The bag.
+        Path of the bag.
     subject
         Whose; else what the bag's custom data say, else the bag's name.
     recompute

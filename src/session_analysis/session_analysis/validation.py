@@ -71,7 +71,7 @@ def validate(
     subjects
         Whose each bag is; empty takes what the bags say.
     seed
-        Of the bootstrap.
+        Seed of the bootstrap.
     recompute
         Estimates and responses from the samples, also where they were recorded.
     progress

@@ -249,7 +249,7 @@ class BagReader:
         Parameters
         ----------
         topic
-            Its absolute name.
+            Absolute name of the topic.
         refused
             Called with a sentence for each message that is no valid block, which is then left out.
         progress

@@ -138,9 +138,9 @@ class BagWriter:
         Parameters
         ----------
         topic
-            Its absolute name.
+            Absolute name of the topic.
         message_type
-            As ``std_msgs/msg/Float64MultiArray``.
+            Name of the type, such as ``std_msgs/msg/Float64MultiArray``.
         qos
             What its publishers offer.
         type_hash

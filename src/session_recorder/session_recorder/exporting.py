@@ -44,7 +44,7 @@ def export_bag(
     output
         The folder (``csv``) or file (``npz``) to write.
     file_format
-        ``csv`` or ``npz``.
+        Format of the files: ``csv`` or ``npz``.
     topics
         Names; None exports every topic (``npz``: every topic of blocks).
     overwrite

@@ -56,9 +56,9 @@ class LossAccount:
         Parameters
         ----------
         topic
-            Its absolute name.
+            Absolute name of the topic.
         message
-            Its CDR bytes.
+            The message as CDR bytes.
         log_time_ns
             When it was recorded [ns].
 

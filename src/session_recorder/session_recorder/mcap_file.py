@@ -234,7 +234,7 @@ class McapFile:
         Parameters
         ----------
         channels
-            Ids.
+            Numbers of the channels.
         progress
             Called with the fraction that is read.
 

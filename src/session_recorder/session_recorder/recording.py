@@ -22,7 +22,7 @@ class Recording:
     Parameters
     ----------
     path
-        The new bag.
+        Path of the new bag.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Recording:
         Parameters
         ----------
         topic
-            Its absolute name.
+            Absolute name of the topic.
         publishers
             Name of the node by the publisher's identity.
 
@@ -98,7 +98,7 @@ class Recording:
         stamp_ns, publish_ns
             Times of reception and publication [ns].
         message
-            Its CDR bytes.
+            The message as CDR bytes.
         sequence
             The message's number at its publisher, None where it is not known.
 

@@ -40,7 +40,7 @@ def recover(
     Parameters
     ----------
     path
-        The damaged bag.
+        Path of the damaged bag.
     output
         The new bag; by default the old name with ``_recovered``.
     progress

@@ -29,7 +29,7 @@ def choose_topics(reader: BagReader, wanted: str) -> list[str]:
     Parameters
     ----------
     reader
-        The bag.
+        Reader of the bag.
     wanted
         Names joined by commas; empty takes the recorded inputs that the bag holds; ``all`` takes
         everything but what ROS writes about itself.
@@ -75,7 +75,7 @@ class Replay:
     Parameters
     ----------
     reader
-        The bag.
+        Reader of the bag.
     topics
         Absolute names of the topics that are sent.
     rate

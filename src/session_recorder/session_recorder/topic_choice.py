@@ -18,7 +18,7 @@ class TopicChoice:
     named
         Full names of the topics to record; empty: all of the namespace, and those of ROS itself.
     namespace
-        Of the recorder.
+        Namespace of the recorder.
     """
 
     def __init__(self, named: Iterable[str], namespace: str) -> None:

@@ -171,11 +171,11 @@ def rise_time(
     time
         [s], ascending, shape (n,).
     values
-        Shape (n,).
+        Values of the estimate, shape (n,).
     levels
         Before and after the jump.
     at
-        When [s].
+        Time of the jump [s].
     """
     low, high = levels
     share = (values - low) / (high - low)
@@ -197,11 +197,11 @@ def arrival(time: np.ndarray, values: np.ndarray, levels: tuple[float, float], a
     time
         [s], ascending, shape (n,).
     values
-        Shape (n,).
+        Values of the estimate, shape (n,).
     levels
         Before and after the jump.
     at
-        When [s].
+        Time of the jump [s].
     """
     low, high = levels
     within = (np.abs(values - high) <= 0.1 * abs(high - low)) & (time >= at)

@@ -64,7 +64,7 @@ def after_stretch(velocity: np.ndarray, rate: float) -> np.ndarray:
     velocity
         True velocity [rad/s], shape (n,).
     rate
-        [Hz].
+        Sampling rate [Hz].
     """
     # A tenth of a movement's velocity: within 3 ms of its start.
     moving = velocity > 0.1 * np.max(velocity)

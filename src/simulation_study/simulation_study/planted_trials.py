@@ -58,7 +58,7 @@ def simulate_trial(
     seed
         Draws subject, steps and noise.
     duration
-        [s].
+        Duration of the recording [s].
     rate
         1024 or 2048 Hz (a divisor of the internal 4096 Hz).
     protocol

@@ -71,7 +71,7 @@ def run_study(
     Parameters
     ----------
     trials
-        With unique names.
+        The trials, each with a name of its own.
     asked
         What the study is; kept, and compared when a study goes on.
     out

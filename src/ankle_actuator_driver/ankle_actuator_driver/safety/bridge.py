@@ -80,7 +80,7 @@ class Bridge:
     Parameters
     ----------
     limits
-        That references keep.
+        The limits that every reference must keep.
     soft_start
         Duration of the start [s].
     reference_delay

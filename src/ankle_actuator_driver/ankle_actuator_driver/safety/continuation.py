@@ -91,7 +91,7 @@ def contradiction(motion: np.ndarray, interval: float, limits: Limits) -> str | 
     motion
         Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3).
     interval
-        Between samples [s].
+        Time between two samples [s].
     limits
         Whose parts are the tolerances.
     """
@@ -148,7 +148,7 @@ class Continuation:
         time
             ROS times [s], shape (n,), evenly spaced.
         interval
-            Between them [s].
+            Time between two samples [s].
         """
         if math.isnan(self.end):
             return FOLLOWED

@@ -30,7 +30,7 @@ class EncoderCheck:
         Parameters
         ----------
         time
-            [s], increasing.
+            Times of the samples [s], increasing.
         commanded, measured
             Positions [rad].
         """

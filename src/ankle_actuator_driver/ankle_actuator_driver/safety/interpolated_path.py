@@ -128,7 +128,7 @@ def positions_at(time: np.ndarray, motion: np.ndarray, wanted: np.ndarray) -> np
     time, motion
         As in `path_through`; one sample will do.
     wanted
-        [s], shape (m,).
+        Times at which positions are wanted [s], shape (m,).
 
     Returns
     -------

@@ -73,7 +73,7 @@ class Limits:
         motion
             Position [rad], velocity [rad/s], acceleration [rad/s^2], shape (n, 3), finite.
         interval
-            Between samples [s].
+            Time between two samples [s].
         before
             Position one interval before the first sample [rad]; None where there is none.
         """

@@ -183,7 +183,7 @@ class SensorSupervision:
         samples
             Measured position [rad], velocity [rad/s], torque [N.m], shape (n, 3).
         torque_limit
-            [N.m].
+            Largest torque that is allowed [N.m].
         """
         self._parts.append(_Window(time, commanded, *samples.T))
         while self._parts[0].time[-1] < time[-1] - WINDOW:

@@ -58,7 +58,7 @@ class StopMotion:
         position, velocity
             Of the plate's command [rad, rad/s].
         angle
-            Limit [rad].
+            Largest angle that is allowed [rad].
         acceleration
             Limit, which the stop keeps [rad/s^2].
         """

@@ -35,9 +35,9 @@ class TorqueCheck:
         time
             [s], increasing, shape (n,).
         torque
-            [N.m], shape (n,).
+            Measured torque [N.m], shape (n,).
         limit
-            [N.m].
+            Largest torque that is allowed [N.m].
         """
         for at, size in zip(time.tolist(), np.abs(torque).tolist(), strict=True):
             if size <= limit:

@@ -65,9 +65,9 @@ class TorqueYield:
     Parameters
     ----------
     admittance
-        Of the plate.
+        How the plate gives way to a torque.
     limit
-        [N.m].
+        Torque from which the plate gives way [N.m].
 
     Attributes
     ----------

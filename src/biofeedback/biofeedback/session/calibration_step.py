@@ -64,7 +64,7 @@ class CalibrationStep:
         Parameters
         ----------
         session, checks
-            Of the visit.
+            Session and check list of the visit.
         now
             ROS time [s].
         """
@@ -103,9 +103,9 @@ class CalibrationStep:
         Parameters
         ----------
         act
-            ``begin`` or ``skip``.
+            What the operator asks for: ``begin`` or ``skip``.
         session, checks
-            Of the visit.
+            Session and check list of the visit.
         now
             ROS time [s].
 

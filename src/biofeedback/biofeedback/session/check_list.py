@@ -83,7 +83,7 @@ def checked_names(content: Any, name: str) -> tuple[str, ...]:
     content
         Of the key ``check_list``.
     name
-        Of the file.
+        Name of the file that lists them.
 
     Raises
     ------

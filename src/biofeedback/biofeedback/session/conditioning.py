@@ -165,7 +165,7 @@ class Conditioning:
         now
             ROS time [s].
         torque
-            The subject's [N.m].
+            Torque of the subject [N.m].
         activity
             Of the course's muscle [MVC].
         responses

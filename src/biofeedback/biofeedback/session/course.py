@@ -228,7 +228,7 @@ class TrialGate:
         now
             Time [s].
         torque
-            The subject's [N.m].
+            Torque of the subject [N.m].
         emg
             Of the muscle, rectified and smoothed [MVC].
         """
@@ -254,7 +254,7 @@ class CourseSession:
     Parameters
     ----------
     course
-        The plan.
+        The plan of the course.
     number
         Of the session, from 1.
     """

@@ -24,9 +24,9 @@ class CourseFile:
     path
         Of the record; it is made with the first trial.
     course
-        The plan.
+        The plan of the course.
     subject
-        Pseudonym.
+        Pseudonym of the subject.
     on_failure
         Called with the reason where the disk refuses.
 

@@ -31,11 +31,11 @@ def draw_course(record: CourseRecord, course: Course, path: Path) -> None:
     Parameters
     ----------
     record
-        What was done.
+        Record of the sessions so far.
     course
-        Its plan.
+        The plan of the course.
     path
-        Of the picture.
+        File to write the picture to.
     """
     course_figure(record, course).savefig(path, dpi=130)
 
@@ -46,9 +46,9 @@ def course_figure(record: CourseRecord, course: Course) -> Figure:
     Parameters
     ----------
     record
-        What was done.
+        Record of the sessions so far.
     course
-        Its plan.
+        The plan of the course.
     """
     results = record.results
     number = np.array([result.number for result in results])

@@ -112,9 +112,9 @@ class CourseRecord:
         Parameters
         ----------
         session
-            With its trials.
+            The session with its trials.
         date
-            ISO 8601.
+            Date of the session as ISO 8601.
 
         Raises
         ------
@@ -225,9 +225,9 @@ def trend(record: CourseRecord, course: Course, kind: str = CONDITIONED) -> Tren
     Parameters
     ----------
     record
-        Of the subject.
+        Record of the subject.
     course
-        Its plan.
+        The plan of the course.
     kind
         `CONDITIONED`: the whole change in the trials that are rewarded. `CONTROL`: what stays
         without reward, the long-term change.

@@ -15,7 +15,7 @@ class PerturbationRequest:
     Parameters
     ----------
     node
-        Makes the client.
+        The node that makes the client.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ def check_keys(content: Any, allowed: set[str], optional: set[str], where: str) 
     Parameters
     ----------
     content
-        As read.
+        Content of the file as it was read.
     allowed
         Every key that it may have.
     optional

@@ -38,7 +38,7 @@ def read(session: Session, results: Results, found: Snapshot, rows: list[np.ndar
     results
         Of the check list.
     found
-        The signals.
+        The signals at this moment.
     rows
         Responses since the reading before, rows of the topic ``emg/responses``.
     """

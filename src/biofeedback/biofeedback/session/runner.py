@@ -99,7 +99,7 @@ class SessionRunner:
     session
         Is advanced and commanded; nobody else touches it once the runner is started.
     signals
-        From the graph.
+        The signals that came from the graph.
     rig, subject
         What commands act on.
     on_event

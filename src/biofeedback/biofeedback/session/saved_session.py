@@ -93,7 +93,7 @@ class ProgressKeeper:
     Parameters
     ----------
     path
-        Of the file.
+        Path of the file.
     present
         Progress at the start, which needs not be written.
     on_failure
@@ -141,7 +141,7 @@ class ProgressWriter:
     Parameters
     ----------
     path
-        Of the file.
+        Path of the file.
     on_failure
         Called with the reason where the disk refuses.
     write

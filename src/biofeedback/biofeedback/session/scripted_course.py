@@ -38,7 +38,7 @@ class ScriptedCourse(ScriptedSession):
     gain
         Part of a rewarded deviation by which the mean moves; 0 does not learn.
     seed
-        Of the deviations.
+        Seed of the random deviations.
 
     Attributes
     ----------

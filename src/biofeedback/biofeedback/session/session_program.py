@@ -102,7 +102,7 @@ class Session:
     Parameters
     ----------
     protocol
-        The session.
+        The protocol that the session follows.
     next_of_course
         Gives the next session of a conditioning course, whose steps then take the protocol's place.
 
@@ -214,7 +214,7 @@ class Session:
         now
             ROS time [s].
         reading
-            Of this moment.
+            The signals at this moment.
         """
         passed = 0.0 if self._last is None else now - self._last
         self._last = now
@@ -388,7 +388,7 @@ class Session:
         now
             Time of the session [s].
         values
-            Fields of `Target`.
+            New values for fields of `Target`.
 
         Raises
         ------

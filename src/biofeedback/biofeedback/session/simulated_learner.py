@@ -80,7 +80,7 @@ class SimulatedLearner:
     course
         The plan it follows.
     seed
-        Of its chance.
+        Seed of all that is random.
 
     Attributes
     ----------

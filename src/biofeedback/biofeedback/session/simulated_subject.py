@@ -24,7 +24,7 @@ class SimulatedSubject:
     Parameters
     ----------
     node
-        Makes the clients.
+        The node that makes the clients.
     """
 
     def __init__(self, node: Node) -> None:

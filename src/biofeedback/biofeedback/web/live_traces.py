@@ -29,11 +29,11 @@ class MinMaxTraces:
     Parameters
     ----------
     names
-        Of the channels.
+        Names of the channels.
     window
-        [s].
+        Length of time that is kept [s].
     bins
-        In the window.
+        Number of bins in the window.
     """
 
     def __init__(self, names: Sequence[str], window: float = WINDOW, bins: int = BINS) -> None:

@@ -24,7 +24,7 @@ class Presenter:
     Parameters
     ----------
     signals
-        From the graph.
+        The signals that came from the graph.
     cursor_frequency
         See `Cursor` [Hz].
     language
@@ -58,7 +58,7 @@ class Presenter:
         Parameters
         ----------
         view
-            The session.
+            The session at this moment.
         now
             ROS time [s].
         monotonic
@@ -110,11 +110,11 @@ class Presenter:
         Parameters
         ----------
         view
-            The session.
+            The session at this moment.
         monotonic
             Monotonic time [s].
         pages
-            That are open.
+            The pages that are open.
         version
             Number of the state, counted by the caller.
         """

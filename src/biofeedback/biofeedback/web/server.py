@@ -131,7 +131,7 @@ class Server:
     clock
         Gives ROS time [s].
     frame_rate
-        [Hz].
+        Rate of the frames [Hz].
     tls
         Certificate and key; None serves plain HTTP.
 

@@ -23,7 +23,7 @@ class Serving:
     Parameters
     ----------
     server
-        What is served.
+        The server of the pages.
     host, port
         Address; port 0 takes a free one.
     on_ready
@@ -95,9 +95,9 @@ def addresses(access: Access, host: str, port: int, secure: bool, links: Path) -
     access
         Where it needs tokens, the addresses with them are written to `links`.
     host, port
-        That are served.
+        Host and port of the server.
     secure
-        Whether over TLS.
+        Whether the pages are served over TLS.
     links
         A file that only its owner may read.
 

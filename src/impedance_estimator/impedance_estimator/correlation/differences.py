@@ -47,7 +47,7 @@ def difference_step(weights: np.ndarray, history: np.ndarray, value: float) -> f
     Parameters
     ----------
     weights
-        Shape (`LENGTH`,) [1/s].
+        Weights of the samples [1/s], shape (`LENGTH`,).
     history
         Shape (`LENGTH`,), the newest sample first; it takes `value` in.
     value

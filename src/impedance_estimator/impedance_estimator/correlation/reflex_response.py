@@ -99,7 +99,7 @@ def solve_toeplitz(
     first_column
         Shape (n,), of T.
     right
-        Shape (n,).
+        Right-hand side of the equations, shape (n,).
     solution
         Shape (n,), becomes s.
     row_sums

@@ -29,9 +29,9 @@ def add_products(sums: np.ndarray, signals: np.ndarray) -> None:
     Parameters
     ----------
     sums
-        Shape (`PRODUCTS`,).
+        Sums that the products are added to, shape (`PRODUCTS`,).
     signals
-        Shape (`SIGNALS`,).
+        Signals of one sample, shape (`SIGNALS`,).
     """
     x, v, a, torque = signals[0], signals[1], signals[2], signals[3]
     sums[0] += x * x

@@ -122,7 +122,7 @@ def parallel_cascade(
     position
         [rad], shape (n,), evenly sampled without gaps.
     torque
-        [N.m], shape (n,).
+        Measured torque [N.m], shape (n,).
     velocity
         [rad/s], shape (n,), where it was measured; otherwise position is differentiated.
 

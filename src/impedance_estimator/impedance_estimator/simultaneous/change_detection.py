@@ -114,13 +114,13 @@ def find_change(
     left_over
         Blocks at the beginning of the memory, at most, that may be from before the last change.
     windows
-        Candidate lengths, rising.
+        Lengths of the candidate windows [blocks], rising.
     total
         Normal matrix of the whole memory, shape (n, n).
     precision
         Shape (4,), 1 / (widest jump)² of K, B, I, G.
     samples
-        In one block.
+        Number of decimated samples in one block.
     unknowns
         Signals of the regression as combinations of the recorded ones, `combine` of
         `nuisance.reduce_sums`.

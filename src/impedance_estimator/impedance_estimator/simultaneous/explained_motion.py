@@ -282,7 +282,7 @@ def behind_delay(
     response
         Of the intrinsic pathway at `FREQUENCIES`, shape (k,).
     stiffness
-        K [N.m/rad].
+        Stiffness K of the joint [N.m/rad].
     delays
         By which the torque is late [s], shape (d,).
     """

@@ -66,7 +66,7 @@ def weighted_stretches(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     values
-        Shape (n,).
+        Samples of the signal, shape (n,).
     kernel
         Shape (m,), its last weight for the newest sample.
     """

@@ -58,7 +58,7 @@ def shape(eta: np.ndarray, lags: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     eta
-        Shape (3,).
+        ln ω, ln z and the delay [s], shape (3,).
     lags
         Evenly spaced, shape (n,) [s].
     """
@@ -142,11 +142,11 @@ def shape_coordinates(
     Parameters
     ----------
     eta
-        Shape (3,).
+        ln ω, ln z and the delay [s], shape (3,).
     functions
         Basis, shape (m, n).
     lags
-        Shape (n,) [s].
+        Lags of the response [s], shape (n,).
     work
         Shape (2, n), overwritten.
     coordinates

@@ -171,7 +171,7 @@ class Study:
     Parameters
     ----------
     folder
-        Made by `init_study`.
+        A folder that `init_study` has made.
 
     Raises
     ------

@@ -64,7 +64,7 @@ def process(folder: Path, entry: Entry, diagnosed: bool) -> list[Row]:
     Parameters
     ----------
     folder
-        The study's.
+        Folder of the study.
     entry
         Subject, visit and run of the recording, and its file.
     diagnosed
@@ -207,7 +207,7 @@ def verdict_rows(entry: Entry, verdict: Mapping[str, Any]) -> list[Row]:
     entry
         The recording.
     verdict
-        As in ``verdict.json``.
+        Content of ``verdict.json``.
 
     Returns
     -------

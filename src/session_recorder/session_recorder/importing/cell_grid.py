@@ -63,7 +63,7 @@ def number(cell: Cell, decimal: str = ".") -> float | None:
     cell
         A text, a number, or None for an empty one.
     decimal
-        ``.`` or ``,``.
+        Decimal mark: ``.`` or ``,``.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def understand(
     rows
         The first rows of the grid (`MAX_HEADER_ROWS` are enough), comments left out.
     decimal
-        As in `number`.
+        Decimal mark: ``.`` or ``,``.
     comments
         Comment lines, split as rows; names may stand there where no other row has them.
 

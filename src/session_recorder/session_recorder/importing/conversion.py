@@ -57,11 +57,11 @@ def convert(
     stated
         What `meaning` says of each stated name.
     table
-        Values by column.
+        Values of the file by column.
     sign
         1 or -1 for torque.
     rate, resample
-        As for `import_recording`.
+        See `import_recording`.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def propose(table: Table) -> Proposal:
     Parameters
     ----------
     table
-        Of any file.
+        Values of the file by column.
 
     Raises
     ------

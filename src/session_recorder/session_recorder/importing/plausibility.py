@@ -216,7 +216,7 @@ def velocity_gain(
     rate
         Sampling rate [Hz].
     position, velocity
-        Shape (n,) each.
+        Samples of both signals, shape (n,) each.
 
     Returns
     -------

@@ -119,7 +119,7 @@ def resample_columns(
     time
         [s], shape (n,); where it runs back, samples are put into order.
     columns
-        Shape (n,) each.
+        Samples of each column, shape (n,).
     rate
         Of the grid [Hz].
 

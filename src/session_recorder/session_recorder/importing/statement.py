@@ -77,7 +77,7 @@ def check_statement(
     stated
         What `meaning` says of each stated name.
     torque_sign, rate, missing
-        As for `import_recording`.
+        See `import_recording`.
 
     Raises
     ------

@@ -124,7 +124,7 @@ class Table:
         name
             Name of the column in the file.
         values
-            Shape (n,).
+            Values of the column, shape (n,).
         unit
             The project's unit, where the file declares one.
         rate

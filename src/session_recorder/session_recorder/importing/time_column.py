@@ -23,7 +23,7 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
     Parameters
     ----------
     table
-        Of any file.
+        Values of the file by column.
     found
         Columns whose names are known, by quantity; the time is taken out.
     proposal

@@ -145,7 +145,7 @@ def conditions(size: Size, seed: int) -> list[Condition]:
     size
         `FULL`, `QUICK` or another.
     seed
-        Of the study.
+        Seed of the study.
     """
     random = np.random.default_rng([STREAM, seed])
     kinds, servos = list(VOLUNTARY), list(SERVOS)

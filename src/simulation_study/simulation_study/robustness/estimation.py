@@ -156,7 +156,7 @@ def arrival(
     time
         [s], ascending, shape (n,).
     values
-        Shape (n,).
+        Values of the estimate, shape (n,).
     before, after
         True values on both sides of the jump.
     at

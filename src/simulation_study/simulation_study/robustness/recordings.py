@@ -59,7 +59,7 @@ def recording(condition: Condition, folder: Path) -> Recorded:
     Parameters
     ----------
     condition
-        What to simulate.
+        The condition to simulate.
     folder
         Keeps one ``NAME.npz`` for each recording.
 

@@ -40,7 +40,7 @@ def write_report(results: Results, out: Path, command: str) -> str:
     results
         By the name of the recording.
     out
-        Folder.
+        Folder to write the report to.
     command
         Told in the table, so that anyone can run it again.
 

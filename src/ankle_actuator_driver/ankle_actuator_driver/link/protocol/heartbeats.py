@@ -57,9 +57,9 @@ class Heartbeats:
         Parameters
         ----------
         data
-            Without its digest.
+            The packet without its digest.
         now
-            [s].
+            Monotonic time [s].
         stamp
             Time of sending to be written into it [ns].
 

@@ -42,7 +42,7 @@ class DirectSender:
     Parameters
     ----------
     line
-        To the rig.
+        The line to the rig.
     key
         Shared with the rig.
     """

@@ -15,7 +15,7 @@ def holder_of(protocol: str, port: int) -> str:
     protocol
         ``udp`` or ``tcp``.
     port
-        On this computer.
+        Number of the port on this computer.
     """
     inodes = {
         fields[9]
