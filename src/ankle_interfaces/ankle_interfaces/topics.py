@@ -193,6 +193,15 @@ IMPEDANCE_REFLEX_IRF = _block(
     ("lag[s]", "h[N.m/rad]"),
     rate=2.0,
 )
+IMPEDANCE_TRACKED = _block(
+    "impedance/tracked",
+    "Gains of terms that the model marks as tracked, each with its standard error: as "
+    "maxwell_relaxation.k[N.m/rad], se_maxwell_relaxation.k[N.m/rad]; NaN before there are enough "
+    "data.",
+    (TIME_COLUMN,),
+    rate=2.0,
+    sparse=True,
+)
 IMPEDANCE_PROVENANCE = Topic(
     "impedance/provenance",
     STRING,
@@ -260,6 +269,7 @@ TOPICS = (
     EMG_ENSEMBLE,
     IMPEDANCE_ESTIMATE,
     IMPEDANCE_REFLEX_IRF,
+    IMPEDANCE_TRACKED,
     IMPEDANCE_PROVENANCE,
     RIG_STATE,
     RIG_OPERATOR_ALIVE,

@@ -6,6 +6,7 @@
 | `/perturbation/reference` | Float64MultiArray | in: t and position, the instrument |
 | `/impedance/estimate` | Float64MultiArray | out: a row every 1 / `estimate_rate` of sample time |
 | `/impedance/reflex_irf` | Float64MultiArray | out: reflex impulse response, twice a second |
+| `/impedance/tracked` | Float64MultiArray | out: gains that the model tracks, twice a second |
 | `/impedance/provenance` | String | out, latched: estimator, settings, model and rig |
 | `/diagnostics` | DiagnosticArray | out: why estimates are not valid or doubted, missing samples |
 """
@@ -15,9 +16,9 @@ from __future__ import annotations
 import sys
 import time
 
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 
-from ankle_interfaces.block import Block
+from ankle_interfaces.block import TIME_COLUMN, Block, pack
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Value
@@ -26,9 +27,11 @@ from ankle_interfaces.topics import (
     IMPEDANCE_ESTIMATE,
     IMPEDANCE_PROVENANCE,
     IMPEDANCE_REFLEX_IRF,
+    IMPEDANCE_TRACKED,
     PERTURBATION_REFERENCE,
 )
 from ankle_node.node import ERROR, LATEST_QOS, OK, WARN, AnkleNode, run
+from ankle_node.qos import publisher_qos
 from ankle_physics.own_terms import load_terms
 from impedance_estimator.known_physics import load_known_physics
 from impedance_estimator.live_estimates import Compilation, LiveEstimates
@@ -57,6 +60,10 @@ class ImpedanceEstimator(AnkleNode):
         self._compile()
         self._publish_estimate = self.block_publisher(IMPEDANCE_ESTIMATE)
         self._publish_response = self.block_publisher(IMPEDANCE_REFLEX_IRF)
+        # Its columns are those of the model, which may change.
+        self._tracked = self.create_publisher(
+            Float64MultiArray, IMPEDANCE_TRACKED.name, publisher_qos(IMPEDANCE_TRACKED)
+        )
         self._provenance = self.create_publisher(String, IMPEDANCE_PROVENANCE.name, LATEST_QOS)
         self._state_provenance()
         self.when_read(
@@ -136,6 +143,9 @@ class ImpedanceEstimator(AnkleNode):
         for _, response in due.responses:
             self._publish_response(response)
         stream = self._live.stream
+        if len(due.tracked) and stream.tracked_columns:
+            columns = (TIME_COLUMN, *stream.tracked_columns)
+            self._tracked.publish(pack(Block(columns, due.tracked)))
         if taken_over:
             self.get_logger().info(f"{stream.algorithm}: the new estimator has taken over")
             self._state_provenance()

@@ -20,10 +20,13 @@ added to the estimate. `known_physics_run` and `known_physics_stream` carry it o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, reflex_gain, tangent
 from ankle_physics.model import PAPER_TERMS, Entry, Model
@@ -87,10 +90,11 @@ class KnownPhysics:
         subject = self.subject if self.subject is not None else Model([])
         model = subject if self.rig is None else self.rig.twin(subject)
         for entry in model.entries:
-            if entry.tracked and entry.term.name not in PAPER_TERMS:
+            if entry.tracked and not _can_be_tracked(entry):
                 raise ModelError(
                     f"term '{entry.term.name}' is marked as tracked; the estimator tracks "
-                    f"{', '.join(PAPER_TERMS)} and holds the others"
+                    f"{', '.join(PAPER_TERMS)}, and terms whose torque is subtracted and "
+                    "proportional to a value above 0"
                 )
         object.__setattr__(self, "model", model)
 
@@ -117,6 +121,11 @@ class KnownPhysics:
             for p in entry.term.parameters
             if p.linear
         )
+
+    @property
+    def tracked(self) -> list[Entry]:
+        """Return the terms beside the core whose size is estimated and not held."""
+        return [e for e in self.model.entries if e.tracked and e.term.name not in PAPER_TERMS]
 
     @property
     def has_straps(self) -> bool:
@@ -213,6 +222,48 @@ class KnownPhysics:
         """Return in one line which terms are used."""
         names = [e.term.name for e in self.model.entries if e.term.name not in PAPER_TERMS]
         return ", ".join(names) or "inertia, viscosity, stiffness and reflex alone"
+
+
+def _can_be_tracked(entry: Entry) -> bool:
+    """Whether the size of a term is one more unknown of a linear regression."""
+    term = entry.term
+    if term.name in PAPER_TERMS:
+        return True
+    if term.name in SUPPORTED_TERMS or term.name in REFLEX_WITH_GAIN:
+        return False
+    if isinstance(term, CompliantCoupling) or term.place is Place.TORQUE_SENSOR:
+        return False
+    return bool(gains_of(entry, entry.values))
+
+
+def gains_of(entry: Entry, values: Mapping[str, Any]) -> list[str]:
+    """Return the symbols of the gains above 0 of a term: its torque is proportional to them.
+
+    Parameters
+    ----------
+    entry
+        The term in its model.
+    values
+        Of its parameters, by symbol.
+    """
+    return [p.symbol for p in entry.term.parameters if p.linear and float(values[p.symbol]) > 0.0]
+
+
+def tracked_columns(known: KnownPhysics) -> tuple[str, ...]:
+    """Return one column for each tracked gain and one for its standard error, as
+    ``maxwell_relaxation.k[N.m/rad]`` and ``se_maxwell_relaxation.k[N.m/rad]``.
+
+    Parameters
+    ----------
+    known
+        Rig and subject.
+    """
+    return tuple(
+        f"{prefix}{entry.term.name}.{entry.term.parameter(symbol).key}"
+        for entry in known.tracked
+        for symbol in gains_of(entry, entry.values)
+        for prefix in ("", "se_")
+    )
 
 
 def shaping_terms(model: Model) -> list[Entry]:

@@ -18,7 +18,7 @@ from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
 from ankle_physics.model import PLATE, Entry, Model, ModelRun
 from ankle_physics.rig_file import LONGEST_DELAY
 from ankle_physics.signals import Signals
-from ankle_physics.term import Place
+from ankle_physics.term import Place, State
 from impedance_estimator.known_physics import (
     ACTIVATION_TIME,
     REFLEX_WITH_GAIN,
@@ -56,8 +56,7 @@ PROJECTION_TIME = 1.0
 """[s] Slower than this the voluntary torque hides the reflex."""
 
 
-_SENSED = ("position", "velocity", "reference", "torque", "reflex", "commanded reflex")
-"""Signals that pass a torque sensor's dynamics, each with a state of its own."""
+MEASURED, COMMANDED = "measured", "commanded"
 _BEFORE_REFLEX = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
 """Terms there change what the reflex answers."""
 
@@ -98,6 +97,11 @@ class KnownPhysicsRun:
         self._modelled_reflex = modelled_reflex
         self._path: _Path | None = None
         self._newest = np.nan
+        self._tracked = len(known.tracked)
+        self.tracked_torques = np.zeros((2, 1 + self._tracked, 0))
+        """Torque [N.m] of the calibrated reflex and of each tracked term at its calibrated size,
+        along the motion and along that of the reference, for the samples of the last call; shape
+        (2, 1 + count, n)."""
 
     def correct(self, samples: np.ndarray) -> np.ndarray:
         """Return samples as a joint alone would give them.
@@ -117,6 +121,7 @@ class KnownPhysicsRun:
         """
         samples = np.array(samples, dtype=float)
         out = np.pad(samples, ((0, 0), (0, 2 * self._modelled_reflex)))
+        self.tracked_torques = np.zeros((2, 1 + self._tracked, len(samples)))
         used = 4 if self._measured_velocity else 3
         good = np.isfinite(samples[:, :used]).all(axis=1)
         steps = np.diff(samples[:, 0], prepend=self._newest) * self._rate
@@ -135,6 +140,8 @@ class KnownPhysicsRun:
                 )
                 self._path.settle(samples[first])
             out[first:last] = self._path.run(samples[first:last])
+            if self._tracked:
+                self.tracked_torques[:, :, first:last] = self._path.tracked_torques
         if len(samples):
             self._newest = samples[-1, 0] if good[-1] else np.nan
         return out
@@ -198,13 +205,11 @@ class _Path:
             "reference": (Delay(rate, longest), latest),
         }
         self._sensors = [
-            [
-                (entry, entry.term.start(rate))
-                for entry in model.entries
-                if entry.term.place in SENSORS and entry.term.name != "channel_skew"
-            ]
-            for _ in _SENSED
+            entry
+            for entry in model.entries
+            if entry.term.place in SENSORS and entry.term.name != "channel_skew"
         ]
+        self._sensor_states: dict[str, list[State]] = {}
         self.straps = Straps(model, rate, measured_velocity) if known.has_straps else None
         self._gap = model.entry("backlash") if model.has("backlash") else None
         self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
@@ -212,6 +217,8 @@ class _Path:
         self._before: np.ndarray | None = None
         self._activation = FirstOrder(rate)
         self._extras = _Extras(model, rate, modelled_reflex)
+        self._tracked = _TrackedTorques(known, rate, modelled_reflex) if known.tracked else None
+        self.tracked_torques = np.zeros((2, 1 + len(known.tracked), 0))
         self._actuator = SecondOrder(rate)
         self._fusions = _Fusion(rate), _Fusion(rate)
         self._kernels = gaussian_derivatives(max(SMOOTHING, 0.8 / rate), rate)
@@ -307,8 +314,11 @@ class _Path:
         )
 
     def _sense(self, channel: str, values: np.ndarray) -> np.ndarray:
-        """Return a signal, one of `_SENSED`, through the torque sensor's dynamics."""
-        for entry, state in self._sensors[_SENSED.index(channel)]:
+        """Return a signal through the torque sensor's dynamics; each channel has its own state."""
+        states = self._sensor_states.setdefault(
+            channel, [entry.term.start(self._rate) for entry in self._sensors]
+        )
+        for entry, state in zip(self._sensors, states, strict=True):
             signals = Signals(self._rate, values, values, values)
             signals.torque = values
             entry.term.transform(signals, entry.values, state)
@@ -342,17 +352,78 @@ class _Path:
             )
         on_plate, on_foot, reflex = self._extras.torques(lambda: signals(plate, foot))
         commanded = np.zeros(len(torque))
-        if self._modelled_reflex:
+        if self._modelled_reflex or self._tracked is not None:
             omega = 2.0 * np.pi * REFERENCE_FILTER_HZ
             nominal = _Motion(
                 *self._actuator.run_with_rates(reference, omega, REFERENCE_FILTER_DAMPING)
             )
-            commanded = self._extras.commanded_reflex(signals(nominal, nominal))
+            if self._modelled_reflex:
+                commanded = self._extras.commanded_reflex(signals(nominal, nominal))
+            if self._tracked is not None:
+                self.tracked_torques = np.array(
+                    [
+                        self._read(name, self._tracked.torques(name, motion))
+                        for name, motion in (
+                            (MEASURED, lambda: signals(plate, foot)),
+                            (COMMANDED, lambda: signals(nominal, nominal)),
+                        )
+                    ]
+                )
         if self.straps is not None:
             on_foot = self.straps.at_plate("held", on_foot)
             reflex = self.straps.at_plate("reflex", reflex)
             commanded = self.straps.at_plate("commanded", commanded)
         return on_plate + on_foot, np.array([reflex, commanded])
+
+    def _read(self, name: str, torques: np.ndarray) -> np.ndarray:
+        """Return torques of tracked terms as the sensor reads them, shape (1 + count, n)."""
+        assert self._tracked is not None
+        read = []
+        for k, torque in enumerate(torques):
+            channel = f"tracked {k} {name}"
+            if self.straps is not None and not self._tracked.on_plate[k]:
+                torque = self.straps.at_plate(channel, torque)
+            read.append(self._sense(channel, torque))
+        return np.array(read)
+
+
+class _TrackedTorques:
+    """The torque of the calibrated reflex and of each tracked term at its calibrated size."""
+
+    def __init__(self, known: KnownPhysics, rate: float, modelled_reflex: bool) -> None:
+        self._names = [entry.term.name for entry in known.tracked]
+        self.on_plate = [False, *(entry.term.place in PLATE for entry in known.tracked)]
+        # The sizes in force change; these are of the calibrated ones.
+        entries = [Entry(e.term, dict(e.values)) for e in known.model.entries]
+        used = [
+            e
+            for e in entries
+            if e.term.name in self._names
+            or _is_reflex(e)
+            or (_is_held(e) and e.term.place in _BEFORE_REFLEX)
+        ]
+        plain = [e for e in entries if e.term.name == "reflex"]
+        self._modelled = modelled_reflex
+        self._runs = {name: (_run(used, rate), _run(plain, rate)) for name in (MEASURED, COMMANDED)}
+
+    def torques(self, name: str, signals: Callable[[], Signals]) -> np.ndarray:
+        """Return torques [N.m], shape (1 + count, n).
+
+        Parameters
+        ----------
+        name
+            `MEASURED` or `COMMANDED`: each motion has states of its own.
+        signals
+            Makes that motion; terms change it.
+        """
+        shaped, plain = self._runs[name]
+        nothing = 0.0 * shaped.torque(signals())
+        parts = shaped.parts
+        if self._modelled:
+            reflex = sum((t for name, t in parts.items() if name in REFLEX_WITH_GAIN), nothing)
+        else:
+            reflex = plain.torque(signals()) + nothing
+        return np.array([reflex, *(parts[name] for name in self._names)])
 
 
 class _Extras:

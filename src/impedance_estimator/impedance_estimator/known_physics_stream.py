@@ -6,12 +6,15 @@ present operating point, and the errors of the calibration, are added to what th
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from scipy import signal
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
-from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.known_physics import KnownPhysics, gains_of
 from impedance_estimator.known_physics_run import KnownPhysicsRun
+from impedance_estimator.tracked_gains import TrackedGains
 
 OPERATING_POINT_TIME = 10.0
 """Position and torque are averaged over so long [s]: as long as the estimator's memory."""
@@ -37,13 +40,16 @@ class KnownPhysicsStream:
         measured_velocity: bool,
         modelled_reflex: bool = False,
     ) -> None:
-        self._known = known
+        # Its tracked terms change with the estimate.
+        self._known = copy.deepcopy(known) if known.tracked else known
         self._rate = rate
         self._columns = (1, 3 if measured_velocity else 2)
         rig = known.rig
         self._zeros = (rig.zero_position, rig.zero_torque) if rig is not None else (0.0, 0.0)
         self._modelled_reflex = modelled_reflex
-        self._run = KnownPhysicsRun(known, rate, measured_velocity, modelled_reflex)
+        self._run = KnownPhysicsRun(self._known, rate, measured_velocity, modelled_reflex)
+        self._calibrated = [dict(entry.values) for entry in known.tracked]
+        self._gains = TrackedGains(len(known.tracked), rate) if known.tracked else None
         self._nominal = known.calibrated_gain or 1.0
         self._means = [np.nan, np.nan]
         self._samples = 0
@@ -68,15 +74,72 @@ class KnownPhysicsStream:
                 self._means[k] = float(out[-1])
         self._samples += len(samples)
         corrected = self._run.correct(samples)
+        if self._gains is not None:
+            self._track(self._gains, corrected)
         if self._modelled_reflex:
             # Of unit gain: the estimator's own limits are in N.m.s/rad.
             corrected[:, -2:] /= self._nominal
         return corrected
 
+    def _track(self, gains: TrackedGains, corrected: np.ndarray) -> None:
+        """Hand on corrected samples, with the tracked terms that were subtracted put back."""
+        torque_column = self._columns[1]
+        torques = self._run.tracked_torques
+        reference = torque_column + 1
+        known = corrected.shape[1] - 2 * self._modelled_reflex > reference
+        gains.add(
+            corrected[:, 1:torque_column].T,
+            corrected[:, torque_column] + self._sizes @ torques[0, 1:],
+            torques[0],
+            corrected[:, reference] if known else np.full(len(corrected), np.nan),
+            torques[1],
+        )
+
+    @property
+    def _sizes(self) -> np.ndarray:
+        """Return the sizes in force of the tracked terms, in units of the calibrated ones."""
+        sizes = []
+        for entry, calibrated in zip(self._known.tracked, self._calibrated, strict=True):
+            symbol = gains_of(entry, calibrated)[0]
+            sizes.append(float(entry.values[symbol]) / float(calibrated[symbol]))
+        return np.array(sizes)
+
+    def _use_tracked(self, gains: TrackedGains) -> None:
+        gains.update()
+        for entry, calibrated, size in zip(
+            self._known.tracked, self._calibrated, gains.sizes, strict=True
+        ):
+            symbols = gains_of(entry, calibrated)
+            # Within the range of each value; all of them change in proportion.
+            most = min(entry.term.parameter(s).upper / float(calibrated[s]) for s in symbols)
+            for symbol in symbols:
+                entry.values[symbol] = float(np.clip(size, 0.0, most)) * float(calibrated[symbol])
+
+    def tracked_row(self, time: float) -> np.ndarray:
+        """Return the tracked gains with standard errors at a time [s], shape (1 + columns,); NaN
+        before there are enough data.
+        """
+        row = [time]
+        if self._gains is not None:
+            found = zip(
+                self._known.tracked,
+                self._calibrated,
+                self._gains.sizes,
+                self._gains.errors,
+                strict=True,
+            )
+            for entry, calibrated, size, error in found:
+                for symbol in gains_of(entry, calibrated):
+                    value = float(calibrated[symbol])
+                    row += [size * value if np.isfinite(error) else np.nan, error * value]
+        return np.array(row)
+
     def restate(self) -> None:
         """State the contribution of the held terms at the present operating point, and
-        let the foot in its straps follow the stiffness.
+        let the foot in its straps follow the stiffness, and the tracked terms their gains.
         """
+        if self._gains is not None:
+            self._use_tracked(self._gains)
         position, torque = (
             mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
         )

@@ -19,9 +19,6 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.model import Entry, Model
 
-TORQUES = ("held", "reflex", "commanded")
-"""Torques on the foot: of the held terms, of a modelled reflex, and of one along the motion of the
-reference."""
 LARGEST_CORE_STIFFNESS = 1000.0
 """[N.m/rad] No ankle is stiffer, whatever an estimate says."""
 
@@ -50,7 +47,8 @@ class Straps:
         self._measured = measured_velocity
         self._position, self._velocity = SecondOrder(rate), SecondOrder(rate)
         self._reference = SecondOrder(rate)
-        self._torques = {name: SecondOrder(rate) for name in TORQUES}
+        self._rate = rate
+        self._torques: dict[str, SecondOrder] = {}
         self._middle = np.nan
 
     @property
@@ -88,11 +86,12 @@ class Straps:
         Parameters
         ----------
         name
-            One of `TORQUES`: each has a state of its own.
+            Of this torque: each has a state of its own.
         torque
             On the foot [N.m], shape (n,).
         """
-        return self._through(self._torques[name], torque)[0]
+        state = self._torques.setdefault(name, SecondOrder(self._rate))
+        return self._through(state, torque)[0]
 
     def _through(self, state: SecondOrder, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         total = self._stiffness + self._k

@@ -17,7 +17,7 @@ from ankle_interfaces.units import split_column
 from impedance_estimator.algorithms import ALGORITHMS, DEFAULT, make_estimator
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS, Estimator
 from impedance_estimator.judgements import Judgement
-from impedance_estimator.known_physics import KnownPhysics
+from impedance_estimator.known_physics import KnownPhysics, tracked_columns
 from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
 from impedance_estimator.rig_watch import RigWatch
@@ -57,6 +57,9 @@ class Estimates:
         What happened to the stream, one sentence each.
     judgements
         Why estimates were not valid or doubted, as often as the impulse responses.
+    tracked
+        Time [s], and each gain that the model marks as tracked with its standard error, as often as
+        the impulse responses; shape (k, 1 + m), columns `EstimateStream.tracked_columns`.
     """
 
     rows: np.ndarray
@@ -64,6 +67,7 @@ class Estimates:
     torques: np.ndarray
     notes: list[str]
     judgements: list[Judgement] = field(default_factory=list)
+    tracked: np.ndarray = field(default_factory=lambda: np.empty((0, 1)))
 
 
 @dataclass
@@ -73,13 +77,15 @@ class _Parts:
     torques: list[np.ndarray] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     judgements: list[Judgement] = field(default_factory=list)
+    tracked: list[np.ndarray] = field(default_factory=list)
 
-    def joined(self) -> Estimates:
+    def joined(self, tracked_columns: int) -> Estimates:
         rows = np.concatenate(self.rows) if self.rows else np.empty((0, len(ESTIMATE_COLUMNS)))
         torques = (
             np.concatenate(self.torques) if self.torques else np.empty((0, len(TORQUE_COLUMNS)))
         )
-        return Estimates(rows, self.responses, torques, self.notes, self.judgements)
+        tracked = np.array(self.tracked).reshape(-1, 1 + tracked_columns)
+        return Estimates(rows, self.responses, torques, self.notes, self.judgements, tracked)
 
 
 class EstimateStream:
@@ -126,6 +132,11 @@ class EstimateStream:
         if self.known is not None and self.known.calibration_doubt >= DOUBTFUL:
             reasons.append(UNCERTAIN_CALIBRATION)
         return "; ".join(reason for reason in reasons if reason)
+
+    @property
+    def tracked_columns(self) -> tuple[str, ...]:
+        """Return the columns of `Estimates.tracked` behind the time."""
+        return () if self.known is None else tracked_columns(self.known)
 
     @property
     def instrument(self) -> str:
@@ -209,7 +220,7 @@ class EstimateStream:
                 if self.estimator is None:
                     break
             samples = self._advance(self.estimator, samples, parts)
-        return parts.joined()
+        return parts.joined(len(self.tracked_columns))
 
     def _start(self, parts: _Parts) -> np.ndarray:
         """Make an estimator when enough samples are there; returns the samples that it is to begin
@@ -261,6 +272,7 @@ class EstimateStream:
         elif self._samples % every == 0:
             if physics is not None:
                 physics.restate()
+                parts.tracked.append(physics.tracked_row(float(parts.rows[-1][-1, 0])))
             newest = float(parts.rows[-1][-1, 0])
             parts.responses.append((newest, estimator.reflex_response))
             parts.judgements.append(

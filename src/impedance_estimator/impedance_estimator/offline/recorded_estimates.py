@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ankle_interfaces.block import Block
+from ankle_interfaces.block import TIME_COLUMN, Block
 from ankle_interfaces.errors import BlockError
-from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
+from ankle_interfaces.topics import IMPEDANCE_PROVENANCE, IMPEDANCE_TRACKED
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import (
     ESTIMATE_COLUMNS,
@@ -61,6 +61,9 @@ class OfflineResult:
         What they are made with; see `impedance_estimator.provenance`.
     judgements
         Why estimates were not valid or doubted, twice a second.
+    tracked
+        Time [s] and the gains of terms that the model marks as tracked, each with its standard
+        error, twice a second; shape (j, 1 + m).
     """
 
     rows: np.ndarray
@@ -69,6 +72,7 @@ class OfflineResult:
     notes: list[str]
     provenance: str = ""
     judgements: list[Judgement] = field(default_factory=list)
+    tracked: np.ndarray = field(default_factory=lambda: np.empty((0, 1)))
 
     @property
     def valid(self) -> np.ndarray:
@@ -137,6 +141,7 @@ def estimate_bag(
     """Return estimates from ``/ankle/samples`` of a bag, written as a new bag where `out` is given.
 
     The new bag holds ``/impedance/estimate``, many rows to a message, ``/impedance/reflex_irf``,
+    where the model tracks further terms ``/impedance/tracked``,
     at the samples' own time, and what they are made with on ``/impedance/provenance``.
 
     Parameters
@@ -177,6 +182,8 @@ def estimate_bag(
         if writer is not None:
             writer.add_topic(ESTIMATE_TOPIC)
             writer.add_topic(REFLEX_TOPIC)
+            if stream.tracked_columns:
+                writer.add_topic(IMPEDANCE_TRACKED.absolute)
             writer.add_topic(PROVENANCE_TOPIC, IMPEDANCE_PROVENANCE.message)
             writer.custom_data = {
                 "estimated_from": str(bag),
@@ -196,7 +203,7 @@ def estimate_bag(
                 if not stated and len(due.rows):
                     _state_provenance(writer, stream, float(due.rows[0, 0]))
                     stated = True
-                _write(writer, due)
+                _write(writer, due, stream.tracked_columns)
     finally:
         if writer is not None:
             judgements = [judgement for part in parts for judgement in part.judgements]
@@ -248,11 +255,13 @@ def _state_provenance(writer: BagWriter, stream: EstimateStream, time: float) ->
     writer.write(PROVENANCE_TOPIC, round(time * 1e9), message)
 
 
-def _write(writer: BagWriter, due: Estimates) -> None:
+def _write(writer: BagWriter, due: Estimates, tracked: tuple[str, ...]) -> None:
     if len(due.rows):
         writer.write_block(ESTIMATE_TOPIC, Block(ESTIMATE_COLUMNS, due.rows))
     for t, response in due.responses:
         writer.write_block(REFLEX_TOPIC, Block(REFLEX_COLUMNS, response), round(t * 1e9))
+    if tracked and len(due.tracked):
+        writer.write_block(IMPEDANCE_TRACKED.absolute, Block((TIME_COLUMN, *tracked), due.tracked))
 
 
 def _join(parts: list[Estimates], stream: EstimateStream) -> OfflineResult:
@@ -263,4 +272,5 @@ def _join(parts: list[Estimates], stream: EstimateStream) -> OfflineResult:
         [note for part in parts for note in part.notes],
         provenance(stream),
         [judgement for part in parts for judgement in part.judgements],
+        np.concatenate([part.tracked for part in parts if len(part.tracked)] or [np.empty((0, 1))]),
     )
