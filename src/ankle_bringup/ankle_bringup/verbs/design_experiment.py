@@ -32,8 +32,8 @@ def verb(
         {
             "perturbation": proposal.candidate.title,
             "hardest pair": " / ".join(name.replace("_", " ") for name in proposal.pair),
-            "excess error [%]": f"{100 * proposal.excess:.1f}",
-            "minutes": f"{proposal.minutes:.2g}",
+            "error of the wrong one [+%]": f"{100 * proposal.excess:.1f}",
+            "minutes": "under 1" if proposal.minutes < 1.0 else f"{proposal.minutes:.2g}",
         }
         for proposal in found.proposals[:LISTED_DESIGNS]
     ]
