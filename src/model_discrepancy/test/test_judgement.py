@@ -51,6 +51,15 @@ def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     assert judge(found(1.0, effects=()), small, [], [], SCORES)[0] == "no_mismatch"
 
 
+def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
+    useless = Scores(base=80.0, augmented=79.9, generic=80.0, ceiling=82.0)
+    nothing, much = remainder(0.02, True), remainder(0.3, True)
+    assert judge(found(0.9), nothing, [], [], useless)[0] == "no_mismatch"
+    assert judge(found(0.9), nothing, [], [], SCORES)[0] == "explained"
+    assert judge(found(0.9), much, [], [], useless)[0] == "unexplained"
+    assert judge(found(0.9), nothing, [], ["a narrow line"], useless)[0] == "unexplained"
+
+
 @pytest.mark.parametrize(
     ("gain", "held_out", "expected"),
     [(0.05, (0.04, 0.05), True), (0.05, (0.04, -0.01), False), (0.02, (0.02, 0.02), False)],

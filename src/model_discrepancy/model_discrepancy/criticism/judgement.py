@@ -61,6 +61,9 @@ def judge(
         if predictable or unusual:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
+    if scores.augmented <= scores.base and not (predictable or unusual or findings):
+        # Names that predict no torque on unseen data follow torque that moved the plate.
+        return "no_mismatch", float("nan")
     cut = 1.0 - found.final.score / found.base_score
     closed = cut / (cut + (1.0 - cut) * left)
     gains_little = scores.augmented - scores.base < MIN_GAP_SHARE * (scores.ceiling - scores.base)

@@ -22,6 +22,7 @@ import numpy as np
 from ankle_physics.terms.missing_block import INPUTS as TERM_INPUTS
 from ankle_physics.terms.missing_block import LAGS_S as TERM_LAGS_S
 from ankle_physics.terms.missing_block import LEVELS as TERM_LEVELS
+from model_discrepancy.criticism.rank_one import Products, predicted_share, rank_one, tuned_ridge
 from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.generic_bank import LAGS_S, lag_windows
 from model_discrepancy.fit.halves import STRETCH_S, interleaved
@@ -34,10 +35,6 @@ from model_discrepancy.recording.motion import Motion
 _KNOTS = (0.5, 0.8, 0.98)
 # Sizes below this share of the largest are rest and noise; they place no knot.
 _REST_SHARE = 0.05
-# Candidates for the ridge per mean square of a column; chosen on training stretches only.
-_RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
-# The alternation converges to 1e-3 of the weights within ten rounds from the singular vectors.
-_ROUNDS = 12
 _RESAMPLINGS = 200
 # A simpler input (one side only) is kept when a richer one predicts less than this much more.
 _MIN_RICHER_GAIN = 0.05
@@ -233,28 +230,6 @@ class MissingBlock:
         }
 
 
-class _Products:
-    """Gram matrices of one input's columns and the residual, by stretch.
-
-    Attributes
-    ----------
-    gram
-        Shape (S, p, p), p = lags x hinges; columns have unit mean square.
-    right
-        Columns times residual, shape (S, p).
-    power
-        Of the residual, shape (S,).
-    """
-
-    def __init__(
-        self, columns: np.ndarray, residual: np.ndarray, stretches: list[np.ndarray]
-    ) -> None:
-        self.gram = np.stack([columns[rows].T @ columns[rows] for rows in stretches])
-        self.right = np.stack([columns[rows].T @ residual[rows] for rows in stretches])
-        self.power = np.array([float(residual[rows] @ residual[rows]) for rows in stretches])
-        self.count = np.array([len(rows) for rows in stretches])
-
-
 def missing_block(fitter: Fitter, fit: Fit, onsets: Onsets, seed: int = 0) -> MissingBlock | None:
     """Return the block that best predicts the whitened residual of a fit; None for a recording of
     less than six stretches.
@@ -278,7 +253,7 @@ def missing_block(fitter: Fitter, fit: Fit, onsets: Onsets, seed: int = 0) -> Mi
     basis = orthonormal(fitter.derivatives(fit)[0][inside])
     residual = np.zeros(rows.count)
     residual[inside] = fit.residual[inside] - basis @ (basis.T @ fit.residual[inside])
-    found: dict[str, tuple[float, np.ndarray, np.ndarray, _Products]] = {}
+    found: dict[str, tuple[float, np.ndarray, np.ndarray, Products]] = {}
     for name, (_, signal_of) in INPUTS.items():
         signal = signal_of(fitter.columns.motion)
         levels = _levels(signal)
@@ -290,8 +265,8 @@ def missing_block(fitter: Fitter, fit: Fit, onsets: Onsets, seed: int = 0) -> Mi
         whitened = np.column_stack([rows.whitened(s) for s in spectra])[inside]
         columns[inside] = whitened - basis @ (basis.T @ whitened)
         scale = np.sqrt(np.mean(columns[inside] ** 2, axis=0)) + 1e-30
-        products = _Products(columns / scale, residual, stretches)
-        found[name] = (_predicted(products, len(levels) - 1), levels, scale, products)
+        products = Products(columns / scale, residual, stretches)
+        found[name] = (predicted_share(products, len(levels) - 1), levels, scale, products)
     if not found:
         return None
     shares = {name: entry[0] for name, entry in found.items()}
@@ -314,17 +289,17 @@ def _describe(
     shares: dict[str, float],
     levels: np.ndarray,
     scale: np.ndarray,
-    products: _Products,
+    products: Products,
     onsets: Onsets,
     random: np.random.Generator,
 ) -> MissingBlock:
     hinges = len(levels) - 1
     everything = np.arange(len(products.power))
-    ridge = _tuned_ridge(products, everything, hinges)
-    weights = _rank_one(products, everything, hinges, ridge) / scale
+    ridge = tuned_ridge(products, everything, hinges)
+    weights = rank_one(products, everything, hinges, ridge) / scale
     count = len(everything)
     drawn = [
-        _rank_one(products, random.integers(0, count, count), hinges, ridge) / scale
+        rank_one(products, random.integers(0, count, count), hinges, ridge) / scale
         for _ in range(_RESAMPLINGS)
     ]
     zero = int(np.argmin(np.abs(levels)))
@@ -390,65 +365,6 @@ def _spectra(fitter: Fitter, signal: np.ndarray, levels: np.ndarray) -> list[np.
         if k != zero
     ]
     return [window * hinge for window in lag_windows(rows.frequency) for hinge in hinges]
-
-
-def _rank_one(products: _Products, chosen: np.ndarray, hinges: int, ridge: float) -> np.ndarray:
-    """Return the weights of shape (p,) of rank one: alternating ridge regression of lags and hinges
-    on the chosen stretches.
-    """
-    count = float(products.count[chosen].sum())
-    gram, right = (
-        products.gram[chosen].sum(axis=0) / count,
-        products.right[chosen].sum(axis=0) / count,
-    )
-    full = np.linalg.solve(gram + ridge * np.eye(len(gram)), right).reshape(-1, hinges)
-    u, s, v = np.linalg.svd(full, full_matrices=False)
-    a, b = u[:, 0] * s[0], v[0]
-    blocks = gram.reshape(len(a), hinges, len(a), hinges)
-    turned = np.ascontiguousarray(blocks.transpose(1, 0, 3, 2))
-    sides = right.reshape(len(a), hinges)
-    for _ in range(_ROUNDS):
-        b = b / np.linalg.norm(b)
-        a = np.linalg.solve(b @ (blocks @ b) + ridge * np.eye(len(a)), sides @ b)
-        size = float(a @ a)
-        if size == 0.0:
-            break
-        b = np.linalg.solve(a @ (turned @ a) + ridge * size * np.eye(hinges), a @ sides)
-    return np.outer(a, b).ravel()
-
-
-def _score(products: _Products, weights: np.ndarray, chosen: np.ndarray) -> float:
-    """Return the share of the residual's power on the chosen stretches that these weights predict;
-    may be negative.
-    """
-    gram, right = products.gram[chosen].sum(axis=0), products.right[chosen].sum(axis=0)
-    return float(2.0 * weights @ right - weights @ gram @ weights) / float(
-        products.power[chosen].sum()
-    )
-
-
-def _tuned_ridge(products: _Products, train: np.ndarray, hinges: int) -> float:
-    """Return the ridge that does best on the last third of the training stretches when fitted to
-    the first two.
-    """
-    cut = max(1, 2 * len(train) // 3)
-    scores = [
-        _score(products, _rank_one(products, train[:cut], hinges, ridge), train[cut:])
-        for ridge in _RIDGES
-    ]
-    return _RIDGES[int(np.argmax(scores))]
-
-
-def _predicted(products: _Products, hinges: int) -> float:
-    """Return the share predicted on unseen stretches, mean of both directions between even and odd
-    ones.
-    """
-    parts = np.arange(0, len(products.power), 2), np.arange(1, len(products.power), 2)
-    shares = []
-    for train, test in (parts, parts[::-1]):
-        weights = _rank_one(products, train, hinges, _tuned_ridge(products, train, hinges))
-        shares.append(_score(products, weights, test))
-    return float(np.mean(shares))
 
 
 def _simplest(shares: dict[str, float]) -> str:
