@@ -16,8 +16,9 @@ input()
 
 def test_two_processes_take_two_domains(monkeypatch):
     monkeypatch.setenv(domain.VARIABLE, "0")
-    # With two domains to choose from, each of two processes has to take its own.
-    two = f"from ankle_node import domain; domain.DOMAINS = range(97, 99)\n{TAKE}"
+    # With two domains to choose from, each of two processes has to take its own. Nobody else takes
+    # these: their ports lie above those that Linux hands out.
+    two = f"from ankle_node import domain; domain.DOMAINS = range(220, 222)\n{TAKE}"
     others = [
         subprocess.Popen(
             [sys.executable, "-c", two], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -25,7 +26,7 @@ def test_two_processes_take_two_domains(monkeypatch):
         for _ in range(2)
     ]
     try:
-        assert sorted(int(other.stdout.readline()) for other in others) == [97, 98]
+        assert sorted(int(other.stdout.readline()) for other in others) == [220, 221]
     finally:
         for other in others:
             other.communicate("\n", timeout=20)

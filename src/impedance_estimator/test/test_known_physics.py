@@ -9,8 +9,7 @@ import pytest
 from random_motion import CORE, random_motion
 from scipy import signal
 
-from ankle_physics.errors import ModelError
-from ankle_physics.model import Entry, Model, StatedValue
+from ankle_physics.model import Model, StatedValue
 from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
@@ -157,13 +156,6 @@ def test_estimates_are_those_of_the_whole_joint_without_the_plate():
     assert out[3] == pytest.approx(-0.004)
     assert out[1] == pytest.approx(known.added_stiffness(0.1, 0.0, 2.0))
     assert out[4] == 0.0
-
-
-def test_what_cannot_be_tracked_is_refused():
-    model = Model.of({**CORE, "maxwell_relaxation": {}})
-    entries = [Entry(e.term, e.values, tracked=True) for e in model.entries]
-    with pytest.raises(ModelError, match=r"maxwell_relaxation.*tracked"):
-        KnownPhysics(subject=Model(entries))
 
 
 def test_no_files_are_no_known_physics(tmp_path):
