@@ -8,6 +8,7 @@ import pytest
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.recording_checks import faults
 from simulation_study.planted_trials import simulate_trial
+from simulation_study.verdict_cases import Plan, made
 
 BREAKAGES = {
     "wrong sign": lambda r: replace(r, torque=-r.torque),
@@ -99,3 +100,17 @@ def test_physics_that_rings_and_answers_late_is_no_clock_that_is_off():
     assert faults(recording) == []
     late = replace(recording, torque=np.roll(recording.torque, int(0.05 * recording.rate)))
     assert faults(late)
+
+
+def test_torque_that_moves_a_compliant_plate_is_no_wrong_sign():
+    """Slow and strongly varying torque moves the plate downwards, against the perturbation."""
+    plan = Plan(
+        *("null", 9, 4409085742087500358, (), "compliant", "pulse_step", 500.0),
+        velocity=True,
+        reference=True,
+        noise="noisy",
+        variability="large",
+    )
+    recording = made(plan)[0]
+    assert faults(recording) == []
+    assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
