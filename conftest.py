@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
 from ankle_node.domain import take_free_domain
@@ -22,8 +23,12 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 
 def pytest_configure(config):
-    """Whatever runs beside on this computer, its topics are in another ROS domain."""
+    """Whatever runs beside on this computer, its topics are in another ROS domain, and no drawn
+    case fails for the time that it took.
+    """
     take_free_domain()
+    settings.register_profile("untimed", deadline=None)
+    settings.load_profile("untimed")
 
 
 @cache
