@@ -133,7 +133,7 @@ def test_a_guard_condition_of_another_thread_ends_the_wait(bench):
 
 
 def test_a_service_that_waits_holds_up_neither_messages_nor_another_service(bench):
-    """As an arming waits for the rig, and a stop comes meanwhile."""
+    """An arming waits for the rig, and a stop comes meanwhile."""
     released = threading.Event()
 
     class Turn:

@@ -170,5 +170,5 @@ sys.exit(0 if stop.received else 3)
 
 
 def test_a_second_signal_in_the_middle_of_the_first_does_not_hang_the_node():
-    """As when the parent is killed, which sends one, and somebody else sends another."""
+    """A parent that is killed sends one, and somebody else sends another."""
     assert subprocess.run([sys.executable, "-c", SECOND_SIGNAL], timeout=120).returncode == 0

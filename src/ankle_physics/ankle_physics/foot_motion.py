@@ -105,6 +105,29 @@ def _step(linear: np.ndarray, dt: float) -> np.ndarray:
 
 
 @njit(cache=True)
+def _advanced(
+    row: np.ndarray,
+    x: float,
+    v: float,
+    p: float,
+    w: float,
+    p_next: float,
+    w_next: float,
+    e: float,
+) -> float:
+    """Return what a row of `_step` makes of all but the excess at the end of the step."""
+    return float(
+        row[0] * x
+        + row[1] * v
+        + row[2] * p
+        + row[3] * w
+        + row[4] * p_next
+        + row[5] * w_next
+        + row[6] * e
+    )
+
+
+@njit(cache=True)
 def _integrate(
     plate: np.ndarray,
     plate_rate: np.ndarray,
@@ -132,24 +155,8 @@ def _integrate(
                 bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
                 p_next = plate[k - 1] + u * (first + u * (bend + u * twist))
                 w_next = (first + u * (2.0 * bend + 3.0 * u * twist)) / dt
-            x_free = (
-                step[0, 0] * x
-                + step[0, 1] * v
-                + step[0, 2] * p
-                + step[0, 3] * w
-                + step[0, 4] * p_next
-                + step[0, 5] * w_next
-                + step[0, 6] * e
-            )
-            v_free = (
-                step[1, 0] * x
-                + step[1, 1] * v
-                + step[1, 2] * p
-                + step[1, 3] * w
-                + step[1, 4] * p_next
-                + step[1, 5] * w_next
-                + step[1, 6] * e
-            )
+            x_free = _advanced(step[0], x, v, p, w, p_next, w_next, e)
+            v_free = _advanced(step[1], x, v, p, w, p_next, w_next, e)
             free, piece = p_next - x_free, -1
             for _ in range(MOST_ROUNDS):
                 place = (free - step[0, 7] * e + reach) * scale

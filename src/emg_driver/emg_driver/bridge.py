@@ -29,12 +29,12 @@ BLOCK_RATE = 64.0
 JUDGE_PERIOD = 0.25
 """[s] Time between two checks of the electrodes."""
 START = Window(length=2.0, tolerance=0.05)
-"""Of the rate before anything is published."""
+"""Window over which the rate is judged before anything is published."""
 RATE_PATIENCE = 10.0
 """[s] Time after which a stream that has not come at its declared rate for the window `START` is
 refused; until then a busy computer may be the reason."""
 RUNNING = Window(length=30.0, tolerance=0.003)
-"""Of the rate once samples are published."""
+"""Window over which the rate is judged once samples are published."""
 RATE_ERROR_TIME = 10.0
 """[s] Time for which a wrong rate has to last: a third of the window `RUNNING`, after which the
 newest delays that it compares are all new. A computer that is busy for a few seconds refuses no

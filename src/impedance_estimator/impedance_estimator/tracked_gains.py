@@ -38,7 +38,7 @@ FEWEST_BLOCKS = 10
 PRIOR_DEVIATION = 1.0
 """A tracked size is expected about the calibrated one by as much as itself."""
 INSTRUMENT_RIDGE = 1e-9
-"""Of the instruments' own power: keeps a reference that rests from dividing by zero."""
+"""Share of the instruments' own power that keeps a reference at rest from dividing by zero."""
 
 
 class _Block(NamedTuple):

@@ -253,15 +253,11 @@ class Fitter:
 
         Parameters
         ----------
-        names
-            Terms.
-        start
-            Values to begin with, by term.
+        names, start, evaluations
+            As `fit` takes them.
         limit
             Of the score. The fit ends early where two more stages of `STAGE` evaluations, each of
             which lowers the score as much as the last one did, would not reach it.
-        evaluations
-            Of the residual at most.
         """
         last = self.solve(self.start_values(names, start)).score
         fit = self.fit(names, start, evaluations=STAGE)
