@@ -58,9 +58,10 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 
 # Compiling the estimators takes longest; the checks are made meanwhile. Then four processes for two
 # cores: the two with the live tests wait for the clock, a page or a process half of their time.
+# A live test that fails beside the others is repeated alone, and the summary names it.
 test: setup
 	@$(MAKE) --no-print-directory -j 3 compiled-simultaneous compiled-CE lint
-	@$(BIN)/python -m pytest -q -m "not slow" -n 4
+	@$(BIN)/python -m pytest -q -m "not slow" -n 4 || $(BIN)/python -m pytest -q -m "not slow" -n 0 --failed-live
 	@test -n "$(CHROMIUM)" || echo "NOT TESTED: the pages in a browser, because there is no Chromium (Debian: sudo apt-get install chromium; Ubuntu: sudo apt-get install chromium-browser)"
 
 test-slow: setup

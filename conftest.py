@@ -3,6 +3,7 @@ for the clock; live ones in which nothing is due at a time (``untimed``) one by 
 the rest beside them in the others, with less right to the cores.
 """
 
+import json
 import os
 from collections import Counter
 from functools import cache
@@ -15,6 +16,8 @@ from xdist.scheduler import LoadScopeScheduling
 from ankle_node.domain import take_free_domain
 
 BESIDE = 19  # niceness: a computation must not make a graph late that runs in real time
+FAILED = Path(__file__).parent / "build" / "failed_tests.json"
+MOST_REPEATED = 5  # failed live tests; more of them are no accident of a busy computer
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Before NumPy is loaded: matrix products in two threads wait for each other where the other
@@ -22,10 +25,21 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--failed-live",
+        action="store_true",
+        help="repeat, one by one, the live tests that failed in the last run beside others; an "
+        "error where any other test failed",
+    )
+
+
 def pytest_configure(config):
     """Whatever runs beside on this computer, its topics are in another ROS domain, and no drawn
     case fails for the time that it took.
     """
+    if "PYTEST_XDIST_WORKER" not in os.environ and not config.getoption("--failed-live"):
+        FAILED.unlink(missing_ok=True)
     take_free_domain()
     settings.register_profile("untimed", deadline=None)
     settings.load_profile("untimed")
@@ -53,9 +67,22 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Put the groups of live tests first: they take longest, and nothing shortens their waiting."""
+    if config.getoption("--failed-live"):
+        items[:] = failed_live(items)
     items.sort(key=lambda item: ("live", "untimed", "").index(group(item.path)))
+
+
+def failed_live(items):
+    """Return the live tests that failed beside others; end the run where something else failed."""
+    failed = json.loads(FAILED.read_text()) if FAILED.exists() else []
+    chosen = [item for item in items if item.nodeid in failed and item.get_closest_marker("live")]
+    if not failed or len(chosen) < len(failed) or len(chosen) > MOST_REPEATED:
+        pytest.exit(f"{len(failed)} failed, of which {len(chosen)} live: none is repeated", 1)
+    for item in chosen:
+        print(f"\nREPEATED ALONE, because it failed beside other tests: {item.nodeid}")
+    return chosen
 
 
 def pytest_runtest_setup(item):
@@ -67,7 +94,11 @@ def pytest_runtest_setup(item):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Say at the end what was not tested, and why."""
+    """Keep what failed, for `failed_live`, and say what was not tested, and why."""
+    stats = terminalreporter.stats
+    failed = {report.nodeid for kind in ("failed", "error") for report in stats.get(kind, [])}
+    if FAILED.parent.is_dir():
+        FAILED.write_text(json.dumps(sorted(failed)))
     reasons = Counter()
     for report in terminalreporter.stats.get("skipped", []):
         where = report.nodeid.partition("::")[0]

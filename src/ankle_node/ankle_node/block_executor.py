@@ -77,6 +77,7 @@ class BlockExecutor(SingleThreadedExecutor):
             self._complete()
             if self._tasks:  # a coroutine that goes on, or a result that somebody waits for
                 return
+        self._end_with_context()
         if self._wait_set is None:
             self._collect()
         self._wait(FOREVER if timeout_sec is None else max(round(1e9 * timeout_sec), 0))
@@ -97,6 +98,7 @@ class BlockExecutor(SingleThreadedExecutor):
                 break
             handler()
             handler.result()  # raises what the callback raised
+            self._end_with_context()
         with self._tasks_lock:  # those that are done would bring the next turn here again
             self._tasks = [task for task in self._tasks if not task[0].done()]
 
@@ -156,20 +158,27 @@ class BlockExecutor(SingleThreadedExecutor):
         for client in self._kept_clients:
             found.add_client(client)
         found.wait(timeout)
-        if not self._context.ok():
-            raise ExternalShutdownException
+        self._end_with_context()
         ready = {kind: found.get_ready_entities(kind) for kind in _KINDS}
         if self._guard.handle.pointer in ready["guard_condition"]:
             self._release()  # an entity is new or gone; those that are ready have their turn first
         for pointer in ready["timer"]:
             _call_timer(self._kept_timers[pointer])
+            self._end_with_context()
         for pointer in ready["subscription"]:
             _call_subscription(self._kept_subscriptions[pointer])
+            self._end_with_context()
         for pointer in ready["guard_condition"]:
             if pointer in self._kept_guards:
                 self._kept_guards[pointer].callback()
+                self._end_with_context()
         if ready["service"] or ready["client"]:
             self._complete()
+
+    def _end_with_context(self) -> None:
+        """Call nothing more once the context was shut down: a callback could not use the graph."""
+        if not self._context.ok():
+            raise ExternalShutdownException
 
 
 _KINDS = ("subscription", "timer", "guard_condition", "service", "client")

@@ -199,3 +199,16 @@ def test_the_wait_has_an_end_and_a_context_that_is_shut_down_is_an_error(bench):
     threading.Timer(0.1, bench.context.shutdown).start()
     with pytest.raises(ExternalShutdownException):
         bench.until(lambda: False)
+
+
+def test_nothing_is_called_after_a_callback_has_shut_the_context_down(bench):
+    def end():
+        bench.heard.append("end")
+        bench.context.try_shutdown()
+
+    for _ in range(2):  # both are due at once
+        bench.node.create_timer(0.05, end)
+    time.sleep(0.1)
+    with pytest.raises(ExternalShutdownException):
+        bench.until(lambda: False)
+    assert bench.heard == ["end"]

@@ -24,6 +24,8 @@ class Probe(AnkleNode):
     def look(self):
         self.priorities.append(os.sched_getscheduler(0))
         if len(self.sources) == 2:
+            if self.priorities[-1] == os.SCHED_OTHER and len(self.priorities) < 20:
+                return  # a busy computer shows a publisher later
             print(json.dumps(self.priorities), flush=True)
             self.context.try_shutdown()
             return
@@ -122,10 +124,10 @@ def test_a_node_takes_priority_once_a_rigs_driver_is_in_the_graph():
     if not may_take_priority():
         pytest.skip("this user may not take real-time priority")
     found = subprocess.run(
-        [sys.executable, "-c", BESIDE_A_RIG],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
+        [sys.executable, "-c", BESIDE_A_RIG], capture_output=True, text=True, timeout=60
     )
-    assert json.loads(found.stdout) == [os.SCHED_OTHER, os.SCHED_OTHER, os.SCHED_RR]
+    assert found.returncode == 0, found.stderr
+    *before, last = json.loads(found.stdout)
+    assert len(before) >= 2
+    assert set(before) == {os.SCHED_OTHER}
+    assert last == os.SCHED_RR

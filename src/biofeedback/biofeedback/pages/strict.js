@@ -1,6 +1,16 @@
 // Messages as the node defines them: whoever reads a field that no message has hears of it on the console.
 
-const schemas = await (await fetch("/pages/schemas.json")).json();
+const RETRY = 500; // ms; a node that restarts is back within seconds
+let schemas = {}; // until they are here messages are taken as they come: no key waits for a file, and a stop least of all
+
+async function load() {
+  try {
+    schemas = await (await fetch("/pages/schemas.json")).json();
+  } catch {
+    setTimeout(load, RETRY); // the node is away
+  }
+}
+load();
 
 export function typed(message) {
   return wrap(message, schemas[message.type]);
