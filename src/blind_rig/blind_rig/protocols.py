@@ -1,4 +1,6 @@
-"""Perturbations of the laboratory: equal pulses and steps, equal steps both ways, random levels."""
+"""Perturbations of the laboratory: equal pulses and steps, equal steps both ways, random levels;
+and two that other laboratories use, a random binary sequence and a multisine.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 PROTOCOLS = ("pulse_step", "equal_steps", "random_levels")
+# The sizes of effects (`magnitudes`) were found with those above.
+EVERY_PROTOCOL = (*PROTOCOLS, "binary", "multisine")
+# A random binary sequence keeps a level for this time or a multiple of it [s] (Kearney, Stein &
+# Parameswaran 1997, IEEE Trans. Biomed. Eng. 44, 493, section III: 150 to 200 ms).
+BINARY_CLOCK = 0.2
+# A multisine of the same velocity at each frequency, up to what ankle rigs follow [Hz].
+MULTISINE_HZ = (0.5, 12.0)
+MULTISINE_PERIOD = 20.0  # s
+# Its movements have no beginning; the subject varies at these intervals [s] instead.
+MULTISINE_ONSETS = 0.35
 
 
 class Protocol(NamedTuple):
@@ -16,7 +28,7 @@ class Protocol(NamedTuple):
     Attributes
     ----------
     kind
-        One of `PROTOCOLS`.
+        One of `EVERY_PROTOCOL`.
     amplitude
         Size of a step [rad]; of the largest one among random levels.
     rise
@@ -82,11 +94,37 @@ def levels(protocol: Protocol, generator: np.random.Generator) -> tuple[np.ndarr
             ]
             level = float(generator.choice(choices))
             now += generator.uniform(0.25, 0.6)
+        elif protocol.kind == "binary":
+            level = protocol.amplitude - level
+            now += BINARY_CLOCK * generator.geometric(0.5)
         else:
             level = float(generator.uniform(-protocol.amplitude / 2, protocol.amplitude / 2))
             now += generator.uniform(0.2, 0.476)
         targets.append(level)
     return np.array(times), np.array(targets)
+
+
+def multisine(protocol: Protocol, generator: np.random.Generator, t: np.ndarray) -> np.ndarray:
+    """Return a sum of sines of random phases and equal velocities [rad], shape (n,), whose largest
+    angle is half the protocol's amplitude, as that of random levels.
+
+    Parameters
+    ----------
+    protocol
+        Whose amplitude counts.
+    generator
+        Of the phases.
+    t
+        Times [s], shape (n,).
+    """
+    first, last = (round(f * MULTISINE_PERIOD) for f in MULTISINE_HZ)
+    harmonics = np.arange(first, last + 1)
+    phases = generator.uniform(0.0, 2.0 * np.pi, len(harmonics))
+    angle = np.zeros(len(t))
+    for k, phase in zip(harmonics, phases, strict=True):
+        angle += np.sin(2.0 * np.pi * k / MULTISINE_PERIOD * t + phase) / k
+    begin = edge(t / 0.5)  # the plate begins at rest
+    return begin * angle * (0.5 * protocol.amplitude / np.max(np.abs(angle)))
 
 
 def command(
@@ -95,8 +133,12 @@ def command(
     """Return the commanded angle around the operating point [rad], shape (n,), and the times of the
     edges' starts [s].
     """
-    times, targets = levels(protocol, generator)
     t = np.arange(round(protocol.duration * rate)) / rate
+    if protocol.kind == "multisine":
+        return multisine(protocol, generator, t), np.arange(
+            0.5, protocol.duration, MULTISINE_ONSETS
+        )
+    times, targets = levels(protocol, generator)
     angle = np.zeros(len(t))
     before = 0.0
     for start, target in zip(times, targets, strict=True):

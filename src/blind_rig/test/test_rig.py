@@ -9,7 +9,7 @@ from scipy.signal import lsim, lti
 
 from blind_rig import effects, strength
 from blind_rig.anatomy import Setup
-from blind_rig.protocols import PROTOCOLS, Protocol, command
+from blind_rig.protocols import EVERY_PROTOCOL, Protocol, command
 from blind_rig.subjects import draw_subject
 from blind_rig.trial import Trial, record, run
 
@@ -142,7 +142,7 @@ def test_noise_has_the_stated_power() -> None:
 
 
 def test_edges_move_both_ways_and_stay_in_range() -> None:
-    for kind in PROTOCOLS:
+    for kind in EVERY_PROTOCOL:
         angle, onsets = command(Protocol(kind, 0.03, 0.024, 60.0), np.random.default_rng(0), 1000.0)
         assert np.abs(angle).max() <= 0.03 + 1e-12
         assert (np.diff(angle) > 0).any()

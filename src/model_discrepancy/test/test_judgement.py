@@ -11,6 +11,9 @@ from model_discrepancy.search.found import Found, Trial
 SCORES = Scores(base=80.0, augmented=94.0, generic=95.0, ceiling=96.0)
 
 
+USUAL = SimpleNamespace(unusual=[], unusual_reflex=[])
+
+
 def found(score, effects=("a term",)):
     """A search whose model leaves `score` of the whitened error of the base model."""
     return SimpleNamespace(
@@ -42,22 +45,38 @@ def remainder(share, judged, torque_share=0.02):
     ],
 )
 def test_an_effect_explains_what_it_closes(score, left, judged, expected):
-    assert judge(found(score), remainder(left, judged), [], [], SCORES)[0] == expected
+    assert judge(found(score), remainder(left, judged), [], USUAL, SCORES)[0] == expected
 
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     small = remainder(0.3, False, torque_share=8e-4)
-    assert judge(found(0.8), small, [], [], SCORES)[0] == "explained"
-    assert judge(found(1.0, effects=()), small, [], [], SCORES)[0] == "no_mismatch"
+    assert judge(found(0.8), small, [], USUAL, SCORES)[0] == "explained"
+    assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
 
 
 def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     useless = Scores(base=80.0, augmented=79.9, generic=80.0, ceiling=82.0)
     nothing, much = remainder(0.02, True), remainder(0.3, True)
-    assert judge(found(0.9), nothing, [], [], useless)[0] == "no_mismatch"
-    assert judge(found(0.9), nothing, [], [], SCORES)[0] == "explained"
-    assert judge(found(0.9), much, [], [], useless)[0] == "unexplained"
-    assert judge(found(0.9), nothing, [], ["a narrow line"], useless)[0] == "unexplained"
+    assert judge(found(0.9), nothing, [], USUAL, useless)[0] == "no_mismatch"
+    assert judge(found(0.9), nothing, [], USUAL, SCORES)[0] == "explained"
+    assert judge(found(0.9), much, [], USUAL, useless)[0] == "unexplained"
+    line = SimpleNamespace(unusual=["a narrow line"], unusual_reflex=[])
+    assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
+
+
+def test_names_beside_what_is_no_function_of_the_movement_do_not_explain_it():
+    changing = SimpleNamespace(unusual=["responses differ"], unusual_reflex=[])
+    assert judge(found(0.2), remainder(0.3, True), [], changing, SCORES)[0] == "unexplained"
+    assert judge(found(0.2), remainder(0.02, True), [], changing, SCORES)[0] == "explained"
+    reflex = SimpleNamespace(unusual=["a late reflex"], unusual_reflex=["a late reflex"])
+    assert judge(found(0.2), remainder(0.0, True), [], reflex, SCORES)[0] == "unexplained"
+    assert judge(found(1.0, ()), remainder(0.0, True), [], reflex, SCORES)[0] == "unexplained"
+
+
+def test_names_that_leave_most_of_the_torque_that_is_predictable_do_not_explain_it():
+    half = Scores(base=80.0, augmented=86.0, generic=95.0, ceiling=96.0)
+    assert judge(found(0.2), remainder(0.3, True), [], USUAL, half)[0] == "unexplained"
+    assert judge(found(0.2), remainder(0.02, True), [], USUAL, half)[0] == "explained"
 
 
 @pytest.mark.parametrize(

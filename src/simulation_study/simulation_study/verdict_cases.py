@@ -19,7 +19,7 @@ from ankle_physics.term import Place, term_library
 from blind_rig import effects
 from blind_rig.impedance import TrueImpedance, true_impedance
 from blind_rig.magnitudes import brought_in
-from blind_rig.protocols import PROTOCOLS, Protocol
+from blind_rig.protocols import EVERY_PROTOCOL, PROTOCOLS, Protocol
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Trial, record, run
 from model_discrepancy.recording.recording import Recording
@@ -60,7 +60,7 @@ class Plan:
     servo
         ``stiff`` or ``compliant``; ``human`` for a recorded trial.
     protocol
-        One of `blind_rig.protocols.PROTOCOLS`; the trial's name for a recorded one.
+        One of `blind_rig.protocols.EVERY_PROTOCOL`; the trial's name for a recorded one.
     rate
         [Hz].
     velocity, reference
@@ -132,7 +132,9 @@ def _hidden(kind: str, count: int, generator: np.random.Generator) -> list[tuple
 
 
 def _protocols(hidden: Sequence[str]) -> list[str]:
-    """Return the protocols under which all of these effects show."""
+    """Return the protocols that show all of these effects; every one where none is hidden."""
+    if not hidden:
+        return list(EVERY_PROTOCOL)
     wanted = [effects.BY_NAME[n].protocols or PROTOCOLS for n in hidden if n in effects.BY_NAME]
     return [kind for kind in PROTOCOLS if all(kind in some for some in wanted)]
 

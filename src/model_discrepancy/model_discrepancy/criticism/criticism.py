@@ -91,7 +91,7 @@ def criticise(
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
     varies = variability(fitter, final)
     scores = Scores(base_scored.vaf, final_scored.vaf, *ceiling)
-    verdict, closed = judge(found, after, findings, varies.unusual, scores)
+    verdict, closed = judge(found, after, findings, varies, scores)
     block = None
     if verdict == "unexplained":
         progress("describing what is missing")

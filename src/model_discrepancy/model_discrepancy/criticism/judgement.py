@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.criticism.variability import Variability
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.search.found import Found
 
@@ -15,6 +16,9 @@ GAP_CLOSED = 0.85
 # whitened residual (5 to 8 % on the independent rig, servos of 2000 to 3000 N.m/rad). What is more
 # is missing physics where the named effects also close less than this share of the gap.
 LARGEST_LEAKAGE, GAP_CLOSED_IN_LOOP = 0.1, 0.6
+# The same of the plain torque, to which the whitened residual's highest frequencies add little:
+# names that close less than half of its gap describe something else.
+GAP_CLOSED_IN_TORQUE = 0.5
 # Names that let the plain torque be predicted better by less than this share of what is missing
 # explain nothing by themselves.
 MIN_GAP_SHARE = 0.1
@@ -36,7 +40,7 @@ def judge(
     found: Found,
     remainder: Remainder,
     findings: list[Finding],
-    unusual: list[str],
+    varies: Variability,
     scores: Scores,
 ) -> tuple[str, float]:
     """Return the verdict, and the share of the predictable mismatch that the effects close (NaN
@@ -50,12 +54,12 @@ def judge(
         What generic regressors predict of the residual that is left.
     findings
         What the signals themselves show.
-    unusual
-        What no movement predicts and no subject's usual variability makes.
+    varies
+        What no movement predicts.
     scores
         VAF on unseen data.
     """
-    left = max(remainder.share, 0.0)
+    left, unusual = max(remainder.share, 0.0), varies.unusual
     predictable = remainder.significant
     if not found.effects:
         if predictable or unusual:
@@ -66,11 +70,16 @@ def judge(
         return "no_mismatch", float("nan")
     cut = 1.0 - found.final.score / found.base_score
     closed = cut / (cut + (1.0 - cut) * left)
-    gains_little = scores.augmented - scores.base < MIN_GAP_SHARE * (scores.ceiling - scores.base)
+    # Of the torque that the movement predicts at all; the generic regressors are its lower bound.
+    gained = scores.augmented - scores.base
+    gains_little = gained < MIN_GAP_SHARE * (scores.ceiling - scores.base)
+    leaves_most = gained < GAP_CLOSED_IN_TORQUE * (scores.generic - scores.base)
     beyond_leakage = remainder.exceeds_chance and left > LARGEST_LEAKAGE
     unexplained = (
-        (predictable and closed < GAP_CLOSED)
+        (predictable and (closed < GAP_CLOSED or leaves_most))
         or (beyond_leakage and closed < GAP_CLOSED_IN_LOOP)
         or (gains_little and (predictable or bool(unusual)))
+        or (remainder.exceeds_chance and bool(unusual))
+        or bool(varies.unusual_reflex)
     )
     return ("unexplained" if unexplained else "explained"), closed

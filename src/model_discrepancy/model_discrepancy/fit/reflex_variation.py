@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 
 from model_discrepancy.fit.fitter import Fit, Fitter
@@ -16,69 +19,122 @@ USUAL_REFLEX_VARIATION = 0.5
 # The response of one stretch, from the reflex' delay on.
 _RESPONSE_S = 0.3
 _FEWEST_STRETCHES = 10
+# Responses that overlap more than this (a multisine's) do not tell which stretch differs in what.
+_LEAST_COMPLETE = 0.9
 # Of the highest velocity, at which a stretch begins.
 _STRETCH_SHARE = 0.15
 
 
-def varying_reflex_torque(fitter: Fitter, fit: Fit) -> np.ndarray:
-    """Return the torque by which each stretch's reflex differs from the mean one.
+@dataclass(frozen=True)
+class ReflexVariation:
+    """Describes how the reflex differs from stretch to stretch.
+
+    Attributes
+    ----------
+    spread
+        Standard deviation of its size as a share of the mean size, with its standard error; None
+        where the reflex is too small or stretches are too few.
+    residual
+        Whitened residual without what each stretch's own size makes of it, shape (rows.count,).
+    torque
+        That part as plain torque [N.m], shape (rows.count,).
+    serial
+        Correlation of the sizes of successive stretches, with its standard error; None where they
+        vary by no more than noise makes them, or responses overlap.
+    timing
+        Standard deviation of its time [s], with its standard error; None where responses overlap.
+    """
+
+    spread: tuple[float, float] | None
+    residual: np.ndarray
+    torque: np.ndarray
+    serial: tuple[float, float] | None = None
+    timing: tuple[float, float] | None = None
+
+
+def reflex_variation(fitter: Fitter, fit: Fit) -> ReflexVariation:
+    """Return how the reflex differs from stretch to stretch.
 
     Parameters
     ----------
     fitter, fit
-        Of the base model.
-
-    Returns
-    -------
-    np.ndarray
-        Plain rows [N.m], shape (rows.count,); zero where the reflex is too small to tell.
+        A model with a reflex, and its residual.
     """
-    return reflex_variation(fitter, fit)[2]
-
-
-def reflex_variation(
-    fitter: Fitter, fit: Fit
-) -> tuple[tuple[float, float] | None, np.ndarray, np.ndarray]:
-    """Return the relative spread of the reflex with its standard error, the whitened residual
-    without what each stretch's own size makes of it, and that part as plain torque.
-    """
-    residual = fit.residual.copy()
-    varying = np.zeros(fitter.rows.count)
+    none = ReflexVariation(None, fit.residual, np.zeros(fitter.rows.count))
     reflex = fit.values.get("reflex")
     if reflex is None or reflex["G"] <= 0.0:
-        return None, residual, varying
+        return none
     rows = fitter.rows
     spectra = fitter.columns.spectra(fit.values)
     torque = reflex["G"] * spectra["reflex", "G"]
     response, plain = rows.whitened(torque), rows.plain(torque)
-    starts = _stretch_times(fitter) + reflex["delay"]
+    later = -rows.rate * np.gradient(response)  # by one second
+    residual, varying = fit.residual.copy(), np.zeros(rows.count)
+    found = []
+    for first, last in _responses(fitter, reflex["delay"]):
+        own, shift, left = response[first:last], later[first:last], residual[first:last]
+        power = float(own @ own)
+        if power == 0.0:
+            continue
+        size = float(own @ left) / power
+        shift = shift - float(own @ shift) / power * own
+        left = left - size * own
+        timing_power = float(shift @ shift)
+        time = float(shift @ left) / max(timing_power, 1e-30)
+        found.append((size, power, time, timing_power, last - first))
+        residual[first:last] = left
+        varying[first:last] = size * plain[first:last]
+    if len(found) < _FEWEST_STRETCHES:
+        return none
+    size, power, time, timing_power, length = np.array(found).T
+    noise = _level_at_rest(fitter, fit.residual)
+    spread = _spread(size, power, noise)
+    if spread is None or np.sqrt(len(size) * noise / power.sum()) > USUAL_REFLEX_VARIATION:
+        return none
+    if np.median(length) < _LEAST_COMPLETE * int(_RESPONSE_S * rows.rate):
+        return ReflexVariation(spread, residual, varying)
+    timing = _spread(time - np.average(time, weights=timing_power), timing_power, noise)
+    return ReflexVariation(spread, residual, varying, _serial(size, power, noise), timing)
+
+
+def _responses(fitter: Fitter, delay: float) -> Iterator[tuple[int, int]]:
+    """Yield the first row and the one behind the last of each stretch's response."""
+    rows = fitter.rows
+    starts = _stretch_times(fitter) + delay
     length = int(_RESPONSE_S * rows.rate)
-    sizes, powers = [], []
     for begin, following in zip(starts, [*starts[1:], np.inf], strict=True):
         first = int(begin * rows.rate)
         last = min(first + length, int(min(following, 1e9) * rows.rate), rows.count)
-        if last - first < length // 3 or not rows.used[first:last].all():
-            continue
-        own, left = response[first:last], residual[first:last]
-        power = float(own @ own)
-        if power > 0.0:
-            sizes.append(float(own @ left) / power)
-            powers.append(power)
-            residual[first:last] = left - sizes[-1] * own
-            varying[first:last] = sizes[-1] * plain[first:last]
-    if len(sizes) < _FEWEST_STRETCHES:
-        return None, fit.residual, varying
-    noise = _level_at_rest(fitter, fit.residual)
-    size, weight = np.array(sizes), np.array(powers)
-    # A stretch with a small response says little about its size and much about the noise.
-    total = float(weight.sum())
-    chance = len(size) * noise / total
-    variance = float(weight @ size**2) / total - chance
-    error = np.sqrt(2.0 / len(size)) * (max(variance, 0.0) + chance)
-    if np.sqrt(chance) > USUAL_REFLEX_VARIATION:
-        return None, fit.residual, np.zeros(fitter.rows.count)
+        if last - first >= length // 3 and rows.used[first:last].all():
+            yield first, last
+
+
+def _spread(value: np.ndarray, power: np.ndarray, noise: float) -> tuple[float, float] | None:
+    """Return the standard deviation of values beyond what noise makes, and its standard error.
+
+    A stretch with a small response says little about its size and much about the noise, so that
+    its weight is the power of its regressor.
+    """
+    total = float(power.sum())
+    if total <= 0.0:
+        return None
+    chance = len(value) * noise / total
+    variance = float(power @ value**2) / total - chance
+    error = np.sqrt(2.0 / len(value)) * (max(variance, 0.0) + chance)
     spread = float(np.sqrt(max(variance, 0.0)))
-    return (spread, float(error / (2.0 * max(spread, np.sqrt(error))))), residual, varying
+    return spread, float(error / (2.0 * max(spread, np.sqrt(error))))
+
+
+def _serial(size: np.ndarray, power: np.ndarray, noise: float) -> tuple[float, float] | None:
+    """Return the correlation of successive sizes, without what noise adds to their variance."""
+    weight = np.sqrt(power)
+    deviation = weight * (size - np.average(size, weights=power))
+    total = float(deviation @ deviation)
+    beyond = total - len(size) * noise
+    if beyond < 0.5 * total:
+        return None
+    correlation = float(deviation[1:] @ deviation[:-1]) / beyond
+    return correlation, float(total / beyond / np.sqrt(len(size)))
 
 
 def _stretch_times(fitter: Fitter) -> np.ndarray:

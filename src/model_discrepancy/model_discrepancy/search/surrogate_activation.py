@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model_discrepancy.fit.reflex_variation import varying_reflex_torque
+from model_discrepancy.fit.reflex_variation import reflex_variation
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.motion import ACTIVATION_HZ
 from model_discrepancy.recording.spectrum import low_pass
@@ -34,7 +34,7 @@ def surrogate_activation(problem: Problem, null: Null) -> Callable[[int], np.nda
     rows, motion = problem.fitter.rows, problem.fitter.motion
     varying = np.zeros(rows.count)
     if not problem.activation_by_emg:
-        varying = varying_reflex_torque(problem.fitter, problem.base)
+        varying = reflex_variation(problem.fitter, problem.base).torque
     slow = low_pass(np.fft.rfftfreq(rows.count, 1.0 / rows.rate), ACTIVATION_HZ, 4)
 
     def activation(draw: int) -> np.ndarray:
