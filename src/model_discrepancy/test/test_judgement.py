@@ -54,6 +54,13 @@ def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
 
 
+def test_a_residual_that_stays_predictable_is_not_explained_however_little_torque_it_is():
+    small = remainder(0.3, True, torque_share=8e-4)
+    assert judge(found(0.4), small, [], USUAL, SCORES)[0] == "unexplained"  # 83 % are closed
+    assert judge(found(0.1), small, [], USUAL, SCORES)[0] == "explained"
+    assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
+
+
 def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     useless = Scores(base=80.0, augmented=79.9, generic=80.0, ceiling=82.0)
     nothing, much = remainder(0.02, True), remainder(0.3, True)

@@ -45,7 +45,12 @@ class PlateAppendage(Term):
             "by reasoning: cables swing at some hertz, metal parts up to the recorded band",
         ),
         Parameter(
-            "damping", "1", 0.01, 0.9, 0.1, "metal structures 0.01 to 0.05, cables up to 0.3"
+            "damping",
+            "1",
+            0.01,
+            0.4,
+            0.1,
+            "metal structures 0.01 to 0.05, cables up to 0.3; with more than 0.4 nothing swings",
         ),
     )
 

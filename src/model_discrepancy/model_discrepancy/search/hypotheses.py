@@ -213,7 +213,9 @@ class Hypotheses:
             tried = sorted([*tried, *trials], key=lambda t: -t.gain)
             if any(t.accepted for t in trials):
                 break
-        return tried, tried[0].by_chance if tried else by_chance[screened[0].name]
+        if tried:
+            return tried, tried[0].by_chance
+        return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
