@@ -25,7 +25,8 @@ from biofeedback.session.course import (
 )
 from biofeedback.session.course_file import CourseFile
 from biofeedback.session.course_picture import course_figure
-from biofeedback.session.course_record import SessionResult, load_record, new_record, trend
+from biofeedback.session.course_record import SessionResult, load_record, new_record
+from biofeedback.session.course_trend import comparisons, error_rate, trend
 from biofeedback.session.protocol import BREAK
 from biofeedback.session.runner import SessionRunner
 from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Reading, Session
@@ -198,12 +199,65 @@ def test_up_training_goes_up():
     assert trend(record, course).found == "up"
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(1200)
-def test_false_trends_are_as_rare_as_the_interval_says():
-    """A level of 95 % lets 3 of 60 subjects show a trend who do not learn; nine are too many."""
-    found = [trend(*course_of("down_training", 0.0, seed)).found for seed in range(100, 160)]
-    assert sum(one != "none" for one in found) <= 8
+def record_of(course, logs):
+    """The record of a subject with these logarithms of the reflex, one for each session."""
+    record = new_record(course, "S01")
+    record.results = [
+        SessionResult(n, "2026-01-01", 225, 225, size, size, 0.5)
+        for n, size in enumerate(np.exp(logs).tolist(), 1)
+    ]
+    return record
+
+
+def wandering(course, correlation, random):
+    """Logarithms of a reflex that nobody trains: each session resembles the one before."""
+    logs = random.normal(0.0, 0.08, course.sessions)
+    for n in range(1, course.sessions):
+        logs[n] = correlation * logs[n - 1] + math.sqrt(1.0 - correlation**2) * logs[n]
+    return logs
+
+
+def states_a_trend(course, logs):
+    """Whether any of the comparisons that are made during a course states a trend."""
+    return any(
+        trend(record_of(course, logs[:end]), course).found != "none" for end in comparisons(course)
+    )
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6])
+def test_at_most_one_of_twenty_courses_without_a_change_ever_shows_a_trend(correlation):
+    """Of 60 subjects 3 may; with a rate of 5 %, more than 7 are seen once in 80 times."""
+    course, random = load_course("down_training"), np.random.default_rng(11)
+    logs = [wandering(course, correlation, random) for _ in range(60)]
+    assert sum(states_a_trend(course, one) for one in logs) <= 7
+
+
+def test_learning_is_found_in_spite_of_correlated_sessions():
+    course, random = load_course("down_training"), np.random.default_rng(12)
+    learnt = math.log(0.98) * np.maximum(np.arange(1, 31) - course.baseline_sessions, 0)
+    records = [record_of(course, wandering(course, 0.4, random) + learnt) for _ in range(20)]
+    assert sum(trend(record, course).found == DOWN for record in records) >= 17
+
+
+def test_a_course_is_compared_at_fixed_sessions_that_share_one_error_rate(tmp_path):
+    course = load_course("down_training")
+    assert comparisons(course) == [12, 18, 24, 30]
+    rates = [error_rate(course, end) for end in comparisons(course)]
+    assert sum(rates) == pytest.approx(0.03)
+    assert rates[-1] == max(rates)
+    record = record_of(course, np.sin(np.arange(30.0)))
+    assert trend(replace(record, results=record.results[:11]), course) is None
+    early = trend(replace(record, results=record.results[:17]), course)
+    assert (early.compared, early.final) == ((7, 12), False)
+    assert early.level > trend(record, course).level
+    short = load_course(written(tmp_path, baseline_sessions=2, conditioning_sessions=3))
+    assert comparisons(short) == [5]
+
+
+def test_equal_reflexes_in_every_session_are_no_change():
+    course = load_course("down_training")
+    found = trend(record_of(course, np.zeros(30)), course)
+    assert (found.found, found.percent) == ("none", pytest.approx(100.0))
 
 
 def test_a_session_broken_off_early_is_left_out_of_the_trend(tmp_path):
@@ -251,7 +305,7 @@ def test_no_text_of_a_courses_picture_is_cut_or_covered(name, done):
     assert any("control trials" in text for text in places)
     if done > course.baseline_sessions + 1:
         assert "minimal detectable change of one session" in places
-        assert any(text.startswith("95 % interval of the last") for text in places)
+        assert "97.6 % interval of sessions 25 to 30" in places
 
 
 def led(course, behaviour, seconds=60.0, number=None, lead=1.0):

@@ -41,7 +41,8 @@ def verb(
     from biofeedback.errors import CommandError, ProtocolError
     from biofeedback.session.course import load_course
     from biofeedback.session.course_picture import draw_course, sentence
-    from biofeedback.session.course_record import load_record, new_record, trend
+    from biofeedback.session.course_record import load_record, new_record
+    from biofeedback.session.course_trend import trend
     from biofeedback.session.simulated_learner import Learner, SimulatedLearner, run_course
 
     try:

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from biofeedback.session.course import CONDITIONED, Course
-from biofeedback.session.course_record import FINAL_SESSIONS, CourseRecord, trend
+from biofeedback.session.course_record import CourseRecord
+from biofeedback.session.course_trend import comparisons, trend
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#777777"
 """Okabe and Ito's colours; control and conditioned trials differ in their marks, too."""
@@ -82,10 +83,10 @@ def course_figure(record: CourseRecord, course: Course) -> Figure:
     )
     found = trend(record, course, CONDITIONED)
     if found is not None:
-        count = min(FINAL_SESSIONS, found.sessions[0])
-        last = [number[-1] - count + 0.5, number[-1] + 0.5]
-        label = f"95 % interval of the last {count} sessions"
-        sizes.fill_between(last, found.lower, found.upper, color=ORANGE, alpha=0.25, label=label)
+        first, last = found.compared
+        span = [first - 0.5, last + 0.5]
+        label = f"{found.level:.3g} % interval of sessions {first} to {last}"
+        sizes.fill_between(span, found.lower, found.upper, color=ORANGE, alpha=0.25, label=label)
     sizes.set_title(sentence(record, course).replace(": ", ":\n", 1), fontsize=10)
     sizes.axvline(course.baseline_sessions + 0.5, color=GREY, lw=0.8)
     name = f"{MUSCLE_NAMES[course.muscle]}: {MEASURE_NAMES[course.measure]}"
@@ -104,16 +105,22 @@ def course_figure(record: CourseRecord, course: Course) -> Figure:
 def sentence(record: CourseRecord, course: Course) -> str:
     """Say what a course has come to, in words that need no statistics."""
     found = trend(record, course, CONDITIONED)
+    measure = MEASURE_NAMES[course.measure]
     if found is None:
-        return (
-            f"{len(record.results)} of {course.sessions} sessions are done: too few for a trend "
-            f"of the {MEASURE_NAMES[course.measure]}"
+        done = len(record.results)
+        following = next((end for end in comparisons(course) if end > done), None)
+        reason = (
+            "too few complete ones for a trend"
+            if following is None
+            else f"they are compared with the baseline after session {following}: no trend yet"
         )
+        return f"{done} of {course.sessions} sessions are done, {reason} of the {measure}"
+    first, last = found.compared
     interval = (
-        f"{found.percent:.0f} % of the baseline (95 % interval {found.lower:.0f} to "
-        f"{found.upper:.0f} %, last {found.sessions[0]} against {found.sessions[1]} sessions)"
+        f"{found.percent:.0f} % of the baseline ({found.level:.3g} % interval {found.lower:.0f} to "
+        f"{found.upper:.0f} %, sessions {first} to {last} against 1 to {course.baseline_sessions})"
     )
     if found.found == "none":
-        return f"no change is shown: {interval}"
+        return f"no change is shown{'' if found.final else ' yet'}: {interval}"
     wanted = "as trained" if found.found == course.direction else "against the training"
     return f"the reflex has gone {found.found}, {wanted}: {interval}"

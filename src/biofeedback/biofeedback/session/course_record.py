@@ -1,4 +1,4 @@
-"""The record of a course so far: one entry a session, on disk, and the trend with its interval.
+"""The record of a course so far: one entry a session, on disk.
 
 The file is YAML; it is written after each session and each block, so that a course goes on after
 months, another computer, or a session that was broken off. It names a subject by a pseudonym only.
@@ -6,27 +6,17 @@ months, another computer, or a session that was broken off. It names a subject b
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from ankle_interfaces.yaml_text import parse_yaml, read_text
 from biofeedback.errors import CommandError
 from biofeedback.session.course import CONDITIONED, CONTROL, Course, CourseSession
 from biofeedback.session.durable_file import replace_file
-
-FINAL_SESSIONS = 6
-"""Number of sessions at the course's end that are compared with the baseline: as many as the
-published course has baseline sessions, so that both means are equally sure."""
-LEVEL = 0.95
-"""Confidence level of the intervals."""
-MEANINGFUL_TRIALS = 0.5
-"""Part of the planned trials below which a session's mean is left out: it was broken off early."""
 
 
 @dataclass(frozen=True)
@@ -54,27 +44,6 @@ class SessionResult:
     control: float
     conditioned: float
     success_rate: float
-
-
-@dataclass(frozen=True)
-class Trend:
-    """Holds the change of a mean against the baseline sessions.
-
-    Attributes
-    ----------
-    percent, lower, upper
-        Mean of the final sessions in per cent of the baseline's, and the ends of its interval.
-    sessions
-        Final and baseline sessions that it comes from.
-    found
-        ``up`` or ``down`` where the interval excludes 100 %, else ``none``.
-    """
-
-    percent: float
-    lower: float
-    upper: float
-    sessions: tuple[int, int]
-    found: str
 
 
 @dataclass
@@ -213,49 +182,3 @@ def new_record(course: Course, subject: str) -> CourseRecord:
             f"subject = '{subject}' is refused; a pseudonym has letters, digits, '-' and '_' only"
         )
     return CourseRecord(subject, course.title, course.digest)
-
-
-def trend(record: CourseRecord, course: Course, kind: str = CONDITIONED) -> Trend | None:
-    """Compare the last conditioning sessions with the baseline sessions.
-
-    Sessions are the units: a subject's reflex differs from day to day by more than the mean of 225
-    trials is unsure. Their logarithms are compared by Welch's t-test, so that the interval is one
-    of the ratio.
-
-    Parameters
-    ----------
-    record
-        Record of the subject.
-    course
-        The plan of the course.
-    kind
-        `CONDITIONED`: the whole change in the trials that are rewarded. `CONTROL`: what stays
-        without reward, the long-term change.
-
-    Returns
-    -------
-    Trend | None
-        None where there are fewer than two sessions of either.
-    """
-    complete = [r for r in record.results if r.trials >= MEANINGFUL_TRIALS * r.planned]
-    baseline = [r.control for r in complete if r.number <= course.baseline_sessions]
-    final = [
-        r.conditioned if kind == CONDITIONED else r.control
-        for r in complete
-        if r.number > course.baseline_sessions
-    ][-FINAL_SESSIONS:]
-    before, after = (
-        np.log([value for value in values if math.isfinite(value) and value > 0.0])
-        for values in (baseline, final)
-    )
-    if len(before) < 2 or len(after) < 2:
-        return None
-    from scipy import stats  # takes a second to load: only for those who compare
-
-    interval = stats.ttest_ind(after, before, equal_var=False).confidence_interval(LEVEL)
-    percent, lower, upper = (
-        100.0 * math.exp(value)
-        for value in (after.mean() - before.mean(), interval.low, interval.high)
-    )
-    found = "down" if upper < 100.0 else "up" if lower > 100.0 else "none"
-    return Trend(percent, lower, upper, (len(after), len(before)), found)
