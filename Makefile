@@ -71,7 +71,7 @@ mutants: setup
 	@$(BIN)/python src/ankle_actuator_driver/test/mutants.py
 
 faults: setup
-	@$(BIN)/python src/ankle_actuator_driver/test/fault_campaign.py --times 5
+	@$(BIN)/python src/ankle_actuator_driver/test/fault_campaign.py --times 2 --seed 3
 	@$(BIN)/python benchmarks/live_faults.py --times 4
 
 CASES ?= 1000000

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -24,6 +25,11 @@ KEPT = {
     "goes on": ("running",),
     "stops": ("ready", "stopping"),
     "faults": ("fault",),
+    "stops or faults": ("ready", "stopping", "fault"),
+    "ends off": ("ready", "fault", "disabled"),
+    "stays armed": ("armed",),
+    "stays ready": ("ready",),
+    "stays in fault": ("fault",),
 }
 """States that keep a promise; any other promise allows every state."""
 
@@ -105,7 +111,7 @@ class Outcome:
             sum(case.lost for case in self.cases),
             sum(case.reported for case in self.cases),
             f"{1e3 * max(rest):.0f}" if rest else "—",
-            f"{np.median(again):.1f}" if again else "0",
+            f"{np.median(again):.2f}" if again else "0",
         )
         return f"| {' | '.join(str(cell) for cell in cells)} |"
 
@@ -124,3 +130,25 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
         "Cases that kept their promise, without motion beyond a limit and without unreported "
         f"loss: {count}."
     )
+
+
+def write_section(page: Path, title: str, text: str) -> None:
+    """Put a section of a page in the place of the one that has its title; the others stay.
+
+    Parameters
+    ----------
+    page
+        A file with headings of the second order.
+    title
+        Of the section.
+    text
+        Everything below its heading.
+    """
+    first, *sections = page.read_text().split("\n## ")
+    titles = [section.partition("\n")[0] for section in sections]
+    written = f"{title}\n\n{text.strip()}\n"
+    if title in titles:
+        sections[titles.index(title)] = written
+    else:
+        sections.append(written)
+    page.write_text("\n\n## ".join(part.strip() for part in (first, *sections)) + "\n")

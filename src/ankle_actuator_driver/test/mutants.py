@@ -332,18 +332,24 @@ MUTANTS = [
         ("encoder that does not follow", "or self._not_following(window)", "", "small_command"),
         (
             "velocity against position, and the plate's place",
-            "            or self._away(window, len(time))\n"
-            "            or self._velocity_contradicts(window)\n",
+            "            or self._away(whole, len(time), settled)\n"
+            "            or self._velocity_contradicts(whole)\n",
             "",
             "200_ms and encoder_slip",
         ),
         (
             "velocity against position",
-            "or self._velocity_contradicts(window)",
+            "or self._velocity_contradicts(whole)",
             "",
             "200_ms and velocity_stuck",
         ),
-        ("dead torque sensor", "or self._torque_dead(window)", "", "200_ms and torque_dead"),
+        ("dead torque sensor", "or self._torque_dead(whole)", "", "200_ms and torque_dead"),
+        (
+            "samples that are missing contradict no sensor",
+            "whole = window.since_last_gap()",
+            "whole = window",
+            "hangs_for_60_ms",
+        ),
     ),
     *_of(
         DRIVER + "safety/torque_check.py",

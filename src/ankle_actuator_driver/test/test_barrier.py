@@ -456,6 +456,30 @@ def test_a_sensor_that_fails_is_a_fault_within_200_ms_of_its_first_wrong_sign(
     assert lab.now - at <= 0.2
 
 
+def test_a_line_that_hangs_for_60_ms_contradicts_no_sensor(laboratory):
+    """Shorter than a watchdog, in motion: samples are missing, but none of those that came is
+    wrong."""
+    lab = laboratory(lead=0.5).running()
+    for _ in range(4):
+        lab.until_moving(0.5)
+        missing = lab.end.missing
+        lab.faults(freeze=1.0)
+        lab.run(0.06)
+        lab.faults()
+        lab.run(0.3)
+        assert lab.state == "running", lab.bridge.states.reason
+        assert lab.end.missing > missing
+
+
+@pytest.mark.parametrize(("switch", "size"), [("encoder_slip", 0.03), ("velocity_stuck", 1.0)])
+def test_sensors_are_judged_though_a_tenth_of_the_packets_is_lost(laboratory, switch, size):
+    lab = unchecked(laboratory)
+    lab.until_moving(0.5)
+    lab.faults(unchecked=1.0, drop=0.1, **{switch: size})
+    lab.until("fault", 1.0)
+    assert re.search("slips|sensors is wrong", lab.bridge.states.reason)
+
+
 def test_a_rig_that_does_not_follow_the_reference_is_a_fault(laboratory):
     lab = unchecked(laboratory)
     lab.faults(unchecked=1.0, ignore_reference=1.0)

@@ -44,7 +44,8 @@ PATIENCE = 5
 """Number of windows left out in a row after which the latency itself has changed, and is learned
 anew."""
 READINGS = 20
-"""Number of odd readings of two clocks in a row after which they are believed."""
+"""Number of odd readings of two clocks in a row after which they are believed: 40 s of time
+corrections, which Lab Streaming Layer measures every 2 s."""
 LARGEST_STEP_OF_CORRECTION = 2e-3
 """[s] Largest step of the correction: two computers' crystals move apart by less than 1 ms in the
 seconds between two measurements."""
@@ -125,18 +126,23 @@ class SteadyCorrection:
 
     def __init__(self, first: float) -> None:
         self.value = first
-        self._odd = 0
+        self._odd: list[float] = []
 
     def measure(self, correction: float) -> None:
         """Process a reading [s].
 
-        One far from the last counts only after it has stayed for `READINGS` readings.
+        One far from the last counts only after `READINGS` of them have agreed with each other: a
+        clock that was set stays where it is, what a busy computer measures is scattered. Lab
+        Streaming Layer gives the same measurement several times; it counts once.
         """
-        self._odd = (
-            self._odd + 1 if abs(correction - self.value) > LARGEST_STEP_OF_CORRECTION else 0
-        )
-        if not 0 < self._odd < READINGS:
-            self.value, self._odd = correction, 0
+        if abs(correction - self.value) <= LARGEST_STEP_OF_CORRECTION:
+            self.value, self._odd = correction, []
+        elif not self._odd or abs(correction - self._odd[-1]) > LARGEST_STEP_OF_CORRECTION:
+            self._odd = [correction]
+        elif correction != self._odd[-1]:
+            self._odd.append(correction)
+        if len(self._odd) >= READINGS:
+            self.value, self._odd = correction, []
 
 
 class DriftFilter:

@@ -83,13 +83,23 @@ def test_a_clock_that_is_set_is_followed_within_two_seconds_though_the_first_chu
     assert np.abs(errors[seconds > 7.0]).max() < 1e-3
 
 
-def test_one_odd_correction_is_left_out_and_a_lasting_one_is_taken():
+def test_an_odd_correction_is_left_out_and_one_that_many_measurements_agree_on_is_taken():
     correction = SteadyCorrection(0.010)
-    for _ in range(5):
-        correction.measure(0.035)
+    for k in range(5):
+        correction.measure(0.035 + 1e-6 * k)
     assert correction.value == 0.010
     correction.measure(0.0101)
     assert correction.value == 0.0101
-    for _ in range(25):
+    for k in range(25):
+        correction.measure(0.035 + 1e-6 * k)
+    assert correction.value == pytest.approx(0.035, abs=1e-4)
+
+
+def test_corrections_that_a_busy_computer_scatters_or_repeats_are_never_taken():
+    random = np.random.default_rng(5)
+    correction = SteadyCorrection(0.010)
+    for reading in 0.010 + random.uniform(0.003, 0.05, 300):
+        correction.measure(reading)
+    for _ in range(300):
         correction.measure(0.035)
-    assert correction.value == 0.035
+    assert correction.value == 0.010

@@ -19,8 +19,16 @@ SWITCHES = {
     "encoder_stuck": "the measured position stays where it is",
     "encoder_slip": "radians by which the measured position slips at once",
     "encoder_spikes": "part of the samples whose position is 0.3 rad off",
+    "position_saturated": "the measured position is at the end of its range",
+    "position_nan": "the measured position is not a number",
     "velocity_stuck": "the measured velocity is zero",
+    "velocity_saturated": "the measured velocity is at the end of its range",
+    "velocity_spikes": "part of the samples whose velocity is 3 rad/s off",
+    "velocity_nan": "the measured velocity is not a number",
     "torque_dead": "the torque sensor shows its noise only",
+    "torque_stuck": "the measured torque stays as it is",
+    "torque_spikes": "part of the samples whose torque is 50 N.m off",
+    "torque_nan": "the measured torque is not a number",
     "torque_saturated": "the torque sensor is at the end of its range",
     "torque_swings": "hundreds of N.m of a torque that swings 8 times a second",
     "nan": "all samples are not a number",
@@ -45,8 +53,16 @@ class Faults:
     encoder_stuck: float = 0.0
     encoder_slip: float = 0.0
     encoder_spikes: float = 0.0
+    position_saturated: float = 0.0
+    position_nan: float = 0.0
     velocity_stuck: float = 0.0
+    velocity_saturated: float = 0.0
+    velocity_spikes: float = 0.0
+    velocity_nan: float = 0.0
     torque_dead: float = 0.0
+    torque_stuck: float = 0.0
+    torque_spikes: float = 0.0
+    torque_nan: float = 0.0
     torque_saturated: float = 0.0
     torque_swings: float = 0.0
     nan: float = 0.0

@@ -55,6 +55,8 @@ FOUND_WINDOWS = 20
 """Moving windows after which the joint counts as known."""
 DEAD_TORQUE_TIME = 0.045
 """[s] Time for which the torque has to look dead: three packets."""
+GAP_RATIO = 1.5
+"""Multiple of the sampling interval from which samples are missing between two of them."""
 VELOCITY_AVERAGE_SAMPLES = 8
 """Number of samples over which the velocity is averaged before it is differentiated: 4 ms."""
 
@@ -129,6 +131,11 @@ class _Window:
         kept = self.time >= begin
         return _Window(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
+    def since_last_gap(self) -> _Window:
+        steps = np.diff(self.time)
+        gaps = np.flatnonzero(steps > GAP_RATIO * steps.min(initial=np.inf))
+        return self.since(float(self.time[gaps[-1] + 1])) if len(gaps) else self
+
     @property
     def length(self) -> float:
         return float(self.time[-1] - self.time[0])
@@ -194,12 +201,14 @@ class SensorSupervision:
                 for name in _Window.__dataclass_fields__
             )
         )
+        whole = window.since_last_gap()
+        settled = 0.0 if whole is window else SERVO_LAG
         return (
             self._torque.passed(time, samples[:, 2], torque_limit)
             or self._not_following(window)
-            or self._away(window, len(time))
-            or self._velocity_contradicts(window)
-            or self._torque_dead(window)
+            or self._away(whole, len(time), settled)
+            or self._velocity_contradicts(whole)
+            or self._torque_dead(whole)
         )
 
     def _not_following(self, window: _Window) -> str | None:
@@ -211,13 +220,16 @@ class SensorSupervision:
             )
         return None
 
-    def _away(self, window: _Window, new: int) -> str | None:
+    def _away(self, window: _Window, new: int, settled: float) -> str | None:
         """Return whether the plate is away from all positions that were commanded within the
         lag.
+
+        The first `settled` seconds of the window are not judged: the plate may still follow a
+        command that fell into the gap before it.
         """
-        if window.length < SERVO_LAG:
+        if window.length < max(SERVO_LAG, settled):
             return None
-        newest = window.since(window.time[-1] - AWAY_WINDOW)
+        newest = window.since(max(window.time[-1] - AWAY_WINDOW, window.time[0] + settled))
         lag = window.since(window.time[-1] - AWAY_WINDOW - SERVO_LAG)
         low, high = float(lag.commanded.min()), float(lag.commanded.max())
         tolerance = (
@@ -249,6 +261,8 @@ class SensorSupervision:
         return None
 
     def _torque_dead(self, window: _Window) -> str | None:
+        if window.length < 0.5 * WINDOW:
+            return None
         now = float(window.time[-1])
         dead = self._looks_dead(window)
         if not dead:
@@ -260,7 +274,7 @@ class SensorSupervision:
         return None
 
     def _looks_dead(self, window: _Window) -> str | None:
-        if window.length < 0.5 * WINDOW or np.ptp(window.position) < LEAST_MOVEMENT:
+        if np.ptp(window.position) < LEAST_MOVEMENT:
             return None
         interval = window.length / (len(window.time) - 1)
         smooth = np.convolve(

@@ -198,7 +198,10 @@ class SafetyStates:
             if now - self._since > CONFIRMATION:
                 self._enter(State.FAULT, now, f"the rig reports {describe(report.fault)}")
         elif not report.obeys:
-            self.reason = "the rig does not obey this driver (yet)"
+            self.reason = (
+                "the rig does not obey this driver (yet); where another driver has taken it since, "
+                "this one has to be started anew"
+            )
         elif not report.clock_ready:
             self.reason = "the rig's clock is being measured"
         elif report.state is DeviceState.OFF:
