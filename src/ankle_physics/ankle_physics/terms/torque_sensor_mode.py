@@ -37,7 +37,7 @@ class TorqueSensorMode(Term):
             "damping",
             "1",
             0.01,
-            0.9,
+            0.5,
             0.1,
             "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3",
         ),
