@@ -302,10 +302,10 @@ def torques_of(
     found: dict[str, np.ndarray] = {}
     for entry, own, state in zip(terms, values, states, strict=True):
         entry.term.transform(signals, own, state)
-        torque = np.zeros(len(signals.position))
-        for symbol, column in entry.term.torque(signals, own, state).items():
-            torque += own[symbol] * column
-        found[entry.term.name] = torque
+        parts = [own[s] * column for s, column in entry.term.torque(signals, own, state).items()]
+        found[entry.term.name] = (
+            sum(parts[1:], parts[0]) if parts else np.zeros(len(signals.position))
+        )
     return found
 
 

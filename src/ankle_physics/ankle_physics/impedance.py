@@ -156,6 +156,25 @@ def tangent(model: Model, at: OperatingPoint) -> tuple[float, float, float]:
     tuple[float, float, float]
         K, B and I by central differences of the elastic, viscous and inertial terms.
     """
+    K, B, I = _slopes(model, at, 3)
+    return K, B, I
+
+
+def tangent_stiffness(model: Model, at: OperatingPoint) -> float:
+    """Return the tangent stiffness of the joint alone [N.m/rad], as `tangent` states it.
+
+    Parameters
+    ----------
+    model
+        Any list of terms.
+    at
+        The operating point.
+    """
+    return _slopes(model, at, 1)[0]
+
+
+def _slopes(model: Model, at: OperatingPoint, count: int) -> list[float]:
+    """Return the first ones of the torque's slopes in position, velocity and acceleration."""
     entries = [
         entry
         for entry in model.entries
@@ -169,11 +188,12 @@ def tangent(model: Model, at: OperatingPoint) -> tuple[float, float, float]:
         return _static_torque(entries, foot + x, v, a, activation, at.time)
 
     slopes = []
-    for axis, size in enumerate((ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE, ACCELERATION_DIFFERENCE)):
+    sizes = (ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE, ACCELERATION_DIFFERENCE)
+    for axis, size in enumerate(sizes[:count]):
         step = np.zeros(3)
         step[axis] = size
         slopes.append((torque(*step) - torque(*-step)) / (2.0 * size))
-    return slopes[0], slopes[1], slopes[2]
+    return slopes
 
 
 def reflex_gain(model: Model, at: OperatingPoint) -> float:
@@ -320,4 +340,4 @@ def _means(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _mean(value: Any) -> float:
-    return float(np.mean(value))
+    return value if isinstance(value, float) else float(np.mean(value))

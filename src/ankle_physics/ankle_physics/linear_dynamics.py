@@ -57,15 +57,29 @@ class Delay(Stateful):
         """
         if not 0.0 <= delay <= self._longest:
             raise ValueError(f"delay {delay:g} s is outside 0 to {self._longest:g} s")
-        known = np.concatenate([self._past, x])
-        shift = delay * self._rate
-        whole = math.floor(shift)
-        part = shift - whole
-        start = len(self._past) - whole
-        later = known[start : start + len(x)]
-        earlier = known[start - 1 : start - 1 + len(x)]
-        self._past = known[-len(self._past) :].copy()
-        return (1.0 - part) * later + part * earlier
+        return _delayed(np.ascontiguousarray(x, dtype=float), delay * self._rate, self._past)
+
+
+@njit(cache=True)
+def _delayed(x: np.ndarray, shift: float, past: np.ndarray) -> np.ndarray:
+    """Return x delayed by so many samples; `past` holds the samples before x, then the last ones of
+    both.
+    """
+    out = np.empty(x.size)
+    kept = past.size
+    whole = math.floor(shift)
+    part = shift - whole
+    for k in range(x.size):
+        at = k - whole
+        later = x[at] if at >= 0 else past[kept + at]
+        earlier = x[at - 1] if at >= 1 else past[kept + at - 1]
+        out[k] = (1.0 - part) * later + part * earlier
+    new = min(x.size, kept)
+    for k in range(kept - new):
+        past[k] = past[k + new]
+    for k in range(new):
+        past[kept - new + k] = x[x.size - new + k]
+    return out
 
 
 class SecondOrder(Stateful):

@@ -331,6 +331,8 @@ class ModelRun:
 
 
 def _walk(pairs: list[tuple[Entry, State]], signals: Signals) -> dict[str, np.ndarray]:
+    if not pairs:
+        return {}
     return torques_of(
         [entry for entry, _ in pairs],
         signals,

@@ -28,7 +28,7 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
-from ankle_physics.impedance import OperatingPoint, reflex_gain, tangent
+from ankle_physics.impedance import OperatingPoint, reflex_gain, tangent_stiffness
 from ankle_physics.model import PAPER_TERMS, Entry, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
@@ -150,7 +150,7 @@ class KnownPhysics:
             Since the start [s].
         """
         at = OperatingPoint(position=position, torque=torque, time=time)
-        return tangent(self.model, at)[0] - self._value("stiffness", "K")
+        return tangent_stiffness(self.model, at) - self._value("stiffness", "K")
 
     def added_gain(self, position: float, torque: float, time: float) -> float:
         """Return the reflex gain that the held terms add to the estimate [N.m.s/rad]; arguments as

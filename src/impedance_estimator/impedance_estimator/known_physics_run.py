@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
@@ -28,7 +29,7 @@ from impedance_estimator.known_physics import (
 )
 from impedance_estimator.simultaneous.gaussian_derivatives import (
     gaussian_derivatives,
-    weighted_stretches,
+    weighted_channels,
 )
 from impedance_estimator.simultaneous.nuisance import (
     REFERENCE_FILTER_DAMPING,
@@ -120,17 +121,11 @@ class KnownPhysicsRun:
             reference.
         """
         samples = np.array(samples, dtype=float)
-        out = np.pad(samples, ((0, 0), (0, 2 * self._modelled_reflex)))
+        out = _widened(samples, 2 * self._modelled_reflex)
         self.tracked_torques = np.zeros((2, 1 + self._tracked, len(samples)))
         used = 4 if self._measured_velocity else 3
-        good = np.isfinite(samples[:, :used]).all(axis=1)
-        steps = np.diff(samples[:, 0], prepend=self._newest) * self._rate
-        begins = ~(good & (np.abs(steps) < LONGEST_STEP)) | ~np.concatenate(
-            [[np.isfinite(self._newest)], good[:-1]]
-        )
-        edges = [*np.flatnonzero(begins).tolist(), len(samples)]
-        if not edges or edges[0] != 0:
-            edges.insert(0, 0)
+        good, begins = _stretches(samples[:, :used], self._newest, LONGEST_STEP / self._rate)
+        edges = [0, *(np.flatnonzero(begins[1:]) + 1).tolist(), len(samples)]
         for first, last in pairwise(edges):
             if first == last or not good[first]:
                 continue
@@ -163,6 +158,38 @@ class KnownPhysicsRun:
             return 1.0
         self._path.straps.follow(stiffness)
         return self._path.straps.share
+
+
+@njit(cache=True)
+def _stretches(samples: np.ndarray, newest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return which samples are finite, and which begin a stretch: after a gap, or not finite.
+
+    Parameters
+    ----------
+    samples
+        Shape (n, k), time [s] in the first column.
+    newest
+        Time of the sample before [s]; NaN where it was not finite or there was none.
+    longest
+        Step from which there is a gap [s].
+    """
+    good = np.empty(len(samples), np.bool_)
+    begins = np.empty(len(samples), np.bool_)
+    for k in range(len(samples)):
+        good[k] = True
+        for value in samples[k]:
+            good[k] = good[k] and np.isfinite(value)
+        step = samples[k, 0] - newest
+        begins[k] = not (good[k] and abs(step) < longest)
+        newest = samples[k, 0] if good[k] else np.nan
+    return good, begins
+
+
+def _widened(samples: np.ndarray, columns: int) -> np.ndarray:
+    """Return a copy with so many columns of zeros behind it."""
+    out = np.zeros((len(samples), samples.shape[1] + columns))
+    out[:, : samples.shape[1]] = samples
+    return out
 
 
 class _Fusion:
@@ -267,7 +294,7 @@ class _Path:
             held, reflex = self._modelled(plate, foot, delayed, torque)
             added += held
         # What the sensor sees of a torque, the regression sees of the motion that goes with it.
-        out = np.pad(samples, ((0, 0), (0, 2 * self._modelled_reflex)))
+        out = _widened(samples, 2 * self._modelled_reflex)
         out[:, 1] = self._sense("position", foot.position)
         out[:, torque_column] = torque - self._sense("torque", added)
         if self._measured:
@@ -283,7 +310,7 @@ class _Path:
 
     def _late(self, name: str, values: np.ndarray) -> np.ndarray:
         delay, seconds = self._delays[name]
-        return delay.run(values, seconds)
+        return delay.run(values, seconds) if seconds > 0.0 else values
 
     def _smoothed(
         self, x: np.ndarray, v: np.ndarray, torque: np.ndarray, reference: np.ndarray
@@ -298,20 +325,14 @@ class _Path:
             self._before = np.repeat(now[:, :1], kernels.shape[1] - 1, axis=1)
         joined = np.concatenate([self._before, now], axis=1)
         self._before = joined[:, -(kernels.shape[1] - 1) :]
-        position, rate, load, command = joined
-        if self._measured:
-            velocity = weighted_stretches(rate, kernels[0])
-            acceleration = weighted_stretches(rate, kernels[1])
-        else:
-            velocity = weighted_stretches(position, kernels[1])
-            acceleration = weighted_stretches(position, kernels[2])
-        return (
-            weighted_stretches(position, kernels[0]),
-            velocity,
-            weighted_stretches(load, kernels[0]),
-            weighted_stretches(command, kernels[0]),
-            acceleration,
+        # The velocity channel is one derivative ahead of the position.
+        source, ahead = (1, 0) if self._measured else (0, 1)
+        weighted = weighted_channels(
+            joined,
+            kernels,
+            np.array([[0, 0], [source, ahead], [2, 0], [3, 0], [source, ahead + 1]]),
         )
+        return tuple(weighted)
 
     def _sense(self, channel: str, values: np.ndarray) -> np.ndarray:
         """Return a signal through the torque sensor's dynamics; each channel has its own state."""
@@ -346,10 +367,9 @@ class _Path:
             return made
 
         if self._measured:
-            plate, foot = (
-                fusion.run(motion)
-                for fusion, motion in zip(self._fusions, (plate, foot), strict=True)
-            )
+            together = foot is plate
+            plate = self._fusions[0].run(plate)
+            foot = plate if together else self._fusions[1].run(foot)
         on_plate, on_foot, reflex = self._extras.torques(lambda: signals(plate, foot))
         commanded = np.zeros(len(torque))
         if self._modelled_reflex or self._tracked is not None:

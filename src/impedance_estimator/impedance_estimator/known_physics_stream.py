@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 
 import numpy as np
-from scipy import signal
+from numba import njit
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import KnownPhysics, gains_of
@@ -21,7 +21,18 @@ OPERATING_POINT_TIME = 10.0
 OPERATING_POINT_STEP = np.array([0.005, 0.5])
 """Position [rad] and torque [N.m] must change by so much for the reflex gain of the held terms to
 be stated anew: a gain that follows them changes by some per cent."""
-_STATED = ("K[N.m/rad]", "G[N.m.s/rad]", "I[kg.m^2]")
+_K, _G, _I, _ERROR_K, _ERROR_G, _VALID, _DOUBT = (
+    ESTIMATE_COLUMNS.index(name)
+    for name in (
+        "K[N.m/rad]",
+        "G[N.m.s/rad]",
+        "I[kg.m^2]",
+        "se_K[N.m/rad]",
+        "se_G[N.m.s/rad]",
+        "valid[1]",
+        "doubt[1]",
+    )
+)
 
 
 class KnownPhysicsStream:
@@ -50,7 +61,12 @@ class KnownPhysicsStream:
         self._run = KnownPhysicsRun(self._known, rate, measured_velocity, modelled_reflex)
         self._calibrated = [dict(entry.values) for entry in known.tracked]
         self._gains = TrackedGains(len(known.tracked), rate) if known.tracked else None
-        self._nominal = known.calibrated_gain or 1.0
+        self._calibrated_gain = known.calibrated_gain
+        self._nominal = self._calibrated_gain or 1.0
+        self._calibration_errors = known.calibration_errors()
+        self._calibration_doubt = known.calibration_doubt
+        self._taken_inertia = 0.0 if known.has_straps else known.plate_inertia
+        self._decay = float(np.exp(-1.0 / (OPERATING_POINT_TIME * rate)))
         self._means = [np.nan, np.nan]
         self._samples = 0
         self._stiffness, self._gain = 0.0, 0.0
@@ -62,16 +78,8 @@ class KnownPhysicsStream:
         """Correct samples as `KnownPhysicsRun.correct` does; position and torque are averaged on
         the way.
         """
-        decay = np.exp(-1.0 / (OPERATING_POINT_TIME * self._rate))
         for k, column in enumerate(self._columns):
-            values = samples[np.isfinite(samples[:, column]), column]
-            if len(values):
-                if not np.isfinite(self._means[k]):
-                    self._means[k] = values[0]
-                out, _ = signal.lfilter(
-                    [1.0 - decay], [1.0, -decay], values, zi=[decay * self._means[k]]
-                )
-                self._means[k] = float(out[-1])
+            self._means[k] = _running_mean(samples[:, column], self._means[k], self._decay)
         self._samples += len(samples)
         corrected = self._run.correct(samples)
         if self._gains is not None:
@@ -159,27 +167,39 @@ class KnownPhysicsStream:
         The standard errors hold those of the calibrated session, too.
         """
         rows = rows.copy()
-        K, G, I = (ESTIMATE_COLUMNS.index(name) for name in _STATED)
-        error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{name}") for name in _STATED[:2])
-        if len(rows) and rows[-1, ESTIMATE_COLUMNS.index("valid[1]")] > 0.0:
-            self._core_stiffness = float(rows[-1, K])
-        rows[:, K] += self._stiffness
-        if not self._known.has_straps:
-            rows[:, I] -= self._known.plate_inertia
-        calibrated = self._known.calibrated_gain
+        if len(rows) and rows[-1, _VALID] > 0.0:
+            self._core_stiffness = float(rows[-1, _K])
+        G, error_K, error_G, doubt = rows[:, [_G, _ERROR_K, _ERROR_G, _DOUBT]].T
+        rows[:, _K] += self._stiffness
+        rows[:, _I] -= self._taken_inertia
+        calibrated = self._calibrated_gain
         if self._modelled_reflex:
-            rows[:, [G, error_G]] *= (calibrated + self._gain) / self._nominal
+            factor = (calibrated + self._gain) / self._nominal
+            G, error_G = G * factor, error_G * factor
         else:
-            rows[:, [G, error_G]] /= self._share
+            G, error_G = G / self._share, error_G / self._share
         if calibrated > 0.0 and not self._modelled_reflex:
             # The whole reflex changes in proportion, and its core shows a share of the change.
             slope = (calibrated + self._gain) / (calibrated * self._run.projection)
-            rows[:, G] = calibrated + self._gain + slope * (rows[:, G] - calibrated)
-            rows[:, error_G] *= abs(slope)
-        stiffness_error, gain_error = self._known.calibration_errors()
-        rows[:, error_K] = np.hypot(rows[:, error_K], stiffness_error)
-        rows[:, error_G] = np.hypot(rows[:, error_G], gain_error * rows[:, G])
-        doubt = ESTIMATE_COLUMNS.index("doubt[1]")
+            G = calibrated + self._gain + slope * (G - calibrated)
+            error_G = error_G * abs(slope)
+        stiffness_error, gain_error = self._calibration_errors
+        rows[:, _G] = G
+        rows[:, _ERROR_K] = np.hypot(error_K, stiffness_error)
+        rows[:, _ERROR_G] = np.hypot(error_G, gain_error * G)
         # An estimator that does not judge itself goes on saying NaN.
-        rows[:, doubt] = np.maximum(rows[:, doubt], self._known.calibration_doubt)
+        rows[:, _DOUBT] = np.maximum(doubt, self._calibration_doubt)
         return rows
+
+
+@njit(cache=True)
+def _running_mean(values: np.ndarray, mean: float, decay: float) -> float:
+    """Return the exponential mean after the finite ones of further values; the first one is the
+    mean of itself.
+    """
+    for value in values:
+        if np.isfinite(value):
+            if not np.isfinite(mean):
+                mean = value
+            mean = (1.0 - decay) * value + decay * mean
+    return mean

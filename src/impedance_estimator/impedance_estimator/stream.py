@@ -114,6 +114,7 @@ class EstimateStream:
     ) -> None:
         self.algorithm = algorithm
         self.known = known
+        self._tracked_columns = () if known is None else tracked_columns(known)
         self._physics: KnownPhysicsStream | None = None
         self._rig_watch: RigWatch | None = None
         self.settings = make_estimator(algorithm, 1000.0, True, settings).settings
@@ -136,7 +137,7 @@ class EstimateStream:
     @property
     def tracked_columns(self) -> tuple[str, ...]:
         """Return the columns of `Estimates.tracked` behind the time."""
-        return () if self.known is None else tracked_columns(self.known)
+        return self._tracked_columns
 
     @property
     def instrument(self) -> str:

@@ -71,10 +71,27 @@ def weighted_stretches(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
         Shape (m,), its last weight for the newest sample.
     """
     size = kernel.shape[0]
-    out = np.empty(values.shape[0] - size + 1)
-    for i in range(out.shape[0]):
-        total = 0.0
-        for k in range(size):
-            total += kernel[k] * values[i + k]
-        out[i] = total
+    out = np.zeros(values.shape[0] - size + 1)
+    for k in range(size):
+        for i in range(out.shape[0]):
+            out[i] += kernel[k] * values[i + k]
+    return out
+
+
+@njit(cache=True)
+def weighted_channels(channels: np.ndarray, kernels: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return `weighted_stretches` of several pairs of a channel and a kernel, shape (j, n - m + 1).
+
+    Parameters
+    ----------
+    channels
+        Shape (c, n).
+    kernels
+        Shape (k, m).
+    chosen
+        Number of a channel and of a kernel for each result, shape (j, 2).
+    """
+    out = np.empty((len(chosen), channels.shape[1] - kernels.shape[1] + 1))
+    for j in range(len(chosen)):
+        out[j] = weighted_stretches(channels[chosen[j, 0]], kernels[chosen[j, 1]])
     return out
