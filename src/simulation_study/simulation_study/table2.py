@@ -20,10 +20,15 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from simulation_study.estimates import GAINS
 from simulation_study.protocol import COMBINATIONS
 
+PUBLISHED_RUNS = 100
+"""Of each random condition, van 't Veld et al. 2018, section III-A."""
+FAMILY_LEVEL = 0.05
+"""Probability that any mean of the table is called different though none is (Bonferroni)."""
 RESAMPLES = 400
 """Bootstrap samples of the runs, for the spread of a VAF: 95 % limits to a tenth of their width."""
 
@@ -40,12 +45,15 @@ class Cell:
         Mean ± standard deviation, or the range over seeds, or the rounding of a printed number.
     digits
         After the decimal point when printed.
+    standard_error
+        Of a mean over runs, in the unit of the value; NaN for what is no mean.
     """
 
     value: float
     low: float
     high: float
     digits: int = 1
+    standard_error: float = float("nan")
 
     def __str__(self) -> str:
         if np.isnan(self.value):
@@ -74,6 +82,22 @@ class Row:
             return True
         return not (ours.low <= paper.value <= ours.high or paper.low <= ours.value <= paper.high)
 
+    def deviation(self, combination: str) -> float:
+        """Return how far our mean lies above the paper's, over the standard error of the
+        difference [1]; NaN for what is no mean.
+        """
+        paper, ours = self.published[combination], self.reproduced[combination]
+        error = np.hypot(paper.standard_error, ours.standard_error)
+        return float((ours.value - paper.value) / error)
+
+
+def significant_deviation(rows: list[Row]) -> float:
+    """Return the deviation [1] from which a mean differs, with `FAMILY_LEVEL` over all means of
+    the rows.
+    """
+    means = sum(np.isfinite(row.deviation(c)) for row in rows for c in COMBINATIONS)
+    return float(stats.norm.isf(0.5 * FAMILY_LEVEL / max(int(means), 1)))
+
 
 def published_numbers() -> dict[str, dict[str, str]]:
     """Return the paper's table as printed: metric, then column."""
@@ -94,7 +118,13 @@ def _published(metric: str, spread: str | None, digits: int) -> dict[str, Cell]:
         value = float(printed)
         half = 0.5 * 10.0 ** -(len(printed.split(".")[1]) if "." in printed else 0)
         width = max(float(numbers[spread][combination]), half) if spread else half
-        cells[combination] = Cell(value, value - width, value + width, digits)
+        error = float("nan")
+        if spread:
+            # The paper's spread is that over all estimates of all runs, at least that of the runs'
+            # means; a rounded number lies anywhere within its last digit.
+            deviation = float(numbers[spread][combination])
+            error = float(np.hypot(deviation / np.sqrt(PUBLISHED_RUNS), half / np.sqrt(3.0)))
+        cells[combination] = Cell(value, value - width, value + width, digits, error)
     return cells
 
 
@@ -182,7 +212,8 @@ def _mean(runs: list[tuple[dict[str, Any], dict[str, Any]]], parameter: str, dig
     means = np.array([estimates["mean"][index] for _, estimates in runs])
     within = np.array([estimates["sd"][index] for _, estimates in runs])
     mean, deviation = float(means.mean()), float(np.sqrt(np.mean(within**2) + np.var(means)))
-    return Cell(mean, mean - deviation, mean + deviation, digits)
+    error = float(means.std(ddof=1) / np.sqrt(len(means))) if len(means) > 1 else float("nan")
+    return Cell(mean, mean - deviation, mean + deviation, digits, error)
 
 
 def _accuracy(runs: list[tuple[dict[str, Any], dict[str, Any]]], parameter: str) -> Cell:

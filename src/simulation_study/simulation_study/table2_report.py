@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
 from simulation_study.estimates import carry_out
 from simulation_study.figures import IntrinsicAccuracy, figure6, figure7, intrinsic_accuracies
 from simulation_study.protocol import COMBINATIONS, FULL, QUICK, table2_trials
 from simulation_study.study import run_study
-from simulation_study.table2 import Row, table2
+from simulation_study.table2 import Row, significant_deviation, table2
 
 REPORT, TABLE = "table2.md", "table2.csv"
 PUBLISHED_VAF = {"CE": (99.6, 99.6), "O": (-32.1, -33.3)}
@@ -81,6 +82,7 @@ def markdown(rows: list[Row], accuracies: list[IntrinsicAccuracy], what: str) ->
             )
             cells.append(f"**{text}**" if row.differs(combination) else text)
         lines.append(f"| {row.symbol} [{row.unit}] | " + " | ".join(cells) + f" | {row.spread} |")
+    lines += ["", *_means(rows)]
     lines += [
         "",
         "Intrinsic torque accounted for in the rig CE [%]: paper; ours over all samples; ours "
@@ -100,6 +102,33 @@ def markdown(rows: list[Row], accuracies: list[IntrinsicAccuracy], what: str) ->
     return "\n".join(lines) + "\n"
 
 
+def _means(rows: list[Row]) -> list[str]:
+    """Return the table that compares means by their standard errors."""
+    least = significant_deviation(rows)
+    lines = [
+        "Means: ours less the paper's ± standard error of the difference (the difference over it). "
+        f"**Bold**: at least {least:.1f} of them, which happens to any mean of the table by chance "
+        "in 5 % of all studies.",
+        "",
+        "| | " + " | ".join(COMBINATIONS) + " |",
+        "|" + " --- |" * (len(COMBINATIONS) + 1),
+    ]
+    for row in rows:
+        cells = []
+        for combination in COMBINATIONS:
+            paper, ours = row.published[combination], row.reproduced[combination]
+            error = np.hypot(paper.standard_error, ours.standard_error)
+            deviation = row.deviation(combination)
+            if not np.isfinite(deviation):
+                break
+            digits = ours.digits + 1
+            text = f"{ours.value - paper.value:+.{digits}f} ± {error:.{digits}f} ({deviation:+.1f})"
+            cells.append(f"**{text}**" if abs(deviation) >= least else text)
+        if len(cells) == len(COMBINATIONS):
+            lines.append(f"| {row.symbol} [{row.unit}] | " + " | ".join(cells) + " |")
+    return lines
+
+
 def _range(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if value < float("inf") else "never"
 
@@ -107,7 +136,8 @@ def _range(value: float, digits: int) -> str:
 def write_csv(rows: list[Row], path: Path) -> None:
     """Write one line for each row and combination.
 
-    It holds the paper's value, its range, ours, its range, and whether they differ.
+    It holds the paper's value, its range, ours, its range, whether they differ, and for means their
+    difference over its standard error.
     """
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
@@ -123,6 +153,7 @@ def write_csv(rows: list[Row], path: Path) -> None:
                 "ours_low",
                 "ours_high",
                 "differs",
+                "deviation",
             ]
         )
         for row in rows:
@@ -133,5 +164,12 @@ def write_csv(rows: list[Row], path: Path) -> None:
                     for x in (paper.value, paper.low, paper.high, ours.value, ours.low, ours.high)
                 ]
                 writer.writerow(
-                    [row.symbol, row.unit, combination, *numbers, int(row.differs(combination))]
+                    [
+                        row.symbol,
+                        row.unit,
+                        combination,
+                        *numbers,
+                        int(row.differs(combination)),
+                        f"{row.deviation(combination):.3g}",
+                    ]
                 )

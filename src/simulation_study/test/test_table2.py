@@ -7,7 +7,7 @@ import pytest
 
 from simulation_study.figures import IntrinsicAccuracy
 from simulation_study.protocol import COMBINATIONS, QUICK, Size, table2_trials
-from simulation_study.table2 import published_numbers, table2
+from simulation_study.table2 import published_numbers, significant_deviation, table2
 from simulation_study.table2_report import markdown, write_csv
 
 SIZE = Size(runs=6, seeds=4, seconds=60.0)
@@ -104,6 +104,32 @@ def test_a_difference_is_marked_only_beyond_both_ranges(rows):
     assert rows["τ G"].differs("CECE")
 
 
+def test_means_are_compared_by_their_standard_errors(rows):
+    # Our K is 98 in every run; the paper's is 96, printed without decimals, ± 4 over 100 runs.
+    error = np.hypot(4.0 / 10.0, 0.5 / np.sqrt(3.0))
+    assert rows["K"].deviation("OO") == pytest.approx(2.0 / error)
+    assert np.isnan(rows["VAF K"].deviation("OO"))
+    # 24 means: 5 % of all tables have one beyond this.
+    assert significant_deviation(list(rows.values())) == pytest.approx(3.08, abs=0.01)
+    line = next(s for s in markdown(list(rows.values()), [], "").splitlines() if "± 0.49" in s)
+    assert line.startswith("| K [N.m/rad] | **+2.00 ± 0.49 (+4.1)** | +1.00 ± 0.49 (+2.0) |")
+
+
+def test_the_standard_error_of_a_mean_is_that_of_independent_runs():
+    results = {trial.name: made_up(trial) for trial in table2_trials(SIZE, seed=4)}
+    chosen = [
+        result["estimates"]["CE"]
+        for name, result in results.items()
+        if name.startswith("random_G_0") and result["trial"]["rig"] == "CE"
+    ]
+    for number, estimates in enumerate(chosen):
+        estimates["mean"][0] = 90.0 + number
+    K = {row.symbol: row for row in table2(results)}["K"].reproduced["CECE"]
+    assert len(chosen) == SIZE.runs
+    assert K.value == pytest.approx(90.0 + 0.5 * (SIZE.runs - 1))
+    assert K.standard_error == pytest.approx(np.sqrt(3.5 / SIZE.runs))
+
+
 def test_report_and_csv(rows, tmp_path):
     accuracies = [
         IntrinsicAccuracy(
@@ -120,6 +146,7 @@ def test_report_and_csv(rows, tmp_path):
     with (tmp_path / "t.csv").open() as stream:
         lines = list(csv.DictReader(stream))
     assert len(lines) == 10 * len(COMBINATIONS)
+    assert float(lines[6]["deviation"]) == pytest.approx(rows["G"].deviation("OO"), rel=1e-2)
     assert {
         line["differs"] for line in lines if line["quantity"] == "I" and line["combination"] == "OO"
     } == {"1"}
