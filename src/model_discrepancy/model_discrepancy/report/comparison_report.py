@@ -19,7 +19,8 @@ from model_discrepancy.report.pictures import (
     path_diagram,
     residual_picture,
 )
-from model_discrepancy.tools.comparison import Comparison, Side, base_parameters, compare
+from model_discrepancy.tools.comparison import compare
+from model_discrepancy.tools.comparison_result import Comparison, Side, base_parameters
 
 _SIMULATED, _RECORDED, _DIFFERENCE = "#1f6fb4", "k", "#c8372d"
 _LABEL = "recorded minus simulated"

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ankle_physics.term import Owner
 from model_discrepancy.report.html_report import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
-from model_discrepancy.tools.several_recordings import SharedEffect, Together
+from model_discrepancy.tools.shared_effects import SharedEffect, Together
 
 
 def write_several(found: Together, path: Path) -> None:

@@ -9,11 +9,8 @@ differ.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -21,172 +18,31 @@ from scipy.stats import chi2
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Owner, term_library
-from model_discrepancy.criticism.remainder import Remainder, remainder
+from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fitter import Fit
-from model_discrepancy.fit.held_out import HeldOut, held_out
-from model_discrepancy.problem import Problem, prepare
+from model_discrepancy.fit.held_out import held_out
+from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
-from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.search.found import FOLLOWING_MARGIN, Progress
 from model_discrepancy.search.hypotheses import MIN_PROMISE, MOST_TERMS, REFITS_PER_STEP
 from model_discrepancy.search.null import Null, thresholds
 from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
 from model_discrepancy.search.surrogate_activation import surrogate_activation
 from model_discrepancy.search.trials import halves_errors
+from model_discrepancy.tools.shared_effects import (
+    LEAST_PROBABILITY_SAME,
+    Member,
+    SharedEffect,
+    Together,
+)
 
-# Values of a rig's term differ between recordings where Q is that improbable. Standard errors of a
-# fit are good to some ten per cent, so that a milder limit would call every rig unsteady.
-DIFFERENT = 1e-3
 # A standard error below this share of the parameter is not believed: models are not that exact.
 LEAST_RELATIVE_ERROR = 0.02
-
-
-@dataclass
-class Member:
-    """Holds one of several recordings on its way through the search.
-
-    Attributes
-    ----------
-    problem
-        Its rows, noise and base model.
-    null
-        Surrogates of its noise.
-    fit
-        The present model.
-    """
-
-    problem: Problem
-    null: Null
-    fit: Fit
-    final: HeldOut | None = None
-    base: HeldOut | None = None
-    after: Remainder | None = None
-
-    @property
-    def name(self) -> str:
-        """Return the name of the recording."""
-        return self.problem.recording.name
-
-
-@dataclass(frozen=True)
-class SharedEffect:
-    """Describes a term that several recordings need together.
-
-    Attributes
-    ----------
-    name
-        The term.
-    belongs_to
-        Rig or subject, by what the term says of itself.
-    gain
-        Share of the whitened error of all recordings that it takes off.
-    values
-        Value and standard error of each fitted parameter, by its key, one pair for each recording,
-        before anything is shared.
-    probability_same
-        Of differences as large as these between the recordings if all had the same values.
-    shared
-        Whether its values are held to be the same in all recordings.
-    """
-
-    name: str
-    belongs_to: Owner
-    gain: float
-    values: dict[str, list[tuple[float, float]]]
-    probability_same: float
-    shared: bool
-
-    @property
-    def sentence(self) -> str:
-        """Say to whom it belongs and why, in plain words."""
-        what = term_library()[self.name].sentence
-        same = self.probability_same > DIFFERENT
-        odds = f"p = {self.probability_same:.2g}"
-        if self.belongs_to is Owner.RIG:
-            whose = (
-                f"It is the rig's, and the same in all recordings ({odds})."
-                if same
-                else f"By its place it would be the rig's, but it differs between the recordings "
-                f"({odds}): the rig was changed, or it is something of the subject."
-            )
-        else:
-            whose = (
-                f"It is the subject's, and did not change between the recordings ({odds})."
-                if same
-                else f"It is the subject's, and differs from recording to recording ({odds})."
-            )
-        return f"{what} {whose}"
-
-
-@dataclass
-class Together:
-    """Holds what several recordings say together.
-
-    Attributes
-    ----------
-    members
-        One for each recording, with its final model.
-    effects
-        In the order in which they were found.
-    by_chance
-        Joint gain that each term must exceed, so that the library does not by chance.
-    """
-
-    members: list[Member]
-    effects: list[SharedEffect] = field(default_factory=list)
-    by_chance: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def verdict(self) -> str:
-        """Return ``no_mismatch``, ``explained`` or ``unexplained``, of all recordings."""
-        if any(m.after is not None and m.after.significant for m in self.members):
-            return "unexplained"
-        return "explained" if self.effects else "no_mismatch"
-
-    def content(self) -> dict[str, Any]:
-        """Return plain data of ``verdict.json``."""
-        return {
-            "verdict": self.verdict,
-            "joint": joint_in_force().name,
-            "effects": [
-                {
-                    "name": effect.name,
-                    "belongs_to": effect.belongs_to.value,
-                    "shared": effect.shared,
-                    "probability_same": round(effect.probability_same, 5),
-                    "gain": round(effect.gain, 4),
-                    "parameters": {k: [list(v) for v in vs] for k, vs in effect.values.items()},
-                    "sentence": effect.sentence,
-                }
-                for effect in self.effects
-            ],
-            "recordings": [
-                {
-                    "name": m.name,
-                    "baseline_vaf_holdout": round(m.base.vaf, 2) if m.base else None,
-                    "augmented_vaf_holdout": round(m.final.vaf, 2) if m.final else None,
-                    "remaining_predictable_share": round(max(m.after.share, 0.0), 4)
-                    if m.after
-                    else None,
-                }
-                for m in self.members
-            ],
-        }
-
-    def save(self, out: Path) -> None:
-        """Write ``verdict.json`` and a model file for each recording."""
-        out.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.content(), indent=1, default=float)
-        (out / "verdict.json").write_text(joint_in_force().in_units(text) + "\n")
-        for member in self.members:
-            fitted_model(member.fit, f"{member.name}: fitted together with others").save(
-                out / f"{member.name}.yaml"
-            )
 
 
 def diagnose_together(
@@ -415,7 +271,7 @@ def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect
         q += float(weights @ (given[:, 0] - mean) ** 2)
         freedom += len(given) - 1
     same = float(chi2.sf(q, freedom)) if freedom else 1.0
-    shared = term.belongs_to is Owner.RIG and same > DIFFERENT
+    shared = term.belongs_to is Owner.RIG and same > LEAST_PROBABILITY_SAME
     return SharedEffect(name, term.belongs_to, gain, values, same, shared)
 
 
