@@ -232,22 +232,3 @@ def test_model_file_scenario_and_bad_blocks(bench, tmp_path):
         stamps[-1] + 1 / RATE, np.degrees(reference[:64, :1]), ("t[s]", "position[deg]")
     )
     assert rig.hear(2048 + 64)[-1, 0] == in_degrees[-1]
-
-
-@pytest.mark.parametrize(
-    ("parameter", "words"),
-    [
-        ("model:=/nowhere/model.yaml", "/nowhere/model.yaml"),
-        ("scenario:=/nowhere/script.yaml", "/nowhere/script.yaml"),
-        ("K:=-4.0", "parameter 'K' = -4.0 N.m/rad is refused; allowed: 0 to 1000 N.m/rad"),
-    ],
-)
-def test_bad_start_values_end_with_one_line(parameter, words):
-    node = process(parameter)
-    try:
-        text, _ = node.communicate(timeout=PATIENCE)
-    finally:
-        node.kill()
-    assert node.returncode == 1
-    assert words in text
-    assert "Traceback" not in text

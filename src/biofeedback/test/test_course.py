@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import yaml
 from laboratory import FakeRig, FakeSubject
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.text import Text
 
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.live_signals import LiveSignals
@@ -24,7 +22,6 @@ from biofeedback.session.course import (
     load_course,
 )
 from biofeedback.session.course_file import CourseFile
-from biofeedback.session.course_picture import course_figure
 from biofeedback.session.course_record import SessionResult, load_record, new_record
 from biofeedback.session.course_trend import comparisons, error_rate, trend
 from biofeedback.session.protocol import BREAK
@@ -273,6 +270,9 @@ def test_a_session_broken_off_early_is_left_out_of_the_trend(tmp_path):
 
 def texts_of(figure):
     """Every text of a picture but the axes' numbers, with its place [pixels]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     places = {}
@@ -284,6 +284,9 @@ def texts_of(figure):
 
 @pytest.mark.parametrize(("name", "done"), [(name, 30) for name in SHIPPED] + [(SHIPPED[0], 1)])
 def test_no_text_of_a_courses_picture_is_cut_or_covered(name, done):
+    # It takes most of a second to load, in every process that shares the tests.
+    from biofeedback.session.course_picture import course_figure
+
     course = load_course(name)
     record = new_record(course, "S01")
     number = range(1, min(done, course.sessions) + 1)

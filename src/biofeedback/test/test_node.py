@@ -324,26 +324,3 @@ def test_a_session_of_yesterday_is_not_gone_on_with(tmp_path):
     finally:
         process.kill()
         process.wait(20.0)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"host": "0.0.0.0"}, "token of at least 16 characters"),
-        (
-            {"protocol": "nothing"},
-            "no protocol 'nothing': known are demonstration, van_t_veld_2018",
-        ),
-        ({"frame_rate": 500.0}, "'frame_rate' = 500.0 Hz is refused; allowed: 10 to 60 Hz"),
-        ({"host": "203.0.113.7", "token": "0123456789abcdef"}, "error: "),
-    ],
-)
-def test_what_it_refuses_to_start_with_is_one_line(tmp_path, parameters, words):
-    process = start(tmp_path, **parameters)
-    try:
-        output, _ = process.communicate(timeout=PATIENCE)
-    finally:
-        process.kill()
-    assert process.returncode == 1
-    assert words in output
-    assert "Traceback" not in output

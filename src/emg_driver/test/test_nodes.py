@@ -4,7 +4,6 @@ samples to responses.
 
 import os
 import re
-import subprocess
 import time
 
 import numpy as np
@@ -30,35 +29,6 @@ def responses(sent, velocity):
     return np.concatenate(
         [processor.feed_emg(sent[:, 0], sent[:, 2:]).rows, processor.finish().rows]
     )
-
-
-@pytest.mark.parametrize(
-    ("node", "argument", "words"),
-    [
-        (
-            "emg_bridge",
-            "channels:=SOL=0,TA=1",
-            "'channels' is refused: channels 'SOL=0,TA=1' does not say where GL, GM is",
-        ),
-        ("emg_bridge", "rate:=-1.0", "'rate' = -1.0 Hz is refused; allowed: 0 to 20000 Hz"),
-        (
-            "emg_processor",
-            "reflex_end:=0.03",
-            "'reflex_end' = 0.03 s is refused; allowed: after 'reflex_start' = 0.04 s",
-        ),
-    ],
-)
-def test_bad_start_values_end_with_one_line(lab, node, argument, words):
-    process = lab.node_process(
-        node, "-p", argument, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    try:
-        said, _ = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 1
-    assert words in said
-    assert "Traceback" not in said
 
 
 def test_the_processor_answers_every_onset_as_the_class_does(lab):

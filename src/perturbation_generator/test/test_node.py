@@ -198,28 +198,6 @@ def test_amplitude_changes_while_it_runs_within_the_limits(ear):
     assert np.abs(data[:, 2]).max() <= 3.126  # rad/s, of an edge of 0.04 rad: no jump at the change
 
 
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        (
-            ("amplitude:=0.3",),
-            "amplitude of 0.3 rad passes the limit of 0.14 rad ('amplitude_limit')",
-        ),
-        (
-            ("shape:=block",),
-            "velocity of 81.92 rad/s passes the limit of 5 rad/s ('velocity_limit')",
-        ),
-        (("rate:=20000.0",), "'rate' = 20000.0 Hz is refused; allowed: 500 to 10000 Hz"),
-    ],
-)
-def test_a_bad_start_value_ends_with_one_line(environment, parameters, words):
-    process = start(*parameters)
-    output = finish(process)
-    assert process.returncode == 1
-    assert words in output
-    assert "Traceback" not in output
-
-
 def test_an_error_while_pacing_ends_the_process(environment):
     program = """
 import sys

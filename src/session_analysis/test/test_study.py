@@ -13,7 +13,6 @@ import edfio
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from dask.distributed import Client, get_task_stream
 
 from ankle_interfaces.block import Block
 from ankle_node.session_event import SessionEvent
@@ -228,6 +227,7 @@ def test_a_recording_is_processed_once_and_again_when_it_changed(study):
 
 
 @pytest.mark.live
+@pytest.mark.untimed
 def test_a_study_is_run_and_a_bad_recording_does_not_end_it(study):
     for visit in (1, 2):
         entry = study.next_entry("S07", visit)
@@ -293,6 +293,8 @@ def dask_cluster(folder, workers):
 @pytest.mark.live
 @pytest.mark.timeout(900)
 def test_a_dask_cluster_computes_what_this_machine_does(study, tmp_path):
+    from dask.distributed import Client, get_task_stream  # a second, in every process of the tests
+
     for visit in (1, 2):
         entry = study.next_entry("S07", visit)
         study.add(entry, {})
