@@ -27,7 +27,7 @@ from model_discrepancy.fit.fitter import Fit, Fitter
 from model_discrepancy.fit.generic_bank import LAGS_S, lag_windows
 from model_discrepancy.fit.halves import STRETCH_S, interleaved
 from model_discrepancy.fit.least_squares import orthonormal
-from model_discrepancy.fit.movements import Onsets
+from model_discrepancy.fit.movements import Onsets, peak_after
 from model_discrepancy.recording.motion import Motion
 
 # Knots of the static curve on each side of zero, as quantiles of the input's size on that side
@@ -40,7 +40,6 @@ _RESAMPLINGS = 200
 _MIN_RICHER_GAIN = 0.05
 # Stretches from which a bootstrap and two halves can be made.
 _LEAST_STRETCHES = 6
-_AFTER_S = 0.4
 
 # No reflex acts earlier: the fastest pathway of the human calf takes about 35 ms (Sinkjaer et al.
 # 1988), less a lag window.
@@ -318,7 +317,7 @@ def _describe(
     torque = fitter.rows.plain(
         np.tensordot(weights, np.stack(_spectra(fitter, signal, levels)), axes=1)
     )
-    peak, when, direction = _peak(fitter, torque, onsets)
+    peak, when, direction = peak_after(fitter.rows.rate, torque, onsets)
     return MissingBlock(
         name,
         shares[name],
@@ -388,21 +387,3 @@ def _factors(weights: np.ndarray, hinges: int, zero: int) -> tuple[np.ndarray, n
     # A window of unit area has its peak at 2 / base; its base is that of `lag_windows`.
     base = np.concatenate([[0.01], steps]) + np.concatenate([steps, [0.2]])
     return u[:, 0] * s[0] * top * 2.0 / base, np.insert(v[0] / top, zero, 0.0)
-
-
-def _peak(fitter: Fitter, torque: np.ndarray, onsets: Onsets) -> tuple[float, float, str]:
-    """Return the largest mean torque [N.m] after movements, its time [s] and the movements'
-    direction.
-    """
-    rate = fitter.rows.rate
-    reach = np.arange(int(_AFTER_S * rate))
-    best = (0.0, 0.0, "dorsiflexion")
-    for sign, word in ((1.0, "dorsiflexion"), (-1.0, "plantarflexion")):
-        index = np.round(onsets.time[onsets.direction == sign] * rate).astype(int)
-        index = index[index + len(reach) < fitter.rows.count]
-        if len(index):
-            mean = (torque[index[:, None] + reach] - torque[index - 2][:, None]).mean(axis=0)
-            k = int(np.argmax(np.abs(mean)))
-            if abs(mean[k]) > abs(best[0]):
-                best = (float(mean[k]), float(reach[k] / rate), word)
-    return best

@@ -15,6 +15,8 @@ BANDS_HZ = ((0.5, 3.0), (3.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 60.0))
 # it.
 _ONSET_SHARE = 0.15
 _QUIET_S = 0.1
+# A movement's response, its reflexes included, is over after this time.
+RESPONSE_S = 0.4
 
 
 @dataclass(frozen=True)
@@ -44,3 +46,30 @@ def find_onsets(columns: Columns) -> Onsets:
         [m.position[min(s + int(0.03 * m.rate), len(speed) - 1)] - m.position[s] for s in index]
     )
     return Onsets(index / m.rate, np.sign(reach), np.abs(reach))
+
+
+def peak_after(rate: float, torque: np.ndarray, onsets: Onsets) -> tuple[float, float, str]:
+    """Return the largest mean torque after movements of one direction [N.m], with its sign, its
+    time after the onset [s], and that direction.
+
+    Parameters
+    ----------
+    rate
+        Rows per second [Hz].
+    torque
+        [N.m], shape (n,); it is counted from its value at each onset.
+    onsets
+        Of the movements.
+    """
+    reach = np.arange(int(RESPONSE_S * rate))
+    best = (0.0, 0.0, "dorsiflexion")
+    for sign, word in ((1.0, "dorsiflexion"), (-1.0, "plantarflexion")):
+        index = np.round(onsets.time[onsets.direction == sign] * rate).astype(int)
+        index = index[index + len(reach) < len(torque)]
+        if not len(index):
+            continue
+        mean = (torque[index[:, None] + reach] - torque[index - 2][:, None]).mean(axis=0)
+        k = int(np.argmax(np.abs(mean)))
+        if abs(mean[k]) > abs(best[0]):
+            best = (float(mean[k]), float(reach[k] / rate), word)
+    return best

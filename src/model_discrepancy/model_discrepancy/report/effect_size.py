@@ -8,9 +8,7 @@ import numpy as np
 
 from ankle_physics.term import Values, term_library
 from model_discrepancy.fit.fitter import Fit, Fitter
-from model_discrepancy.fit.movements import Onsets
-
-_AFTER_S = 0.4
+from model_discrepancy.fit.movements import Onsets, peak_after
 
 
 @dataclass(frozen=True)
@@ -43,23 +41,12 @@ def size_of(fitter: Fitter, final: Fit, name: str, onsets: Onsets) -> Size:
     it, all else equal.
     """
     torque = _added(fitter, final, name)
-    rows = fitter.rows
-    reach = np.arange(int(_AFTER_S * rows.rate))
-    best = (0.0, 0.0, "dorsiflexion")
-    for sign, word in ((1.0, "dorsiflexion"), (-1.0, "plantarflexion")):
-        index = np.round(onsets.time[onsets.direction == sign] * rows.rate).astype(int)
-        index = index[index + len(reach) < rows.count]
-        if not len(index):
-            continue
-        mean = (torque[index[:, None] + reach] - torque[index - 2][:, None]).mean(axis=0)
-        k = int(np.argmax(np.abs(mean)))
-        if abs(mean[k]) > abs(best[0]):
-            best = (float(mean[k]), float(reach[k] / rows.rate), word)
+    peak, time, direction = peak_after(fitter.rows.rate, torque, onsets)
     return Size(
-        float(np.std(torque[rows.used])),
-        best[0],
-        best[1],
-        best[2],
+        float(np.std(torque[fitter.rows.used])),
+        peak,
+        time,
+        direction,
         torque_share(fitter, final, name),
     )
 
