@@ -68,6 +68,31 @@ def test_what_is_no_verdict_is_refused(tmp_path):
         design_experiment(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("verdict", "tentative", "needs"),
+    [
+        ("mismatch", True, "maxwell relaxation) needs a second recording of the same kind"),
+        ("mismatch", False, "nothing open that needs a second recording"),
+        ("unexplained", False, "What is missing has no name yet"),
+    ],
+)
+def test_a_verdict_without_rivals_says_what_needs_another_recording(
+    tmp_path, verdict, tentative, needs
+):
+    effect = {"name": "maxwell_relaxation", "set": ["maxwell_relaxation"], "tentative": tentative}
+    content = {
+        "verdict": verdict,
+        "effects": [effect],
+        "alternatives": [],
+        "recording": {"duration[s]": 60.0, **CONDITIONS},
+    }
+    (tmp_path / "verdict.json").write_text(json.dumps(content))
+    Model.of().save(tmp_path / "model.yaml")
+    found = design_experiment(tmp_path).sentences
+    assert needs in found[-1]
+    assert ("nothing open" in found[-1]) is (verdict == "mismatch" and not tentative)
+
+
 @pytest.mark.slow
 def test_the_proposed_perturbation_settles_a_set(tmp_path):
     """Steps of one size and speed do not tell a reflex threshold from an exponent; the second

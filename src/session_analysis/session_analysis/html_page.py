@@ -10,6 +10,7 @@ STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem a
 color:#222}h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
 table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;
 text-align:left}td{white-space:nowrap}.wide{overflow-x:auto}
+body{overflow-wrap:break-word}.wide table{overflow-wrap:normal}
 .loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}"""
 # Okabe & Ito: told apart by colour-blind readers.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")

@@ -42,12 +42,12 @@ def verb(
         for proposal in proposals:
             table.add_row(*proposal.values())
         console.print(table)
-    for sentence in [found.sentence, *found.other]:
+    for sentence in found.sentences:
         console.print(sentence)
     if proposals:
         console.print(f"written to {out.resolve()}")
     return {
         "out": out.resolve(),
         "proposals": proposals,
-        "sentences": [found.sentence, *found.other],
+        "sentences": found.sentences,
     }

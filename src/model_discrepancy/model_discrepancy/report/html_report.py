@@ -21,7 +21,7 @@ from model_discrepancy.report.pictures import (
     path_diagram,
     residual_picture,
 )
-from model_discrepancy.report.verdict import separating_measurements
+from model_discrepancy.report.verdict import repetition, separating_measurements
 
 if TYPE_CHECKING:
     from model_discrepancy.diagnose import Diagnosis
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 _STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;\
 padding:0 1rem;color:#222}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
-table{border-collapse:collapse}td,th{padding:.2rem .8rem;\
+body{overflow-wrap:break-word}.wide{overflow-x:auto}
+table{border-collapse:collapse;overflow-wrap:normal}td,th{padding:.2rem .8rem;\
 border-bottom:1px solid #ddd;text-align:left}"""
 
 
@@ -87,7 +88,10 @@ def write_report(diagnosis: Diagnosis, path: Path) -> None:
 
 def write_page(title: str, parts: list[str], path: Path) -> None:
     """Write one HTML file without network from its parts, in the style of all reports."""
-    head = f"<meta charset='utf-8'><title>{escape(title)}</title><style>{_STYLE}</style>"
+    head = (
+        "<meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
+        f"<title>{escape(title)}</title><style>{_STYLE}</style>"
+    )
     text = f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>"
     path.write_text(joint_in_force().in_units(text), encoding="utf-8")
 
@@ -105,11 +109,7 @@ def what_next(diagnosis: Diagnosis) -> list[str]:
             "'ankle design-experiment' on this folder proposes the perturbation that tells them "
             "apart."
         )
-    if any(effect["tentative"] for effect in verdict.effects):
-        found.append(
-            "A tentative effect needs a second recording of the same kind: it must come out again "
-            "with the same sign and size."
-        )
+    found += repetition(verdict.effects)
     if diagnosis.criticism is not None and diagnosis.criticism.block is not None:
         found.append(_probe(diagnosis.criticism.block.input))
     return found or ["Nothing: no question is left open that another perturbation would answer."]
@@ -330,9 +330,9 @@ def html_list(lines: list[str]) -> str:
 
 
 def html_table(head: list[str], rows: list[list[str]]) -> str:
-    """Return plain texts as a table."""
+    """Return plain texts as a table, which scrolls where the screen is narrow."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><tr>{top}</tr>{body}</table>"
+    return f"<div class='wide'><table><tr>{top}</tr>{body}</table></div>"

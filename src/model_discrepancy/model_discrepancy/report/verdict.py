@@ -231,6 +231,17 @@ def separating_measurements(effects: list[dict[str, Any]]) -> list[str]:
     return advice
 
 
+def repetition(effects: list[dict[str, Any]]) -> list[str]:
+    """Return what tentative effects need before they count; nothing where there are none."""
+    names = [effect["name"].replace("_", " ") for effect in effects if effect["tentative"]]
+    if not names:
+        return []
+    return [
+        f"A tentative effect ({', '.join(names)}) needs a second recording of the same kind: it "
+        "must come out again with the same sign and size."
+    ]
+
+
 def before_and_after(
     base: dict[str, tuple[float, float | None]], final: dict[str, tuple[float, float | None]]
 ) -> dict[str, dict[str, Any]]:

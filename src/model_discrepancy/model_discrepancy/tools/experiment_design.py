@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import orthonormal
 from model_discrepancy.fit.rows import Rows
-from model_discrepancy.report.verdict import separating_measurements
+from model_discrepancy.report.verdict import repetition, separating_measurements
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
 
@@ -109,11 +109,14 @@ class Design:
     ----------
     other
         Measurements beside position and torque that would tell as well, one sentence each.
+    unsettled
+        What another recording is needed for, whatever the rivals; one sentence each.
     """
 
     sets: list[RivalSet]
     proposals: list[Proposal]
     other: list[str]
+    unsettled: list[str] = field(default_factory=list)
 
     @property
     def undecided(self) -> list[Pair]:
@@ -131,7 +134,7 @@ class Design:
     def sentence(self) -> str:
         """Return the proposal in one sentence."""
         if not self.sets:
-            return "The verdict leaves no rivals: no second recording is needed to tell them apart."
+            return "The verdict leaves no rivals to tell apart."
         best = self.proposals[0]
         now = min(s.excess for s in self.sets)
         true, wrong = (name.replace("_", " ") for name in best.pair)
@@ -151,6 +154,14 @@ class Design:
             f"is expected to leave {worth} (this recording: {100 * now:.1f} %; "
             f"{100 * RIVAL_EXCESS:g} % exclude it).{left}"
         )
+
+    @property
+    def sentences(self) -> list[str]:
+        """Return the proposal, other measurements, and what else needs another recording."""
+        found = [self.sentence, *self.other, *self.unsettled]
+        if len(found) == 1 and not self.sets:
+            found.append("It leaves nothing open that needs a second recording.")
+        return found
 
     def save(self, folder: Path) -> None:
         """Write ``design.yaml``, a parameter file of the perturbation generator, and
@@ -200,9 +211,19 @@ def design_experiment(
         for sentence in separating_measurements(content["effects"])
         if "EMG" in sentence or "foot out" in sentence
     ]
-    if not sets:
-        return Design([], [], other)
-    return Design(sets, rank(sets, content["recording"], progress), other)
+    proposals = rank(sets, content["recording"], progress) if sets else []
+    return Design(sets, proposals, other, open_questions(content))
+
+
+def open_questions(content: dict[str, Any]) -> list[str]:
+    """Return what a verdict's content leaves open that needs another recording."""
+    found = repetition(content["effects"])
+    if content["verdict"] == "unexplained":
+        found.append(
+            "What is missing has no name yet: another recording with other step sizes, rise times "
+            "and positions may show what it depends on."
+        )
+    return found
 
 
 def rival_sets(content: dict[str, Any], model_file: Path) -> list[RivalSet]:

@@ -1,0 +1,51 @@
+"""Reports fit a phone: nothing is cut, and what is wide scrolls by itself."""
+
+import pytest
+
+from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+from model_discrepancy.report.html_report import html_list, html_table, write_page
+from session_analysis import html_page
+
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
+
+PHONE = {"width": 390, "height": 800}
+HEAD = ["effect", "in a model without it", "in the whole model", "what was recorded with it"]
+ROW = ["short_range_stiffness_of_the_plantarflexors", "K = 97.8 N.m/rad", "65.5 +- 6.3", "yes"]
+LONG = "distributed_short_range_stiffness_and_a_name_that_has_no_blank_in_it_at_all_for_a_line"
+
+
+def write_diagnosis(path):
+    write_page("A diagnosis", [html_list([LONG]), html_table(HEAD, [ROW])], path)
+
+
+def write_estimates(path):
+    parts = [html_page.bullets([LONG]), html_page.table([HEAD, ROW])]
+    path.write_text(html_page.page("Estimates", parts, interactive=False), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    path = find_browser()
+    if path is None:
+        pytest.skip(MISSING)
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
+        yield found
+        found.close()
+
+
+@pytest.mark.parametrize("write", [write_diagnosis, write_estimates])
+def test_a_report_is_as_wide_as_the_screen_and_its_tables_scroll(browser, tmp_path, write):
+    write(tmp_path / "report.html")
+    page = browser.new_page(viewport=PHONE, is_mobile=True, device_scale_factor=2)
+    page.goto((tmp_path / "report.html").as_uri())
+    try:
+        assert page.evaluate("[innerWidth, document.documentElement.scrollWidth]") == [390, 390]
+        shown, whole = page.evaluate(
+            "(() => { const box = document.querySelector('table').parentElement;"
+            " return [box.clientWidth, box.scrollWidth]; })()"
+        )
+        assert shown < 390 < whole
+    finally:
+        page.close()
