@@ -21,7 +21,7 @@ def found(score, effects=("a term",)):
     )
 
 
-def remainder(share, judged, torque_share=0.02):
+def remainder(share, judged, torque_share=0.02, held=True):
     return Remainder(
         share=share,
         worst=share,
@@ -30,6 +30,7 @@ def remainder(share, judged, torque_share=0.02):
         torque_share=torque_share,
         by_chance=0.03,
         judged=judged,
+        held=held,
     )
 
 
@@ -39,17 +40,19 @@ def remainder(share, judged, torque_share=0.02):
         (0.5, 0.02, True, "explained"),  # no more than by chance
         (0.5, 0.3, True, "unexplained"),
         (0.2, 0.3, True, "explained"),  # 93 % are closed
+        (0.1, 0.6, True, "unexplained"),  # 94 % are closed, and most of the rest is predictable
         (0.9, 0.08, False, "explained"),  # torque that moved the plate
         (0.5, 0.3, False, "explained"),
         (0.8, 0.3, False, "unexplained"),  # more than any servo lets through, and half is open
     ],
 )
 def test_an_effect_explains_what_it_closes(score, left, judged, expected):
-    assert judge(found(score), remainder(left, judged), [], USUAL, SCORES)[0] == expected
+    left = remainder(left, judged, held=judged)
+    assert judge(found(score), left, [], USUAL, SCORES)[0] == expected
 
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
-    small = remainder(0.3, False, torque_share=8e-4)
+    small = remainder(0.3, False, torque_share=8e-4, held=False)
     assert judge(found(0.8), small, [], USUAL, SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
 
@@ -58,6 +61,8 @@ def test_a_residual_that_stays_predictable_is_not_explained_however_little_torqu
     small = remainder(0.3, True, torque_share=8e-4)
     assert judge(found(0.4), small, [], USUAL, SCORES)[0] == "unexplained"  # 83 % are closed
     assert judge(found(0.1), small, [], USUAL, SCORES)[0] == "explained"
+    moved = remainder(0.3, True, torque_share=8e-4, held=False)
+    assert judge(found(0.4), moved, [], USUAL, SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
 
 

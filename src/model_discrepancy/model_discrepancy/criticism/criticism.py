@@ -83,8 +83,8 @@ def criticise(
         remainder(problem.bank, fitter, fit.residual, fit.plain, problem.parts, surrogates)
         for fit, surrogates in ((problem.base, null.drawn), (final, null.noise))
     )
-    if problem.in_a_loop:
-        after = replace(after, judged=False)
+    gives_way = problem.compliance is not None and problem.compliance.significant
+    after = replace(after, judged=not problem.in_a_loop, held=not gives_way)
     base_scored = held_out(fitter, found.base)
     final_scored = held_out(fitter, final) if found.effects else base_scored
     base_map = residual_map(fitter.columns, problem.base)

@@ -32,6 +32,8 @@ class Remainder:
         Share that the bank exceeds by chance in `FALSE_ALARM` of recordings like this one.
     judged
         Whether what is predicted is missing physics; not where torque may have moved the plate.
+    held
+        Whether the servo holds the plate against torque, so that none moves it.
     """
 
     share: float
@@ -41,6 +43,7 @@ class Remainder:
     torque_share: float = 0.0
     by_chance: float = 0.0
     judged: bool = True
+    held: bool = True
 
     @property
     def criticises(self) -> bool:
