@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from ankle_interfaces.block import Block, pack, unpack
+from ankle_interfaces.block import LARGEST_PADDING, Block, pack, require_columns, unpack
 from ankle_interfaces.continuity import Continuity
-from ankle_interfaces.errors import BlockError
+from ankle_interfaces.errors import BlockError, UnitError
 from ankle_node import session_event
 from damaged_input.damage import (
     ROS,
@@ -38,13 +38,14 @@ def blocks(folder: Path) -> Case:
         if random.random() < 0.8:
             message = damaged(message, random)
         try:
-            block = unpack(message)
-        except BlockError:
+            block = require_columns(unpack(message), ("torque[N.m]",), "ankle/samples")
+        except (BlockError, UnitError):
             return False
-        assert block.data.ndim == 2
-        assert block.data.shape[1] == len(block.columns)
+        assert block.data.shape[1] == 2
+        assert abs(len(pack(unpack(message))) - len(message)) <= LARGEST_PADDING
         with np.errstate(all="ignore"):
-            continuity.check(block.data)
+            found = {finding.kind for finding in continuity.check(block.data)}
+        assert np.isfinite(block.data).all() or "not_finite" in found
         return True
 
     return case

@@ -18,19 +18,16 @@ everything that travels in `link`.
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
-import numpy as np
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_actuator_driver.operator_commands import COMMANDS, CONFIRMED_STATES, OperatorCommands
-from ankle_actuator_driver.rig_session import News, RigSession, state_event, state_text
+from ankle_actuator_driver.rig_session import News, RigSession
+from ankle_actuator_driver.rig_topics import RigTopics
 from ankle_actuator_driver.safety.limits import hard_limits_from, limits_from
 from ankle_actuator_driver.safety.states import Answer, State
 from ankle_actuator_driver.session_setup import adjustment, open_session
@@ -43,17 +40,13 @@ from ankle_interfaces.topics import (
     ANKLE_SAMPLES,
     PERTURBATION_REFERENCE,
     RIG_OPERATOR_ALIVE,
-    RIG_STATE,
-    SESSION_EVENT,
 )
-from ankle_node.derived_topics import joint_states
 from ankle_node.managed_node import ManagedNode
-from ankle_node.node import ERROR, LATEST_QOS, WARN, run
-from ankle_node.qos import publisher_qos, reader_qos
+from ankle_node.node import ERROR, WARN, run
+from ankle_node.qos import reader_qos
 from ankle_node.real_time import DRIVER_PRIORITY, keep_loaded_objects, take_priority
 from ankle_node.sources import publishers, readers
 
-REPORT_PERIOD = 1.0  # s
 SOURCES_PERIOD = 0.1  # s; between looks at who publishes the reference
 NO_SIMULATED_TIME = "use_sim_time = True is refused: a rig moves in real time"
 
@@ -68,7 +61,6 @@ class ActuatorDriverNode(ManagedNode):
         limits_from(values).require_within(self._hard)
         if self.get_parameter("use_sim_time").value:
             raise QuantityError(NO_SIMULATED_TIME)
-        self.add_on_set_parameters_callback(self._refuse_simulated_time)
         keep_loaded_objects()
         if refusal := take_priority(DRIVER_PRIORITY):
             self.get_logger().warning(refusal)
@@ -78,13 +70,7 @@ class ActuatorDriverNode(ManagedNode):
         self._commands = OperatorCommands(lambda: self._session)
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
-        self._reported = 0.0
-        self._samples = self.block_publisher(ANKLE_SAMPLES)
-        self._joint = joint_states(self)
-        self._state = self.create_publisher(String, RIG_STATE.name, LATEST_QOS)
-        self._events = self.create_publisher(
-            String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT)
-        )
+        self._topics = RigTopics(self)
         # In the node's own group a stop would wait for the answer to an arming.
         commands = ReentrantCallbackGroup()
         for name in COMMANDS:
@@ -107,12 +93,6 @@ class ActuatorDriverNode(ManagedNode):
         )
         if self.value("autostart"):
             self.start()
-
-    @staticmethod
-    def _refuse_simulated_time(changes: list[Parameter]) -> SetParametersResult:
-        if any(change.name == "use_sim_time" and change.value for change in changes):
-            return SetParametersResult(successful=False, reason=NO_SIMULATED_TIME)
-        return SetParametersResult(successful=True)
 
     def configure(self) -> None:
         """Open the line."""
@@ -203,34 +183,7 @@ class ActuatorDriverNode(ManagedNode):
             raise self._failure
 
     def _tell(self, news: News) -> None:
-        for block in news.blocks:
-            self._publish(block)
-        for note in news.notes:
-            self.get_logger().warning(note, throttle_duration_sec=1.0)
-            self.health("rig", WARN, note)
-        for state, reason in news.changes:
-            text = state_text(state, reason)
-            self._state.publish(String(data=text))
-            self._events.publish(String(data=state_event(state, reason, news.ros).line()))
-            self.get_logger().info(f"rig {text}")
-        if time.monotonic() - self._reported > REPORT_PERIOD:
-            self._reported = time.monotonic()
-            self._report()
-
-    def _publish(self, block: np.ndarray) -> None:
-        self._samples(block)
-        self._joint(block)
-
-    def _report(self) -> None:
-        session = self._session
-        if session is None:
-            return
-        states = session.bridge.states
-        if states.state in (State.FAULT, State.DISABLED):
-            level = ERROR if states.state is State.FAULT else WARN
-            self.health("state", level, state_text(states.state, states.reason))
-        for what, value in session.figures().items():
-            self.count(what, value)
+        self._topics.publish(news, self._session)
 
 
 def main() -> int:

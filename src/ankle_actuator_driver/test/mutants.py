@@ -332,7 +332,7 @@ MUTANTS = [
         ("encoder that does not follow", "or self._not_following(window)", "", "small_command"),
         (
             "velocity against position, and the plate's place",
-            "            or self._away(whole, len(time), settled)\n"
+            "            or self._away(whole, len(time), SERVO_LAG if interrupted else 0.0)\n"
             "            or self._velocity_contradicts(whole)\n",
             "",
             "200_ms and encoder_slip",
@@ -343,7 +343,18 @@ MUTANTS = [
             "",
             "200_ms and velocity_stuck",
         ),
-        ("dead torque sensor", "or self._torque_dead(whole)", "", "200_ms and torque_dead"),
+        (
+            "a part of a movement tells nothing of the torque",
+            "interrupted = float(whole.time[0]) == self._resumed",
+            "interrupted = False",
+            "hangs_for_60_ms",
+        ),
+        (
+            "dead torque sensor",
+            "or self._torque_dead(whole, WINDOW if interrupted else 0.5 * WINDOW)",
+            "",
+            "200_ms and torque_dead",
+        ),
         (
             "samples that are missing contradict no sensor",
             "whole = window.since_last_gap()",

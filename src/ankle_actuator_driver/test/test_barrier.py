@@ -459,9 +459,9 @@ def test_a_sensor_that_fails_is_a_fault_within_200_ms_of_its_first_wrong_sign(
 def test_a_line_that_hangs_for_60_ms_contradicts_no_sensor(laboratory):
     """Shorter than a watchdog, in motion: samples are missing, but none of those that came is
     wrong."""
-    lab = laboratory(lead=0.5).running()
+    lab = laboratory(lead=0.5).until("ready").run(0.3).running(2.0)
     for _ in range(4):
-        lab.until_moving(0.5)
+        lab.until_moving(0.2)
         missing = lab.end.missing
         lab.faults(freeze=1.0)
         lab.run(0.06)

@@ -24,6 +24,10 @@ from ankle_interfaces.units import split_column, to_si
 MESSAGE_TYPE = "std_msgs/msg/Float64MultiArray"
 TIME_COLUMN = "t[s]"
 
+LARGEST_PADDING = 7
+"""Largest number of bytes behind the samples: a serialiser may fill up to the next multiple of 8.
+"""
+
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _BIG_ENDIAN = b"\x00\x00\x00\x00"
 
@@ -270,8 +274,14 @@ def _layout(head: bytes, total: int) -> tuple[tuple[str, ...], int, int]:
     if length:
         position += -(position - 4) % 8
     start = position + 8 * offset
-    if start + 8 * n * m > total:
-        raise BlockError(f"the message is cut off: {total} bytes, {start + 8 * n * m} expected")
+    end = start + 8 * n * m
+    if end > total:
+        raise BlockError(f"the message is cut off: {total} bytes, {end} expected")
+    if total - end > LARGEST_PADDING:
+        raise BlockError(
+            f"the message has {total - end} bytes behind its samples: its layout is damaged, or "
+            "bytes were put in"
+        )
     return columns, n, start
 
 

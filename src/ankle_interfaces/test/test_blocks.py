@@ -52,6 +52,14 @@ def test_every_cut_message_is_refused():
             unpack(message[:length])
 
 
+def test_a_message_with_bytes_put_in_is_refused_and_padding_is_not():
+    message = pack(Block(("t[s]", "torque[N.m]"), np.ones((3, 2))))
+    assert len(unpack(message + bytes(7)).data) == 3
+    for at in (len(message) - 20, len(message)):
+        with pytest.raises(BlockError, match="8 bytes behind its samples"):
+            unpack(message[:at] + bytes(8) + message[at:])
+
+
 def test_layout_that_contradicts_the_data_is_named():
     message = pack(block_of(4))
     wrong = message.replace((16).to_bytes(4, "little"), (12).to_bytes(4, "little"), 1)

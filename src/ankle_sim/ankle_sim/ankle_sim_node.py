@@ -47,6 +47,7 @@ from ankle_sim import start_setup
 from ankle_sim.live_rig import LiveRig, Setup, Stretch
 from ankle_sim.live_subject import SUBJECT_PARAMETER_SYMBOLS, LiveSubject
 from ankle_sim.parameters import model_parameters
+from ankle_sim.reference_motion import motion_of
 from ankle_sim.rest import Rest
 from ankle_sim.rest_services import RestServices
 from ankle_sim.start_setup import MODEL_CHOICE, holds_from, make_model, setup_from, state_from
@@ -136,7 +137,9 @@ class AnkleSimNode(AnkleNode):
     def _take(self, block: Block, findings: list[Finding]) -> None:
         started = time.process_time()
         try:
-            stamps, reference = self._motion(block)
+            stamps, reference, shortcoming = motion_of(block)
+            if shortcoming:
+                self.health("reference", WARN, shortcoming)
             stretches = self._simulate(stamps, self._rest.motion(stamps, reference))
         except (BlockError, ModelError) as error:
             self._refuse(str(error))
@@ -163,17 +166,6 @@ class AnkleSimNode(AnkleNode):
         for piece in pieces:
             self._emg(np.column_stack([piece.stretch.time, piece.emg]))
         return [piece.stretch for piece in pieces]
-
-    def _motion(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
-        data = block.data
-        if block.columns != PERTURBATION_REFERENCE.columns:
-            data = data[:, :2]
-            self.health(
-                "reference",
-                WARN,
-                "without velocity and acceleration; position taken as linear between samples",
-            )
-        return data[:, 0], data[:, 1:]
 
     def _publish(self, stretch: Stretch) -> None:
         samples = np.column_stack([stretch.time, stretch.samples])

@@ -22,32 +22,28 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import QoSProfile
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ankle_interfaces.topics import JOINT_STATES, TOPICS
-from ankle_node.node import ACKNOWLEDGED, BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
+from ankle_node.node import BLOCK_QOS, ERROR, OK, WARN, AnkleNode, MessageInfo, run
 from ankle_node.real_time import RECORDER_PRIORITY
-from session_recorder import bag_metadata
 from session_recorder.bag_writer import CHUNK_SECONDS
 from session_recorder.errors import BagError
 from session_recorder.parameters import RECORDER
 from session_recorder.raw_subscriptions import RawSubscriptions
 from session_recorder.recording import Recording
 from session_recorder.rig_of_bag import RIG_KEY, rig_text
-from session_recorder.ros_qos import from_ros, to_record
+from session_recorder.ros_qos import to_record
 from session_recorder.topic_choice import TopicChoice
+from session_recorder.topic_discovery import TopicDiscovery
 
 # Connected from the start, publisher or not.
 LABORATORY_TOPICS = (*(topic for topic in TOPICS if topic.columns), JOINT_STATES)
 DISCOVERY_PERIOD = 0.25  # s; how long a new topic waits for its subscription
-SETTLED_LOOKS = 3  # looks at the graph without a new topic before the recorder calls itself ready
 SYNC_PERIOD = 2.0
 """[s] What a power cut may cost besides the last chunk: a disk that is busy takes 0.1 s for it."""
 LONGEST_BACKLOG = 2.0
 """[s] Age of a message from which the recorder says that it falls behind: what waits is only in
 memory."""
-NAMED_TOPIC_PATIENCE = 5.0  # s before a named topic without publisher is reported
 
 
 PARAMETERS = RECORDER
@@ -61,10 +57,8 @@ class RecordNode(AnkleNode):
         named = [name.strip() for name in self.text("topics").split(",") if name.strip()]
         self._choice = TopicChoice(map(self.resolve_topic_name, named), self.get_namespace())
         self._inputs = RawSubscriptions(self, self._store)
-        self._refused: set[str] = set()
-        self._quiet_looks = 0
+        self._discovery = TopicDiscovery(self, self._choice, self._inputs, self._warn)
         self._ready = False
-        self._began = time.monotonic()
         self._simulated_time = bool(self.get_parameter("use_sim_time").value)
         self.failed = False
         self._behind = 0.0  # s, the oldest message since the last look
@@ -80,7 +74,7 @@ class RecordNode(AnkleNode):
         for topic in LABORATORY_TOPICS:
             name = self.resolve_topic_name(topic.name)
             if not named or self._choice.wants(name):
-                self._connect(name, topic.message, to_record([BLOCK_QOS]))
+                self._discovery.connect(name, topic.message, to_record([BLOCK_QOS]))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DISCOVERY_PERIOD, self._look_for_topics, clock=steady)
         self.create_timer(CHUNK_SECONDS / 2, self._keep_safe, clock=steady)
@@ -96,57 +90,23 @@ class RecordNode(AnkleNode):
                 recording.bag.sync()
 
     def _look_for_topics(self) -> None:
-        self._quiet_looks += 1
-        for topic, types in self.get_topic_names_and_types():
-            if (
-                topic.endswith(ACKNOWLEDGED)
-                or topic in self._refused
-                or not self._choice.wants(topic)
-            ):
-                continue
-            offers = self.get_publishers_info_by_topic(topic)
-            self._set_publishers(topic, offers)
-            if not offers:
-                continue
-            if topic not in self._inputs.types:
-                self._quiet_looks = 0
-                self._connect(topic, types[0], to_record([offer.qos_profile for offer in offers]))
-            name = self._choice.name_in_bag(topic)
-            if self.recording is not None and name in self.recording.bag.topics:
-                for offer in offers:
-                    self.recording.bag.add_qos(name, from_ros(offer.qos_profile))
-        waiting = self._choice.missing(self._inputs.types)
-        if waiting and time.monotonic() - self._began > NAMED_TOPIC_PATIENCE:
-            self.health("topics", WARN, f"no publisher yet of {', '.join(waiting)}")
-        if (
-            not self._ready
-            and not waiting
-            and self._quiet_looks >= SETTLED_LOOKS
-            and self.recording is not None
-        ):
+        if self.recording is None:
+            return
+        self._discovery.look(self.recording)
+        if late := self._discovery.late:
+            self.health("topics", WARN, f"no publisher yet of {', '.join(late)}")
+        if not self._ready and self._discovery.settled:
             self._ready = True
             self.count("ready", True)
             self.health("topics", OK, "")
             self.get_logger().info(f"ready: recording into {self.recording.bag.path}")
-
-    def _connect(self, topic: str, message_type: str, qos: QoSProfile) -> None:
-        try:
-            self._inputs.connect(topic, message_type, qos)
-        except BagError as error:
-            self._refused.add(topic)
-            self._warn(topic, f"not recorded: {error}")
 
     def _store(self, topic: str, message: bytes, info: MessageInfo) -> None:
         if self.recording is None:
             return
         name = self._choice.name_in_bag(topic)
         if name not in self.recording.bag.topics:
-            offers = self.get_publishers_info_by_topic(topic)
-            self._set_publishers(topic, offers)
-            profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)
-            self.recording.add_topic(
-                name, self._inputs.types[topic], tuple(profiles) or (bag_metadata.BLOCK_QOS,)
-            )
+            self._discovery.add_to(self.recording, topic)
         received = (
             self.get_clock().now().nanoseconds
             if self._simulated_time
@@ -162,17 +122,6 @@ class RecordNode(AnkleNode):
         ):
             self._warn(topic, sentence)
 
-    def _set_publishers(self, topic: str, offers: Sequence[TopicEndpointInfo]) -> None:
-        if self.recording is None:
-            return
-        publishers = {
-            str(offer.endpoint_gid): f"{offer.node_namespace.rstrip('/')}/{offer.node_name}"
-            for offer in offers
-        }
-        sentence = self.recording.set_publishers(self._choice.name_in_bag(topic), publishers)
-        if sentence is not None:
-            self._warn(topic, sentence)
-
     def _warn(self, topic: str, sentence: str) -> None:
         self.get_logger().warning(f"{topic}: {sentence}", throttle_duration_sec=1.0)
         self.health(topic, WARN, sentence)
@@ -184,13 +133,10 @@ class RecordNode(AnkleNode):
         self.recording.bag.flush()
         self._report_backlog()
         free = self.recording.free_space()
-        self.count("messages", self.recording.bag.count)
         for topic, sentence in self.recording.settle().items():
             self._warn(topic, sentence)
-        self.count("missing samples", self.recording.account.missing)
-        for name, held in self.recording.account.topics.items():
-            self.count(f"{name} missing samples", held.missing)
-        self.count("lost messages", self.recording.account.missing_messages)
+        for what, value in self.recording.figures().items():
+            self.count(what, value)
         self.count("free disk [MB]", round(free))
         if free < self.number("min_free_disk"):
             sentence = (

@@ -154,6 +154,16 @@ class Recording:
         """Return free space on the bag's disk [MB]."""
         return shutil.disk_usage(self.bag.path).free / 1e6
 
+    def figures(self) -> dict[str, int]:
+        """Return what was recorded and what is missing, by names for ``/diagnostics``."""
+        account = self.account
+        return {
+            "messages": self.bag.count,
+            "missing samples": account.missing,
+            **{f"{name} missing samples": held.missing for name, held in account.topics.items()},
+            "lost messages": account.missing_messages,
+        }
+
     def summary(self) -> str:
         """Return one line: messages, topics, duration, missing samples, path."""
         missing = {topic: held.missing for topic, held in self.account.topics.items()}

@@ -10,6 +10,7 @@ Nothing here is a model of the ankle. What is compared holds for every joint:
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -162,6 +163,7 @@ class SensorSupervision:
         self._encoder = EncoderCheck()
         self._parts: deque[_Window] = deque()
         self._dead_since: float | None = None
+        self._resumed = math.nan  # time of the first sample after the last gap [s]
         self._found: deque[float] = deque(maxlen=10 * FOUND_WINDOWS)
 
     def forget(self) -> None:
@@ -170,6 +172,7 @@ class SensorSupervision:
         self._encoder.forget()
         self._parts.clear()
         self._dead_since = None
+        self._resumed = math.nan
 
     def forget_joint(self) -> None:
         """Forget the joint's torque, because another joint may be on the plate."""
@@ -202,13 +205,15 @@ class SensorSupervision:
             )
         )
         whole = window.since_last_gap()
-        settled = 0.0 if whole is window else SERVO_LAG
+        if whole is not window:
+            self._resumed = float(whole.time[0])
+        interrupted = float(whole.time[0]) == self._resumed
         return (
             self._torque.passed(time, samples[:, 2], torque_limit)
             or self._not_following(window)
-            or self._away(whole, len(time), settled)
+            or self._away(whole, len(time), SERVO_LAG if interrupted else 0.0)
             or self._velocity_contradicts(whole)
-            or self._torque_dead(whole)
+            or self._torque_dead(whole, WINDOW if interrupted else 0.5 * WINDOW)
         )
 
     def _not_following(self, window: _Window) -> str | None:
@@ -260,8 +265,13 @@ class SensorSupervision:
             )
         return None
 
-    def _torque_dead(self, window: _Window) -> str | None:
-        if window.length < 0.5 * WINDOW:
+    def _torque_dead(self, window: _Window, shortest: float) -> str | None:
+        """Return whether the torque has looked dead for long enough; a window shorter than
+        `shortest` [s] tells nothing: one that begins with missing samples holds a part of a
+        movement, for which a joint may need less torque than for whole ones.
+        """
+        if window.length < shortest:
+            self._dead_since = None
             return None
         now = float(window.time[-1])
         dead = self._looks_dead(window)
