@@ -17,7 +17,7 @@ from ankle_bringup.recording_place import in_study, with_free_place
 from session_analysis.errors import AnalysisError
 from session_analysis.study.layout import init_study
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 
 @pytest.mark.parametrize("name", known_graphs())

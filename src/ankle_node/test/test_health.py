@@ -27,10 +27,9 @@ def test_a_repeated_warning_is_no_news():
     assert health.state("clock", WARN, "late") is True
 
 
-def test_several_threads_state_and_read_at_the_same_time():
+def errors_of_readers_beside_writers():
+    """What goes wrong in three readings while three threads add entries."""
     health, errors, done = Health(), [], threading.Event()
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
 
     def write(number):
         k = 0
@@ -39,21 +38,27 @@ def test_several_threads_state_and_read_at_the_same_time():
             health.count(f"figure {number} {k % 500}", k)
             k += 1
 
-    def read():
-        try:
-            for _ in range(300):
-                health.status("/probe", "")
-        except RuntimeError as error:  # dictionary changed size during iteration
-            errors.append(error)
-
     threads = [threading.Thread(target=write, args=(number,)) for number in range(3)]
+    for thread in threads:
+        thread.start()
     try:
-        for thread in threads:
-            thread.start()
-        read()
+        for _ in range(3):
+            health.status("/probe", "")
+    except RuntimeError as error:  # dictionary changed size during iteration
+        errors.append(error)
     finally:
         done.set()
         for thread in threads:
             thread.join()
+    return errors
+
+
+def test_several_threads_state_and_read_at_the_same_time():
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        # Begun anew many times: a dictionary changes its size only while it is being filled.
+        errors = [error for _ in range(15) for error in errors_of_readers_beside_writers()]
+    finally:
         sys.setswitchinterval(before)
     assert errors == []

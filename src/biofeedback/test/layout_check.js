@@ -36,11 +36,17 @@
       for (const rect of range.getClientRects()) note(element, rect, node.textContent.trim().slice(0, 40));
     }
     if (["INPUT", "SELECT", "CANVAS"].includes(element.tagName)) note(element, element.getBoundingClientRect(), `<${element.tagName.toLowerCase()} ${element.name ?? element.id}>`);
+    const origin = element.getBoundingClientRect();
+    for (const word of element.words ?? []) {
+      const edge = { left: origin.left + word.left, right: origin.left + word.right, top: origin.top + word.top, bottom: origin.top + word.bottom };
+      if (word.left < -1 || word.top < -1 || edge.right > origin.right + 1 || edge.bottom > origin.bottom + 1) found.push(`cut: ${word.text}`);
+      boxes.push({ element, word, text: word.text, ...edge });
+    }
     if (element.tagName === "INPUT" && element.type === "number" && element.scrollWidth > element.clientWidth + 1) found.push(`cut value: ${element.name}`);
   }
   const sticky = document.querySelector(".motion");
   boxes.forEach((one, k) => boxes.slice(k + 1).forEach((other) => {
-    if (one.element === other.element || (sticky && sticky.contains(one.element) !== sticky.contains(other.element))) return;
+    if ((one.element === other.element && !(one.word && other.word)) || (sticky && sticky.contains(one.element) !== sticky.contains(other.element))) return;
     const wide = Math.min(one.right, other.right) - Math.max(one.left, other.left);
     const tall = Math.min(one.bottom, other.bottom) - Math.max(one.top, other.top);
     if (wide > 1.5 && tall > 1.5) found.push(`over one another: ${one.text} | ${other.text}`);

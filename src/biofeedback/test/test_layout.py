@@ -14,6 +14,8 @@ from biofeedback.session.course import CourseSession, load_course
 pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 CHECK = (Path(__file__).parent / "layout_check.js").read_text()
+CANVAS_WORDS = (Path(__file__).parent / "canvas_words.js").read_text()
+"""Runs in a page before its own scripts, so that the check sees the words on canvases, too."""
 SIZES = ((3840, 2160), (1920, 1080), (1366, 768), (820, 1180), (390, 844), (844, 390))
 OPERATOR_SIZES = ((1920, 1080), (1366, 768), (1280, 720), (820, 1180), (390, 844))
 LANGUAGES = ("en", "nl", "de", "fr")
@@ -31,6 +33,7 @@ def open_sized(browser, laboratory):
 
     def open_one(path, width, height):
         page = browser.new_page(viewport={"width": width, "height": height})
+        page.add_init_script(CANVAS_WORDS)
         page.set_default_timeout(PATIENCE)
         page.goto(laboratory.url(path))
         pages.append(page)
@@ -77,6 +80,12 @@ def test_the_check_finds_what_it_is_for(open_sized):
         "{ overflow: 'hidden', width: '30px', whiteSpace: 'nowrap' })"
     )
     assert any("cut" in one for one in page.evaluate(CHECK))
+    # Words on a canvas count, too: the names of the signals in a panel that is too low for them.
+    assert not any("Angle" in one for one in page.evaluate(CHECK))
+    page.evaluate("document.querySelector('#traces').style.height = '150px'")
+    page.wait_for_function("document.querySelector('#traces').words.at(-1).top < 150")
+    found = page.evaluate(CHECK)
+    assert any("over one another" in one and "Angle" in one for one in found), found
 
 
 def test_the_operators_page(open_sized, laboratory):

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from test_layout import CHECK
+from test_layout import CANVAS_WORDS, CHECK
 from test_pages import PATIENCE
 
 from biofeedback.web import messages
@@ -146,6 +146,7 @@ def open_still(browser, laboratory):
         )
         page.set_default_timeout(PATIENCE)
         page.add_init_script(FROZEN)
+        page.add_init_script(CANVAS_WORDS)
         page.route_web_socket("**/ws*", answer_as_the_node)
         page.goto(laboratory.url(path))
         page.locator(".v-instruction", has_text="Hold it there").wait_for()
