@@ -189,8 +189,9 @@ IMPEDANCE_ESTIMATE = _block(
 )
 IMPEDANCE_REFLEX_IRF = _block(
     "impedance/reflex_irf",
-    "Reflex impulse response: torque after a unit impulse of stretch velocity.",
-    ("lag[s]", "h[N.m/rad]"),
+    "Reflex impulse response of a muscle: torque after a unit impulse of stretch velocity; and "
+    "what a free response adds to it.",
+    ("lag[s]", "h[N.m/rad]", "deviation[N.m/rad]"),
     rate=2.0,
 )
 IMPEDANCE_TRACKED = _block(

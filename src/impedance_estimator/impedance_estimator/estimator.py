@@ -156,9 +156,18 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def reflex_response(self) -> np.ndarray:
-        """Return the newest reflex impulse response, shape (k, 2), columns `REFLEX_COLUMNS`; h is
-        NaN before the first valid estimate.
+        """Return the newest reflex impulse response, shape (k, 3), columns `REFLEX_COLUMNS`.
+
+        The response h is NaN before the first valid estimate; what a free response adds to it is
+        NaN from estimators that do not tell both apart, and from a memory that is too short.
         """
+
+    @property
+    def reflex_deviation(self) -> tuple[float, float]:
+        """Return the area of what a free reflex response adds to that of a muscle, and its standard
+        error [N.m.s/rad]; NaN where the estimator does not tell both apart.
+        """
+        return float("nan"), float("nan")
 
     @property
     @abstractmethod

@@ -5,7 +5,7 @@
 | `/ankle/samples` | Float64MultiArray | in: t, position, torque, velocity if measured |
 | `/perturbation/reference` | Float64MultiArray | in: t and position, the instrument |
 | `/impedance/estimate` | Float64MultiArray | out: a row every 1 / `estimate_rate` of sample time |
-| `/impedance/reflex_irf` | Float64MultiArray | out: reflex impulse response, twice a second |
+| `/impedance/reflex_irf` | Float64MultiArray | out: reflex response of a muscle, and beyond it |
 | `/impedance/tracked` | Float64MultiArray | out: gains that the model tracks, twice a second |
 | `/impedance/provenance` | String | out, latched: estimator, settings, model and rig |
 | `/diagnostics` | DiagnosticArray | out: why estimates are not valid or doubted, missing samples |
@@ -153,6 +153,8 @@ class ImpedanceEstimator(AnkleNode):
         self.count("estimate", f"not valid: {reason}" if reason else "valid")
         self.count("algorithm", stream.algorithm)
         self.count("known physics", stream.known.describe() if stream.known else "none")
+        if stream.reflex_deviation:
+            self.count("reflex beyond a muscle's response", stream.reflex_deviation)
         if stream.instrument:
             self.count("instrument", stream.instrument)
         # Before the first valid estimate nothing is wrong: the memory is being filled.

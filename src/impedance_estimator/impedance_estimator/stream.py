@@ -50,7 +50,7 @@ class Estimates:
     rows
         Shape (k, 13), columns `ESTIMATE_COLUMNS`.
     responses
-        (t [s], shape (L, 2) with columns `REFLEX_COLUMNS`) for each reflex impulse response.
+        (t [s], shape (L, 3) with columns `REFLEX_COLUMNS`) for each reflex impulse response.
     torques
         Shape (j, 4), columns `TORQUE_COLUMNS`.
     notes
@@ -143,6 +143,12 @@ class EstimateStream:
     def instrument(self) -> str:
         """Return how the estimator deals with torque that moves the plate, or an empty text."""
         return self.estimator.instrument if self.estimator else ""
+
+    @property
+    def reflex_deviation(self) -> str:
+        """Return the gain beyond G that a free reflex response finds, or an empty text."""
+        area, error = self.estimator.reflex_deviation if self.estimator else (np.nan, np.nan)
+        return f"{area:+.2f} ± {error:.2f} N.m.s/rad beside G" if np.isfinite(area) else ""
 
     @property
     def rig_warnings(self) -> list[str]:

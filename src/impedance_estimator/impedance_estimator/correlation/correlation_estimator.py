@@ -212,8 +212,10 @@ class CorrelationEstimator(Estimator):
 
     @property
     def reflex_response(self) -> np.ndarray:
+        response = self._state.valid_response / self._lag_step
+        # The response is a free one as a whole.
         return np.column_stack(
-            [self._lags * self._lag_step, self._state.valid_response / self._lag_step]
+            [self._lags * self._lag_step, response, np.full(len(response), np.nan)]
         )
 
     @property

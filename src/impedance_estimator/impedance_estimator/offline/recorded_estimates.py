@@ -51,7 +51,7 @@ class OfflineResult:
     rows
         Shape (k, 13), columns `ESTIMATE_COLUMNS`.
     responses
-        (t [s], shape (L, 2)) for each reflex impulse response, columns `REFLEX_COLUMNS`.
+        (t [s], shape (L, 3)) for each reflex impulse response, columns `REFLEX_COLUMNS`.
     torques
         Shape (j, 4), columns `TORQUE_COLUMNS`: filtered torque and its predicted parts, 125-128 a
         second.

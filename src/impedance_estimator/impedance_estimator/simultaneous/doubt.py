@@ -60,9 +60,16 @@ def reasons(signs: np.ndarray) -> str:
     )
 
 
+def imprecision(stiffness: float, gain: float) -> float:
+    """Return the larger one of the relative standard errors of K and G [1] over `LARGEST_ERRORS`
+    [1].
+    """
+    return max(stiffness / LARGEST_ERRORS[0], gain / LARGEST_ERRORS[1])
+
+
 def imprecision_doubt(stiffness: float, gain: float) -> float:
     """Return the doubt, 0 to 1, that relative standard errors of K and G [1] make."""
-    return _doubt(max(stiffness / LARGEST_ERRORS[0], gain / LARGEST_ERRORS[1]))
+    return _doubt(imprecision(stiffness, gain))
 
 
 def _doubt(size: float) -> float:

@@ -156,8 +156,10 @@ def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
     return combine
 
 
-def normal_equations(s: State, memory: Memory, combine: np.ndarray) -> np.ndarray:
-    """Return sums of products of the unknowns' signals and, last, the torque; shape (8, 8)."""
+def reduced_sums(memory: Memory, combine: np.ndarray) -> np.ndarray:
+    """Return sums of products of position, velocity, acceleration, the m signals of the reflex
+    basis and, last, the torque; shape (m + 4, m + 4).
+    """
     base = len(combine) - 1
     signals, taken = combine[:base], combine[base]
     left = signals @ memory.instruments
@@ -167,11 +169,17 @@ def normal_equations(s: State, memory: Memory, combine: np.ndarray) -> np.ndarra
     reduced[base, base] = (
         memory.square - 2.0 * taken @ memory.cross[:, -1] + taken @ memory.instruments @ taken
     )
+    return reduced
+
+
+def normal_equations(s: State, memory: Memory, combine: np.ndarray) -> np.ndarray:
+    """Return sums of products of the unknowns' signals and, last, the torque; shape (8, 8)."""
+    base = len(combine) - 1
     unknowns = np.zeros((base + 1, PARAMETERS + 1))
     unknowns[:INTRINSIC, :INTRINSIC] = np.eye(INTRINSIC)
     unknowns[INTRINSIC:base, INTRINSIC:PARAMETERS] = s.tangent
     unknowns[base, -1] = 1.0
-    return unknowns.T @ reduced @ unknowns
+    return unknowns.T @ reduced_sums(memory, combine) @ unknowns
 
 
 def prior_of(s: State, variance: float) -> tuple[np.ndarray, np.ndarray]:

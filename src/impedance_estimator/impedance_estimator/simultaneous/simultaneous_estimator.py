@@ -17,6 +17,7 @@ from impedance_estimator.simultaneous.change_detection import candidate_windows
 from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
 from impedance_estimator.simultaneous.memory_length import HORIZON, memory_lengths
+from impedance_estimator.simultaneous.reflex_deviation import reflex_deviation
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance, finish_block
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
@@ -247,7 +248,18 @@ class Simultaneous(Estimator):
 
     @property
     def reflex_response(self) -> np.ndarray:
-        return np.column_stack([self._plan.lags, self._state.valid_response @ self._plan.basis])
+        return np.column_stack(
+            [
+                self._plan.lags,
+                self._state.valid_response @ self._plan.basis,
+                reflex_deviation(self._plan, self._state).coordinates @ self._plan.basis,
+            ]
+        )
+
+    @property
+    def reflex_deviation(self) -> tuple[float, float]:
+        found = reflex_deviation(self._plan, self._state)
+        return found.area, found.standard_error
 
     @property
     def torques(self) -> np.ndarray:
