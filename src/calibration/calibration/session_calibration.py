@@ -12,11 +12,18 @@ from ankle_physics.model import PAPER_TERMS, STATED, Model, StatedValue
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
 from calibration.errors import CalibrationError
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.known_physics import LEAST_STIFFNESS, KnownPhysics
+from impedance_estimator.offline.recorded_estimates import estimate_signal
+from impedance_estimator.simultaneous.doubt import DOUBTFUL, imprecision
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.known_rig import SKEW
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.result_folder import AUGMENTED_FILE
+
+LEAST_GAIN = 1.0
+"""[N.m.s/rad] Bounds a relative error of G: a subject with less has hardly a reflex."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,75 @@ def calibrate_session(
     model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
     model.stated = stated_values(verdict.parameters)
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
+
+
+def require_gain(model: Model, recording: Recording, rig: RigFile | None = None) -> None:
+    """Refuse a subject's model with which K and G would be known less well than without it.
+
+    Terms that share what they explain leave K and G open. The standard errors that the diagnosis
+    states of the whole joint say so, and those of the online estimate without the model, which hold
+    what a doubted estimate usually is off by, are what they are compared with. A model whose
+    estimates would not be doubted is never refused.
+
+    Parameters
+    ----------
+    model
+        Of `calibrate_session`.
+    recording
+        That it was made of.
+    rig
+        The calibrated rig, which both know.
+
+    Raises
+    ------
+    CalibrationError
+        The estimator should go on without the model.
+    """
+    known = KnownPhysics(rig, model)
+    if known.calibration_doubt < DOUBTFUL:
+        return
+    plain = estimate_signal(
+        recording.time,
+        recording.position,
+        recording.velocity,
+        recording.torque,
+        reference=recording.reference,
+        known=KnownPhysics(rig) if rig is not None else None,
+    ).valid
+    if not len(plain):
+        return
+    K, G, error_K, error_G = (
+        float(plain[-1, ESTIMATE_COLUMNS.index(name)])
+        for name in ("K[N.m/rad]", "G[N.m.s/rad]", "se_K[N.m/rad]", "se_G[N.m.s/rad]")
+    )
+    without = relative_errors(K, error_K, G, error_G)
+    stiffness, gain = model.stated["K"], model.stated.get("G")
+    found = relative_errors(*stiffness, *(gain if gain is not None else (1.0, 0.0)))
+    if imprecision(*found) > imprecision(*without):
+        raise CalibrationError(
+            f"{recording.name} cannot calibrate a session: the terms that were found share what "
+            f"they explain and know K to {100.0 * found[0]:.0f} % and G to {100.0 * found[1]:.0f} "
+            f"%; without them the estimator knows K to {100.0 * without[0]:.0f} % and G to "
+            f"{100.0 * without[1]:.0f} % and goes on so"
+        )
+
+
+def relative_errors(
+    stiffness: float, stiffness_error: float, gain: float, gain_error: float
+) -> tuple[float, float]:
+    """Return the relative standard errors of K and G [1], bounded for an ankle without them.
+
+    Parameters
+    ----------
+    stiffness, stiffness_error
+        K and its standard error [N.m/rad].
+    gain, gain_error
+        G and its standard error [N.m.s/rad].
+    """
+    return (
+        stiffness_error / max(abs(stiffness), LEAST_STIFFNESS),
+        gain_error / max(abs(gain), LEAST_GAIN),
+    )
 
 
 def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> Model:

@@ -23,7 +23,7 @@ from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from calibration.errors import CalibrationError
-from calibration.session_calibration import calibrate_session
+from calibration.session_calibration import calibrate_session, require_gain
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.offline.recorded_estimates import estimate_signal
@@ -61,7 +61,10 @@ def calibrated(made: Session, folder: Path) -> tuple[RigFile | None, Model | Non
     subject = folder / SUBJECT_FILE
     if not subject.exists() and not failure.exists():
         try:
-            calibrate_session(made.part(False), folder, rig).model.save(subject)
+            part = made.part(False)
+            found = calibrate_session(part, folder, rig)
+            require_gain(found.model, part, rig)
+            found.model.save(subject)
         except CalibrationError as error:
             failure.write_text(f"session: {error}")
     return (

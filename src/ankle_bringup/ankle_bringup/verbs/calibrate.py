@@ -127,14 +127,16 @@ def session(
     """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
     estimator.
 
-    Writes subject.yaml, and the diagnosis with its report. A running impedance_estimator goes on
+    Writes subject.yaml, and the diagnosis with its report. A model with which K and G would be
+    known less well than without it is refused. A running impedance_estimator goes on
     with the new model without a restart; the last line says whether it does.
 
     Example: ankle calibrate session --seconds 90 --rig rig.yaml --out subject.yaml
     """
     from ankle_bringup.terminal import clear_folder
     from ankle_physics.rig_file import RigFile
-    from calibration.session_calibration import calibrate_session
+    from calibration.session_calibration import calibrate_session, require_gain
+    from model_discrepancy.recording.recording import Recording
 
     _require_new(out, overwrite)
     clear_folder(report, overwrite, "verdict.json")
@@ -146,6 +148,7 @@ def session(
         _record_session(into, seconds, namespace)
     with working("calibrating the session") as step:
         found = calibrate_session(bag, report, known, step)
+        require_gain(found.model, Recording.from_bag(bag), known)
     found.model.save(out)
     console.print(f"verdict: {found.verdict['verdict']}", style="bold")
     for effect in found.verdict["effects"]:

@@ -1,0 +1,59 @@
+"""A subject's model that knows less than no model is refused."""
+
+import pytest
+
+from ankle_physics.model import Model, StatedValue
+from ankle_physics.virtual_rig import simulate
+from calibration.errors import CalibrationError
+from calibration.session_calibration import require_gain
+from model_discrepancy.recording.recording import Recording
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings
+
+RATE = 2048.0
+CORE = {
+    "inertia": {"I": 0.0137},
+    "viscosity": {"B": 0.63},
+    "stiffness": {"K": 100.0},
+    "reflex": {"G": 10.0},
+}
+
+
+def recorded(extra):
+    reference = PulseStep(Settings(rate=RATE)).next(round(20.0 * RATE))
+    made = simulate(reference, RATE, Model.of({**CORE, **extra, "voluntary_torque": {}}), seed=1)
+    return Recording(
+        RATE, made.position, made.torque, made.velocity, reference[:, 0], name="visit 2"
+    )
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return recorded({})
+
+
+def stated(K_error, G_error):
+    model = Model.of(CORE)
+    model.stated = {"K": StatedValue(100.0, K_error), "G": StatedValue(10.0, G_error)}
+    return model
+
+
+def test_a_model_with_which_k_is_open_is_refused_where_the_estimator_knows_it(plain):
+    with pytest.raises(
+        CalibrationError, match=r"visit 2 cannot calibrate.*know K to 60 % and G to 5 %; without"
+    ):
+        require_gain(stated(60.0, 0.5), plain)
+    with pytest.raises(CalibrationError, match="K to 2 % and G to 50 %"):
+        require_gain(stated(2.0, 5.0), plain)
+
+
+def test_a_model_whose_estimates_are_not_doubted_is_kept(plain):
+    require_gain(stated(12.0, 1.0), plain)
+    require_gain(Model.of(CORE), plain)
+
+
+def test_an_uncertain_model_is_kept_where_the_estimator_without_it_knows_less():
+    relaxing = recorded({"maxwell_relaxation": {"k": 40.0}})
+    require_gain(stated(15.0, 1.0), relaxing)
+    with pytest.raises(CalibrationError):
+        require_gain(stated(60.0, 1.0), relaxing)
