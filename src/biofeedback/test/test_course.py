@@ -13,16 +13,10 @@ from laboratory import FakeRig, FakeSubject
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.live_signals import LiveSignals
 from biofeedback.session.conditioning import Conditioning, Response, largest_activity
-from biofeedback.session.course import (
-    CONDITIONED,
-    CONTROL,
-    DOWN,
-    CourseSession,
-    TrialGate,
-    load_course,
-)
+from biofeedback.session.course import CONDITIONED, CONTROL, DOWN, load_course
 from biofeedback.session.course_file import CourseFile
 from biofeedback.session.course_record import SessionResult, load_record, new_record
+from biofeedback.session.course_session import CourseSession, TrialGate
 from biofeedback.session.course_trend import comparisons, error_rate, trend
 from biofeedback.session.protocol import BREAK
 from biofeedback.session.runner import SessionRunner

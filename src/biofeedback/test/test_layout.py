@@ -9,7 +9,8 @@ import pytest
 from laboratory import CALIBRATED, FakeCalibration, Laboratory, short_protocol, until
 from test_pages import PATIENCE, hold_keys, run_to
 
-from biofeedback.session.course import CourseSession, load_course
+from biofeedback.session.course import load_course
+from biofeedback.session.course_session import CourseSession
 
 pytestmark = [pytest.mark.live, pytest.mark.untimed]
 

@@ -21,15 +21,8 @@ import numpy as np
 from ankle_node.session_event import SessionEvent
 from biofeedback.errors import CommandError
 from biofeedback.session.axis_calibration import AXIS_END_RATIO, DEFAULT_AXES
-from biofeedback.session.course import (
-    DOWN,
-    MEASURES,
-    RECENT_TRIALS,
-    Course,
-    CourseSession,
-    Trial,
-    TrialGate,
-)
+from biofeedback.session.course import DOWN, MEASURES, RECENT_TRIALS, Course
+from biofeedback.session.course_session import CourseSession, Trial, TrialGate
 from biofeedback.session.protocol import BREAK, TRIALS, Protocol, Step
 
 REFLEX, REFLEX_UNIT = "reflex", "µV.s"

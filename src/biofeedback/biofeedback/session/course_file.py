@@ -11,8 +11,9 @@ from datetime import date
 from pathlib import Path
 
 from biofeedback.errors import CommandError
-from biofeedback.session.course import Course, CourseSession
+from biofeedback.session.course import Course
 from biofeedback.session.course_record import CourseRecord, load_record, new_record, save_record
+from biofeedback.session.course_session import CourseSession
 from biofeedback.session.saved_session import ProgressWriter
 
 

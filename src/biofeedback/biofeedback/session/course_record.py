@@ -15,7 +15,8 @@ import yaml
 
 from ankle_interfaces.yaml_text import parse_yaml, read_text
 from biofeedback.errors import CommandError
-from biofeedback.session.course import CONDITIONED, CONTROL, Course, CourseSession
+from biofeedback.session.course import CONDITIONED, CONTROL, Course
+from biofeedback.session.course_session import CourseSession
 from biofeedback.session.durable_file import replace_file
 
 

@@ -17,7 +17,7 @@ from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, Se
 from biofeedback.errors import CommandError
 from biofeedback.session.axis_calibration import LEAST_ROWS, Baseline, BaselineCollector
 from biofeedback.session.conditioning import Conditioning, Response, course_protocol
-from biofeedback.session.course import CourseSession
+from biofeedback.session.course_session import CourseSession
 from biofeedback.session.protocol import (
     BASELINE,
     BREAK,

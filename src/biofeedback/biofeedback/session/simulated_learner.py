@@ -15,8 +15,9 @@ import numpy as np
 from scipy import stats
 
 from biofeedback.session.conditioning import Conditioning, Response
-from biofeedback.session.course import Course, CourseSession
+from biofeedback.session.course import Course
 from biofeedback.session.course_record import CourseRecord
+from biofeedback.session.course_session import CourseSession
 
 TRIAL_SPREAD = 0.30
 """Standard deviation of a reflex' logarithm from trial to trial, an assumption: a third of the size
