@@ -17,6 +17,7 @@ DRIVER = "ankle_actuator_driver.ankle_actuator_driver_node"
 EMULATOR = "rig_emulator.rig_emulator_node"
 FEEDBACK = "biofeedback.biofeedback_node"
 GENERATOR = "perturbation_generator.perturbation_generator_node"
+REPLAY = "session_recorder.replay_node"
 SIMULATION = "ankle_sim.ankle_sim_node"
 BRIDGE, PROCESSOR = "emg_driver.emg_bridge_node", "emg_driver.emg_processor_node"
 CASES = [
@@ -62,6 +63,8 @@ CASES = [
         "velocity of 81.92 rad/s passes the limit of 5 rad/s ('velocity_limit')",
     ),
     (GENERATOR, ["rate:=20000.0"], "'rate' = 20000.0 Hz is refused; allowed: 500 to 10000 Hz"),
+    (REPLAY, ["bag:=nowhere"], "no bag at nowhere"),
+    (REPLAY, [], "parameter 'bag' is missing"),
     (SIMULATION, ["model:=/nowhere/model.yaml"], "/nowhere/model.yaml"),
     (SIMULATION, ["scenario:=/nowhere/script.yaml"], "/nowhere/script.yaml"),
     (
@@ -93,7 +96,7 @@ def forked():
 
 @pytest.mark.parametrize(
     ("module", "parameters", "words"),
-    [pytest.param(*case, id=f"{case[0].split('.')[0]} {case[1][-1]}") for case in CASES],
+    [pytest.param(*case, id=" ".join([case[0].split(".")[0], *case[1][-1:]])) for case in CASES],
 )
 def test_a_bad_start_value_ends_with_one_line(forked, tmp_path, module, parameters, words):
     output = tmp_path / "output.txt"

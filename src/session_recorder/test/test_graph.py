@@ -237,8 +237,6 @@ def test_a_reader_that_stands_still_is_named(graph, make_bag):
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"bag": "nowhere"}, "no bag at nowhere"),
-        ({}, "parameter 'bag' is missing"),
         ({"bag": "BAG", "topics": "/emg/samples"}, "has no topic '/emg/samples'; it holds"),
         (
             {"bag": "BAG", "wait_timeout": 0.5},
