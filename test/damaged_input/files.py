@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import edfio
 import ezc3d
@@ -28,7 +33,7 @@ from damaged_input.damage import (
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError, ImportRefused
-from session_recorder.importing import propose, read_table
+from session_recorder.importing import c3d_process, propose, read_table
 from session_recorder.loss import account_of_bag
 
 
@@ -202,6 +207,38 @@ def as_c3d(path: Path, table: np.ndarray) -> Path:
     file["data"]["points"] = np.zeros((4, 0, len(table)))
     file.write(str(path.with_suffix(".c3d")))
     return path.with_suffix(".c3d")
+
+
+def c3d_tables(folder: Path) -> Case:
+    """Recordings of motion capture; their reader's process is forked, because a Python that is
+    started anew for each of them takes a second.
+    """
+    case = tables(as_c3d)(folder)
+
+    def forked(random: np.random.Generator) -> bool:
+        with mock.patch.object(c3d_process.subprocess, "run", _run_forked):
+            return case(random)
+
+    return forked
+
+
+def _run_forked(command: list[str], **options: Any) -> subprocess.CompletedProcess[bytes]:
+    """Run the reader of C3D files in a copy of this process."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = os.fork()
+        if not child:
+            os.dup2(out.fileno(), 1)
+            os.dup2(err.fileno(), 2)
+            sys.argv = command[2:]
+            sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+            failed = c3d_process.main()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(failed)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        out.seek(0)
+        err.seek(0)
+        return subprocess.CompletedProcess(command, code, out.read(), err.read())
 
 
 def as_tdms(path: Path, table: np.ndarray) -> Path:

@@ -63,6 +63,8 @@ def sampling_rate(time: np.ndarray) -> float:
     if not step > 0:
         raise ValueError(f"time does not increase: median step {step:g} s")
     rate = 1.0 / step
+    if not np.isfinite(rate):
+        raise ValueError(f"a median step of {step:g} s is no sampling interval")
     return float(round(rate)) if abs(rate - round(rate)) < 1e-4 * rate else rate
 
 

@@ -141,6 +141,12 @@ def test_sampling_rate_from_times_of_today(rate):
     assert sampling_rate(1.8e9 + np.arange(64) / rate) == pytest.approx(rate, rel=1e-4)
 
 
+@pytest.mark.parametrize("step", [5e-324, np.nan])
+def test_steps_that_are_no_interval_are_refused(step):
+    with pytest.raises(ValueError, match="median step"):
+        sampling_rate(step * np.arange(1.0, 5.0))
+
+
 def test_resampling_keeps_a_band_limited_signal():
     t = np.arange(4000) / 1000.0
     fine = np.arange(int(4000 * 2.048)) / 2048.0

@@ -6,8 +6,10 @@ python -m session_recorder.importing.c3d_process FILE > ARRAYS
 from __future__ import annotations
 
 import io
+import math
 import os
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -17,10 +19,17 @@ import numpy as np
 
 from session_recorder.errors import ImportRefused
 
-LONGEST_READING = 60
-"""[s] Processor time of the reading: an hour of motion capture takes a few seconds."""
-MOST_MEMORY = 8 * 2**30
-"""[bytes] Address space of the reading; a damaged header may ask for any number of samples."""
+LONGEST_READING = 5.0
+"""[s] Processor time of the reading of a small file: its library takes one second to load."""
+LONGEST_READING_OF_A_BYTE = 1e-7
+"""[s] Further processor time for each byte: ten times what a file of 100 MB takes."""
+LATEST = 12.0
+"""Multiple of the processor time after which a reading on a busy computer is given up."""
+MOST_MEMORY = 2**30
+"""[bytes] Address space of the reading of a small file; a damaged header may ask for any number of
+samples, and a computer without memory stands still."""
+MEMORY_OF_A_BYTE = 30
+"""Further address space for each byte: numbers of 2 bytes become several copies of 8 bytes."""
 
 
 def read_c3d(source: Path) -> dict[str, np.ndarray]:
@@ -43,7 +52,7 @@ def read_c3d(source: Path) -> dict[str, np.ndarray]:
             capture_output=True,
             stdin=subprocess.DEVNULL,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            timeout=4 * LONGEST_READING,
+            timeout=LATEST * _longest_reading(source),
             check=False,
         )
     except subprocess.TimeoutExpired:
@@ -51,9 +60,15 @@ def read_c3d(source: Path) -> dict[str, np.ndarray]:
     if found.returncode:
         lines = found.stderr.decode(errors="replace").strip().splitlines()
         reason = lines[-1] if lines else f"its reader ended with {found.returncode}"
+        if found.returncode in (-signal.SIGXCPU, -signal.SIGKILL) and not lines:
+            reason = f"its reader took more than {_longest_reading(source):.0f} s"
         raise ImportRefused(f"{source} cannot be read as C3D: {reason}")
     with np.load(io.BytesIO(found.stdout)) as arrays:
         return dict(arrays)
+
+
+def _longest_reading(source: Path) -> float:
+    return LONGEST_READING + LONGEST_READING_OF_A_BYTE * source.stat().st_size
 
 
 def _arrays(content: Any) -> dict[str, Any]:
@@ -72,8 +87,10 @@ def _arrays(content: Any) -> dict[str, Any]:
 
 def main() -> int:
     """Read one file and write its arrays to the standard output."""
-    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_READING, LONGEST_READING))
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    longest = math.ceil(_longest_reading(Path(sys.argv[1])))
+    resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
+    memory = MOST_MEMORY + MEMORY_OF_A_BYTE * Path(sys.argv[1]).stat().st_size
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     import ezc3d
 
     try:
