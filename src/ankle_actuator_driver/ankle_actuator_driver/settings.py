@@ -12,7 +12,7 @@ LINK = Quantity(
     "link",
     default="udp",
     choices=link_names(),
-    description="How the rig is reached: a module of ankle_actuator_driver.link.",
+    description="Line to the rig: a module of ankle_actuator_driver.link.",
     start_only=True,
 )
 KEY_FILE = Quantity(
@@ -62,8 +62,8 @@ REFERENCE_DELAY = Quantity(
     1.0,
     0.0,
     description=(
-        "How much later than its own time the reference is followed, for a source that does not "
-        "send it ahead of its time (perturbation_generator.lead does)."
+        "Delay after its own time with which the reference is followed, for a source that does "
+        "not send it ahead of its time (perturbation_generator.lead does)."
     ),
     start_only=True,
 )

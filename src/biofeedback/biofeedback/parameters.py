@@ -27,8 +27,8 @@ TOKEN = Quantity(
     "token",
     default="",
     description=(
-        "Of the operator, at least 16 characters; entered once at /enter. The subject's screen has "
-        "one of its own, in the file of addresses that the node writes."
+        "Access token of the operator, at least 16 characters; entered once at /enter. The "
+        "subject's screen has one of its own, in the file of addresses that the node writes."
     ),
     start_only=True,
 )
@@ -44,7 +44,7 @@ KEY = Quantity(
 LANGUAGE = Quantity(
     "language",
     default="en",
-    description="Of the subject's screen: en, nl, de or fr.",
+    description="Language of the subject's screen: en, nl, de or fr.",
     start_only=True,
 )
 PROTOCOL = Quantity(
@@ -80,7 +80,7 @@ BODY_MASS = Quantity(
     0.0,
     300.0,
     0.0,
-    description="Of the subject, for K and G by body mass on the operator's page; 0: not stated.",
+    description="Body mass, for K and G by it on the operator's page; 0: not stated.",
     start_only=True,
 )
 RIG_FILE = Quantity(
@@ -122,7 +122,7 @@ STATE_FILE = Quantity(
     "state_file",
     default="",
     description=(
-        "Where progress is kept for a restart; empty: ~/.local/state/ankle/biofeedback_PORT.json."
+        "File of the progress, for a restart; empty: ~/.local/state/ankle/biofeedback_PORT.json."
     ),
     start_only=True,
 )

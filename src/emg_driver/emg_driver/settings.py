@@ -56,7 +56,7 @@ PROCESSING = (
         "onset_source",
         default="auto",
         description=(
-            "Where onsets come from; auto: commanded ones at the time when the plate moved, and "
+            "Source of the onsets; auto: commanded ones at the time when the plate moved, and "
             "measured velocity alone while there is no command."
         ),
         choices=ONSET_SOURCES,
@@ -110,7 +110,9 @@ PROCESSING = (
 )
 
 ELECTRODES = (
-    Quantity("mains_frequency", "Hz", 45.0, 65.0, 50.0, description="Of the local power line."),
+    Quantity(
+        "mains_frequency", "Hz", 45.0, 65.0, 50.0, description="Frequency of the local power line."
+    ),
     Quantity(
         "hum_share",
         "1",
@@ -165,7 +167,7 @@ BRIDGE = (
     Quantity(
         "channels",
         default="SOL=SOL,TA=TA,GL=GL,GM=GM",
-        description="Where each muscle is: MUSCLE=label or MUSCLE=index, counted from 0.",
+        description="Channel of each muscle: MUSCLE=label or MUSCLE=index, counted from 0.",
         start_only=True,
     ),
     Quantity(

@@ -18,7 +18,7 @@ LEAD = Quantity(
     0.0,
     1.0,
     0.0,
-    description="How long before the time of its last sample a block is published.",
+    description="Time from the publication of a block to its last sample.",
     start_only=True,
 )
 READERS = Quantity(

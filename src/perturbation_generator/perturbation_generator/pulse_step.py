@@ -85,7 +85,7 @@ class PulseStep(StepSequence):
         Quantity(
             "pulse_step.balanced",
             default=False,
-            description="As many pulses as steps in each group of 20 blocks.",
+            description="Whether each group of 20 blocks has as many pulses as steps.",
             start_only=True,
         ),
     )

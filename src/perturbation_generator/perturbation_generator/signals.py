@@ -25,7 +25,7 @@ SIGNALS: dict[str, type[Signal]] = {
 SIGNAL = Quantity(
     "signal",
     default=PulseStep.name,
-    description="Which perturbation.",
+    description="Kind of the perturbation.",
     choices=tuple(SIGNALS),
     start_only=True,
 )

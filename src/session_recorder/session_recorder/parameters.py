@@ -69,7 +69,7 @@ TIMEOUT = Quantity(
     0.0,
     3600.0,
     30.0,
-    description="How long to wait for them.",
+    description="Longest wait for the readers.",
     start_only=True,
 )
 PATIENCE = Quantity(
@@ -78,7 +78,7 @@ PATIENCE = Quantity(
     0.1,
     3600.0,
     30.0,
-    description="How long a reader may take for one block before the replay gives up.",
+    description="Longest time that a reader may take for one block; then the replay gives up.",
     start_only=True,
 )
 
