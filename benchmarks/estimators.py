@@ -19,11 +19,14 @@ from pathlib import Path
 import numpy as np
 import padasip
 
+from ankle_physics.model import Model
 from ankle_physics.virtual_rig import Recording, simulate
 from impedance_estimator.algorithms import ALGORITHMS, make_estimator
+from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.settings import Settings as CorrelationSettings
 from impedance_estimator.simultaneous.regression import INTRINSIC
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
+from impedance_estimator.stream import EstimateStream
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
@@ -35,6 +38,25 @@ SECONDS, SETTLED = 60.0, 20.0
 """[s] simulated, and from when on times count: memories are full."""
 FORGETTING = 0.9998
 """Per sample at 256 Hz: a memory of 20 s, as the simultaneous estimator's."""
+
+
+ADDITIONAL_TERMS = (
+    "maxwell_relaxation",
+    "coulomb_friction",
+    "short_range_stiffness",
+    "hardening_stiffness",
+    "asymmetric_damping",
+    "long_latency_reflex",
+)
+"""Of a calibrated subject, beside inertia, viscosity, stiffness and reflex."""
+
+
+def subject() -> KnownPhysics:
+    """A calibrated subject with `ADDITIONAL_TERMS`, whose reflex is followed in size alone."""
+    core = ("inertia", "viscosity", "stiffness", "reflex")
+    model = Model.of({name: {} for name in (*core, *ADDITIONAL_TERMS)})
+    model.entry("reflex").standard_errors = {"G": 0.5}
+    return KnownPhysics(subject=model)
 
 
 def recording(rate: float) -> Recording:
@@ -123,6 +145,18 @@ def main() -> None:
         recursive_least_squares(samples),
         ours["simultaneous"],
     )
+
+    for name, stream in (
+        ("stream of simultaneous", EstimateStream()),
+        (f"with {len(ADDITIONAL_TERMS)} additional terms", EstimateStream(known=subject())),
+    ):
+        times = block_times(
+            lambda piece, stream=stream: stream.feed_samples(piece, True, piece[:, 1]),  # type: ignore[misc]
+            samples,
+            BLOCK,
+            RATE,
+        )
+        row(f"{name}, {100.0 * np.mean(times) * RATE / BLOCK:.2f} % of real time", times)
 
     print("Block size at 2048 Hz: median per block, and per sample")
     for block in (8, 32, 128, 512, 2048):

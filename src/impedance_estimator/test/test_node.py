@@ -19,7 +19,9 @@ from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.block import Block, pack, unpack
 from ankle_node.node import BLOCK_QOS
+from ankle_physics.model import Model
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, REFLEX_COLUMNS
+from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
 
@@ -50,10 +52,11 @@ class Laboratory:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.publisher = self.node.create_publisher(Float64MultiArray, "/ankle/samples", BLOCK_QOS)
-        self.estimates, self.responses, self.health = [], [], []
+        self.estimates, self.responses, self.tracked, self.health = [], [], [], []
         for topic, target in (
             ("/impedance/estimate", self.estimates),
             ("/impedance/reflex_irf", self.responses),
+            ("/impedance/tracked", self.tracked),
         ):
             self.node.create_subscription(
                 Float64MultiArray,
@@ -141,6 +144,34 @@ def test_node_gives_the_numbers_of_the_file(start, minute):
     laboratory.until(lambda: len(laboratory.responses) == len(expected.responses))
     assert laboratory.responses[-1].columns == REFLEX_COLUMNS
     np.testing.assert_array_equal(laboratory.responses[-1].data, expected.responses[-1][1])
+
+
+def test_tracked_gains_are_sent_as_the_file_gives_them(start, minute, tmp_path):
+    model = Model.of(
+        {
+            "inertia": {"I": 0.0137},
+            "viscosity": {"B": 0.63},
+            "stiffness": {"K": 100.0},
+            "reflex": {"G": 10.0},
+            "maxwell_relaxation": {"k": 20.0},
+        }
+    )
+    model.entry("maxwell_relaxation").tracked = True
+    model.save(tmp_path / "subject.yaml")
+    laboratory = start("algorithm:=CE", "settling_time:=3.0", f"model:={tmp_path}/subject.yaml")
+    # The gains are stated from ten seconds on.
+    samples = minute.samples()[: 32 * 720]
+    laboratory.send(blocks_of(samples))
+    known = KnownPhysics(subject=Model.load(tmp_path / "subject.yaml"))
+    settings = Settings(settling_time=3.0)
+    expected = estimate_signal(*samples.T, "CE", settings, known=known).tracked
+    laboratory.until(lambda: len(laboratory.tracked) == len(expected))
+    columns = ("maxwell_relaxation.k[N.m/rad]", "se_maxwell_relaxation.k[N.m/rad]")
+    assert laboratory.tracked[-1].columns == ("t[s]", *columns)
+    rows = np.concatenate([block.data for block in laboratory.tracked])
+    np.testing.assert_array_equal(rows, expected)
+    # That subject's tissue does not relax: a calibrated 20 N.m/rad is found to be none.
+    assert abs(rows[-1, 1]) < 4.0 * rows[-1, 2] + 2.0
 
 
 def test_parameters_reasons_and_bad_blocks_at_run_time(start, minute):
