@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
@@ -44,6 +45,8 @@ RIG_FILE, SUBJECT_FILE, FAILURE_FILE = "rig.yaml", "subject.yaml", "failure.txt"
 TABLE, RESULTS = "calibrated.md", "estimates"
 UNCALIBRATED, WITH_RIG, WITH_BOTH = "none", "rig", "rig and session"
 GAINS = {"K": "K[N.m/rad]", "G": "G[N.m.s/rad]"}
+RESAMPLES = 2000
+"""Of the recordings, for the interval of a median."""
 SNAPSHOTS = (45.0, 60.0)
 """[s] Standard errors are judged at these times of the second part."""
 
@@ -168,12 +171,48 @@ def report(results: list[dict[str, Any]], command: str) -> str:
         for label, chosen in (("no mismatch", nulls), ("one effect", effects), ("all", results)):
             if chosen:
                 lines.append(f"| {name} | {label} ({len(chosen)}) | {_row(chosen, name)} |")
+    lines += ["", *_intervals(results)]
     lines += ["", "Each recording: error of K and G [%] without, with the rig's, with both files."]
     lines += ["", "| effect | servo | K | G | terms of the session beside the core |"]
     lines += ["| --- | --- | --- | --- | --- |"]
     for result in sorted(results, key=lambda r: str(r["effect"])):
         lines.append(_case(result))
     return "\n".join(lines) + "\n"
+
+
+def _intervals(results: list[dict[str, Any]]) -> list[str]:
+    """Return the table of all recordings with 95 % intervals."""
+    lines = [
+        "All recordings with 95 % intervals: median error of K and G [%], from resampled "
+        "recordings; share of recordings [%] in which the truth lies within 1.96 standard errors at every "
+        "snapshot, from the binomial distribution.",
+        "",
+        "| calibrated | K | G | covered K | covered G |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    random = np.random.default_rng(0)
+    chosen = random.integers(len(results), size=(RESAMPLES, len(results)))
+    for name in (UNCALIBRATED, WITH_RIG, WITH_BOTH):
+        sizes = np.abs([signed_errors(r, name) for r in results])
+        medians = np.median(sizes[chosen], axis=1)
+        cells = [
+            f"{np.median(sizes[:, k]):.1f} [{low:.1f}, {high:.1f}]"
+            for k, (low, high) in enumerate(np.quantile(medians, [0.025, 0.975], axis=0).T)
+        ]
+        for k in range(2):
+            held = [
+                all(abs(s[k] - r["truth"][k]) <= WIDTH * s[2 + k] for s in snapshots)
+                for r in results
+                if (snapshots := r["estimates"][name]["snapshots"])
+            ]
+            if not held:
+                cells.append("-")
+                continue
+            interval = stats.binomtest(sum(held), len(held)).proportion_ci(method="exact")
+            share, low, high = (100.0 * x for x in (np.mean(held), interval.low, interval.high))
+            cells.append(f"{share:.0f} [{low:.0f}, {high:.0f}] of {len(held)}")
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return lines
 
 
 def signed_errors(result: dict[str, Any], name: str) -> np.ndarray:

@@ -43,6 +43,15 @@ def test_the_table_counts_errors_coverage_and_flags():
     assert any("| tendon weak | stiff | +30 / +30 / +30 |" in line for line in lines)
 
 
+def test_intervals_are_over_recordings():
+    results = [result("tendon", 0.02, True, 0.0) for _ in range(9)]
+    lines = report([*results, result("maxwell", -0.40, False, 0.1)], "command").splitlines()
+    row = [line for line in lines if line.startswith(f"| {WITH_RIG} |")][-1]
+    cells = [cell.strip() for cell in row.split("|")[2:-1]]
+    # Clopper & Pearson: 9 of 10.
+    assert cells == ["2.0 [2.0, 2.0]", "2.0 [2.0, 2.0]", *["90 [55, 100] of 10"] * 2]
+
+
 def test_what_was_not_estimated_counts_as_an_error_of_all():
     missing = result("maxwell", 0.0, True, 0.0)
     missing["estimates"][WITH_BOTH] = {"value": [np.nan, np.nan], "snapshots": []}
