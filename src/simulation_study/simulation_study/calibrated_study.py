@@ -184,8 +184,8 @@ def _intervals(results: list[dict[str, Any]]) -> list[str]:
     """Return the table of all recordings with 95 % intervals."""
     lines = [
         "All recordings with 95 % intervals: median error of K and G [%], from resampled "
-        "recordings; share of recordings [%] in which the truth lies within 1.96 standard errors at every "
-        "snapshot, from the binomial distribution.",
+        "recordings; share of recordings [%] in which the truth lies within 1.96 standard errors "
+        "at every snapshot, from the binomial distribution.",
         "",
         "| calibrated | K | G | covered K | covered G |",
         "| --- | --- | --- | --- | --- |",
