@@ -3,6 +3,7 @@ for the clock; live ones in which nothing is due at a time (``untimed``) one by 
 the rest beside them in the others, with less right to the cores.
 """
 
+import ast
 import json
 import os
 from collections import Counter
@@ -16,7 +17,8 @@ from xdist.scheduler import LoadScopeScheduling
 from ankle_node.domain import take_free_domain
 
 BESIDE = 19  # niceness: a computation must not make a graph late that runs in real time
-FAILED = Path(__file__).parent / "build" / "failed_tests.json"
+ROOT = Path(__file__).parent
+FAILED = ROOT / "build" / "failed_tests.json"
 MOST_REPEATED = 5  # failed live tests; more of them are no accident of a busy computer
 
 if "PYTEST_XDIST_WORKER" in os.environ:
@@ -45,20 +47,41 @@ def pytest_configure(config):
     settings.load_profile("untimed")
 
 
+def group_of(marks):
+    """Return the group of live tests that marks belong to, or nothing."""
+    live = "pytest.mark.live" in marks
+    return "untimed" if live and "pytest.mark.untimed" in marks else "live" if live else ""
+
+
 @cache
-def group(path):
-    """Return the group of live tests that a module belongs to, or nothing."""
+def groups(path):
+    """Return the group of a module's tests, and those of the tests that have marks of their own."""
     text = Path(path).read_text()
-    live = "pytest.mark.live" in text
-    return "untimed" if live and "pytest.mark.untimed" in text else "live" if live else ""
+    if "pytest.mark.live" not in text:
+        return "", {}
+    body = ast.parse(text).body
+    whole = "".join(
+        ast.unparse(one.value)
+        for one in body
+        if isinstance(one, ast.Assign) and ast.unparse(one.targets[0]) == "pytestmark"
+    )
+    tests = [one for one in body if isinstance(one, ast.FunctionDef)]
+    marks = {one.name: "".join(map(ast.unparse, one.decorator_list)) for one in tests}
+    return group_of(whole), {name: group_of(whole + own) for name, own in marks.items()}
+
+
+def group(path, name):
+    """Return the group of live tests that a test belongs to, or nothing."""
+    whole, own = groups(path)
+    return own.get(name.partition("[")[0], whole)
 
 
 class LiveTogether(LoadScopeScheduling):
     """Hands out modules whole, so that their fixtures are made once; a live group is one."""
 
     def _split_scope(self, nodeid):
-        path = nodeid.split("::")[0]
-        return group(path) or path
+        path, _, name = nodeid.partition("::")
+        return group(ROOT / path, name) or path
 
 
 def pytest_xdist_make_scheduler(config, log):
@@ -71,7 +94,7 @@ def pytest_collection_modifyitems(config, items):
     """Put the groups of live tests first: they take longest, and nothing shortens their waiting."""
     if config.getoption("--failed-live"):
         items[:] = failed_live(items)
-    items.sort(key=lambda item: ("live", "untimed", "").index(group(item.path)))
+    items.sort(key=lambda item: ("live", "untimed", "").index(group(item.path, item.name)))
 
 
 def failed_live(items):
