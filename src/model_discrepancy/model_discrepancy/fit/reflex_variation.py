@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.fitter import Fit, Fitter
 
 # After the plate's last movement the joint is at rest again.
@@ -19,6 +20,8 @@ USUAL_REFLEX_VARIATION = 0.5
 # The response of one stretch, from the reflex' delay on.
 _RESPONSE_S = 0.3
 _FEWEST_STRETCHES = 10
+# Family of terms that answer by themselves, each after a delay of its own.
+FURTHER_ARCS = "further reflex arc"
 # Responses that overlap more than this (a multisine's) do not tell which stretch differs in what.
 _LEAST_COMPLETE = 0.9
 # Of the highest velocity, at which a stretch begins.
@@ -65,8 +68,7 @@ def reflex_variation(fitter: Fitter, fit: Fit) -> ReflexVariation:
     if reflex is None or reflex["G"] <= 0.0:
         return none
     rows = fitter.rows
-    spectra = fitter.columns.spectra(fit.values)
-    torque = reflex["G"] * spectra["reflex", "G"]
+    torque = _stretch_reflex(fitter, fit)
     response, plain = rows.whitened(torque), rows.plain(torque)
     later = -rows.rate * np.gradient(response)  # by one second
     residual, varying = fit.residual.copy(), np.zeros(rows.count)
@@ -95,6 +97,21 @@ def reflex_variation(fitter: Fitter, fit: Fit) -> ReflexVariation:
         return ReflexVariation(spread, residual, varying)
     timing = _spread(time - np.average(time, weights=timing_power), timing_power, noise)
     return ReflexVariation(spread, residual, varying, _serial(size, power, noise), timing)
+
+
+def _stretch_reflex(fitter: Fitter, fit: Fit) -> np.ndarray:
+    """Return the spectrum of the torque of the reflex and of what changes its gain.
+
+    A term that follows activation or position takes a part of the reflex' own gain, so that what is
+    left of that alone is no measure of the reflex.
+    """
+    library = term_library()
+    parts = [
+        fit.values[name][symbol] * spectrum
+        for (name, symbol), spectrum in fitter.columns.spectra(fit.values).items()
+        if library[name].place is Place.REFLEX_DYNAMICS and library[name].family != FURTHER_ARCS
+    ]
+    return np.sum(parts, axis=0)
 
 
 def _responses(fitter: Fitter, delay: float) -> Iterator[tuple[int, int]]:
