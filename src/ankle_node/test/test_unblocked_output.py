@@ -12,7 +12,9 @@ import pytest
 
 from ankle_node.unblocked_output import PIPE_SIZE
 
-LINES, LONGEST_PAUSE = 400, 2.0
+# A thread that holds the lock of Python until somebody reads does so as long as the test waits; a
+# busy computer makes a pause of some seconds.
+LINES, LONGEST_PAUSE = 400, 20.0  # s
 SMALL_PIPE = 4096  # bytes
 assert SMALL_PIPE < LINES * 80 < PIPE_SIZE
 PROGRAM = f"""

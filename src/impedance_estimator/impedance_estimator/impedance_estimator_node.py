@@ -44,7 +44,7 @@ from impedance_estimator.parameters import (
     settings_from,
 )
 from impedance_estimator.provenance import provenance
-from impedance_estimator.stream import EstimateStream, compile_estimator
+from impedance_estimator.stream import Estimates, EstimateStream, compile_estimator
 
 
 class ImpedanceEstimator(AnkleNode):
@@ -87,6 +87,9 @@ class ImpedanceEstimator(AnkleNode):
 
     def _receive_reference(self, block: Block, findings: list[Finding]) -> None:
         self._live.feed_reference(block)
+        due, taken_over = self._live.release()
+        if len(due.rows) or due.notes:
+            self._publish(due, taken_over)
 
     def _make_stream(self, values: dict[str, Value]) -> EstimateStream:
         try:
@@ -136,6 +139,9 @@ class ImpedanceEstimator(AnkleNode):
             self.get_logger().error(f"{ANKLE_SAMPLES.name}: {error}", throttle_duration_sec=5.0)
             self.health("samples", ERROR, str(error))
             return
+        self._publish(due, taken_over)
+
+    def _publish(self, due: Estimates, taken_over: bool) -> None:
         for note in due.notes:
             self.get_logger().info(note)
         for row in due.rows:

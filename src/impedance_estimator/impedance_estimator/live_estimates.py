@@ -93,9 +93,19 @@ class LiveEstimates:
         if self._successor is None:
             return due, False
         self._ready = self._ready or self._prepare()
-        if not self._ready:
+        return self._choose(due, lambda successor: successor.feed(block))
+
+    def release(self) -> tuple[Estimates, bool]:
+        """Return what became due by a block of the reference, as `feed` does."""
+        return self._choose(self.stream.release(), lambda successor: successor.release())
+
+    def _choose(
+        self, due: Estimates, advance: Callable[[EstimateStream], Estimates]
+    ) -> tuple[Estimates, bool]:
+        """Return what the present stream gives, or the successor's where that takes over."""
+        if self._successor is None or not self._ready:
             return due, False
-        theirs = self._successor.feed(block)
+        theirs = advance(self._successor)
         valid = bool(np.any(theirs.rows[:, _VALID] > 0.0))
         if not valid and self.stream.estimator is not None:
             return due, False

@@ -38,6 +38,11 @@ class ReferenceTrack:
         self._positions = np.concatenate([self._positions[kept], positions])
         self._expected = True
 
+    @property
+    def held(self) -> int:
+        """Return the number of values in a row of the samples that wait; 0 where none does."""
+        return self._held[0].shape[1] if self._held else 0
+
     def join(self, samples: np.ndarray) -> np.ndarray:
         """Return samples that are ready, with the reference's position as their last column.
 

@@ -194,6 +194,16 @@ class EstimateStream:
             columns = require_columns(block, (POSITION,), REFERENCE_TOPIC).data
             self._reference.feed_reference(columns[:, 0], columns[:, 1])
 
+    def release(self) -> Estimates:
+        """Return what becomes due of samples that waited for their reference, after a block of it.
+
+        The last samples of a stream have no later ones that would bring it to light.
+        """
+        columns = self._reference.held if self._reference is not None else 0
+        if self._reference is None or not columns or self._measured_velocity is None:
+            return _Parts().joined(len(self.tracked_columns))
+        return self._feed(self._reference.join(np.empty((0, columns))), self._measured_velocity)
+
     def feed_samples(
         self, samples: np.ndarray, measured_velocity: bool, reference: np.ndarray | None = None
     ) -> Estimates:

@@ -132,7 +132,7 @@ def test_any_sampling_rate_gives_the_same(simulate, rate, oversampling):
 
 def test_reflex_response_has_delay_and_shape_of_the_joint(simulate):
     recording = simulate(120.0, seed=4, snr=None)
-    lag, h = estimate(recording, highpass="all").responses[-1][1].T
+    lag, h, _ = estimate(recording, highpass="all").responses[-1][1].T
     # G w^2 / (s^2 + 2 z w s + w^2), delayed by 40 ms
     since, damped = np.maximum(lag - 0.040, 0.0), 21.0 * np.sqrt(1 - 0.8**2)
     expected = 10.0 * 21.0**2 / damped * np.exp(-0.8 * 21.0 * since) * np.sin(damped * since)

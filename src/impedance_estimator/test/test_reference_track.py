@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
+from ankle_interfaces.block import Block
+from impedance_estimator.live_estimates import LiveEstimates
 from impedance_estimator.reference_track import LARGEST_STEP, LONGEST_WAIT, ReferenceTrack
+from impedance_estimator.simultaneous.settings import SimultaneousSettings
+from impedance_estimator.stream import EstimateStream
 
 RATE = 1000.0
+SAMPLES = ("t[s]", "position[rad]", "torque[N.m]")
 
 
 def samples(first, last):
@@ -70,3 +75,24 @@ def test_a_gap_in_the_reference_is_no_reference():
     inside = (out[:, 0] > 0.2995) & (out[:, 0] < 0.5995)
     np.testing.assert_array_equal(missing, inside)
     assert LARGEST_STEP < 0.3
+
+
+def test_the_last_samples_give_estimates_when_their_reference_comes_after_them():
+    """A replay sends both topics at full speed, in either order, and nothing behind the last."""
+    rows = {}
+    for late in (False, True):
+        live, out = LiveEstimates(EstimateStream("simultaneous", SimultaneousSettings())), []
+        for first in range(0, 2048, 32):
+            time = np.arange(first, first + 32) / 2048.0
+            position = 0.01 * np.sin(20.0 * time)
+            block = Block(SAMPLES, np.column_stack([time, position, 5.0 * position]))
+            command = Block(("t[s]", "position[rad]"), np.column_stack([time, position]))
+            for given in (block, command) if late else (command, block):
+                if given is block:
+                    out.append(live.feed(block)[0].rows)
+                else:
+                    live.feed_reference(command)
+                    out.append(live.release()[0].rows)
+        rows[late] = np.concatenate(out)
+    assert len(rows[False]) == 64
+    np.testing.assert_array_equal(rows[True], rows[False])

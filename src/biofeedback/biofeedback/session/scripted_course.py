@@ -14,6 +14,7 @@ from typing import Any
 import aiohttp
 import numpy as np
 
+from biofeedback.live_signals import GOOD
 from biofeedback.session.scripted_session import LIMITS, ScriptedSession
 
 LARGEST_PUSH = 20.0
@@ -84,7 +85,9 @@ class ScriptedCourse(ScriptedSession):
                 if open_checks := [
                     check for check in state["checks"] if check["state"] not in ("done", "skipped")
                 ]:
-                    await self._check(page, open_checks[0], content["now"])
+                    # A rig that is still starting sends no samples that could be measured.
+                    if content["torque_quality"] == GOOD or self._ready_at is None:
+                        await self._check(page, open_checks[0], content["now"])
                     continue
                 asked = await self._lead(page, state, content, asked)
         raise RuntimeError("the node closed the connection")
