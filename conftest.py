@@ -116,6 +116,24 @@ def pytest_runtest_setup(item):
         os.setpriority(os.PRIO_PROCESS, 0, BESIDE)
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """A real Chromium, the system's; Playwright holds this thread's event loop as long as it is
+    open.
+    """
+    # Here, as a package whose tests only compute needs no browser.
+    from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    path = find_browser()
+    if path is None:
+        pytest.skip(MISSING)
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
+        yield found
+        found.close()
+
+
 def pytest_terminal_summary(terminalreporter):
     """Keep what failed, for `failed_live`, and say what was not tested, and why."""
     stats = terminalreporter.stats

@@ -48,7 +48,7 @@ ADDITIONAL_TERMS = (
     "asymmetric_damping",
     "long_latency_reflex",
 )
-"""Of a calibrated subject, beside inertia, viscosity, stiffness and reflex."""
+"""A calibrated subject has these terms beside inertia, viscosity, stiffness and reflex."""
 
 
 def subject() -> KnownPhysics:

@@ -2,7 +2,6 @@
 
 import pytest
 
-from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 from model_discrepancy.report.html_report import html_list, html_table, write_page
 from session_analysis import html_page
 
@@ -21,18 +20,6 @@ def write_diagnosis(path):
 def write_estimates(path):
     parts = [html_page.bullets([LONG]), html_page.table([HEAD, ROW])]
     path.write_text(html_page.page("Estimates", parts, interactive=False), encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    path = find_browser()
-    if path is None:
-        pytest.skip(MISSING)
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
-        yield found
-        found.close()
 
 
 @pytest.mark.parametrize("write", [write_diagnosis, write_estimates])

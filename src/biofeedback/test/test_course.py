@@ -217,7 +217,7 @@ def states_a_trend(course, logs):
 
 @pytest.mark.parametrize("correlation", [0.0, 0.6])
 def test_at_most_one_of_twenty_courses_without_a_change_ever_shows_a_trend(correlation):
-    """Of 60 subjects 3 may; with a rate of 5 %, more than 7 are seen once in 80 times."""
+    """Three of 60 subjects may show one; at a rate of 5 % more than 7 do in one of 80 studies."""
     course, random = load_course("down_training"), np.random.default_rng(11)
     logs = [wandering(course, correlation, random) for _ in range(60)]
     assert sum(states_a_trend(course, one) for one in logs) <= 7

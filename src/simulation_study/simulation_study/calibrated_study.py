@@ -46,7 +46,7 @@ TABLE, RESULTS = "calibrated.md", "estimates"
 UNCALIBRATED, WITH_RIG, WITH_BOTH = "none", "rig", "rig and session"
 GAINS = {"K": "K[N.m/rad]", "G": "G[N.m.s/rad]"}
 RESAMPLES = 2000
-"""Of the recordings, for the interval of a median."""
+"""The recordings are resampled so often for the interval of a median."""
 SNAPSHOTS = (45.0, 60.0)
 """[s] Standard errors are judged at these times of the second part."""
 

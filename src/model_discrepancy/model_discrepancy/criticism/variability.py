@@ -108,13 +108,11 @@ class Variability:
                 f"the torque holds a line at {self.line_hz:.1f} Hz that no movement makes: "
                 "pick-up or a vibration"
             )
-        if self.reflex is not None:
-            size, error = self.reflex
-            if size - 2.0 * error > USUAL_REFLEX_VARIATION:
-                found.append(
-                    f"the reflex varies by {100 * size:.0f} % from stretch to stretch, more than "
-                    f"the {100 * USUAL_REFLEX_VARIATION:.0f} % of a subject at rest"
-                )
+        if self.reflex is not None and _exceeds(self.reflex, USUAL_REFLEX_VARIATION):
+            found.append(
+                f"the reflex varies by {100 * self.reflex[0]:.0f} % from stretch to stretch, more "
+                f"than the {100 * USUAL_REFLEX_VARIATION:.0f} % of a subject at rest"
+            )
         found += self.unusual_reflex
         if self.variation > LEAST_VARIATION and self.varying_share > MATERIAL_SHARE:
             low, high = (1000 * side for side in self.window)
@@ -129,24 +127,23 @@ class Variability:
     def unusual_reflex(self) -> list[str]:
         """Return how the reflex changes in the course of time as no subject's at rest does."""
         found = []
-        if self.timing is not None:
-            jitter, error = self.timing
-            if jitter - 2.0 * error > USUAL_REFLEX_JITTER:
-                found.append(
-                    f"the reflex comes earlier and later from stretch to stretch by "
-                    f"{1000 * jitter:.1f} ms (standard deviation), more than the "
-                    f"{1000 * USUAL_REFLEX_JITTER:g} ms of a subject at rest"
-                )
-        if self.reflex is not None and self.serial is not None:
-            (size, of_size), (serial, of_serial) = self.reflex, self.serial
-            if size - 2.0 * of_size > MATERIAL_REFLEX_COURSE and serial > (
-                _SERIAL_ERRORS * of_serial
-            ):
-                found.append(
-                    f"the reflex is smaller and larger by {100 * size:.0f} % for several stretches "
-                    f"at a time (their sizes are correlated by {serial:.2f}): its excitability "
-                    "changes in the course of time"
-                )
+        if self.timing is not None and _exceeds(self.timing, USUAL_REFLEX_JITTER):
+            found.append(
+                f"the reflex comes earlier and later from stretch to stretch by "
+                f"{1000 * self.timing[0]:.1f} ms (standard deviation), more than the "
+                f"{1000 * USUAL_REFLEX_JITTER:g} ms of a subject at rest"
+            )
+        if (
+            self.reflex is not None
+            and self.serial is not None
+            and _exceeds(self.reflex, MATERIAL_REFLEX_COURSE)
+            and self.serial[0] > _SERIAL_ERRORS * self.serial[1]
+        ):
+            found.append(
+                f"the reflex is smaller and larger by {100 * self.reflex[0]:.0f} % for several "
+                f"stretches at a time (their sizes are correlated by {self.serial[0]:.2f}): its "
+                "excitability changes in the course of time"
+            )
         return found
 
     def content(self) -> dict[str, Any]:
@@ -164,6 +161,12 @@ class Variability:
             if self.timing is not None:
                 found["reflex_from_stretch_to_stretch"]["timing[s]"] = list(self.timing)
         return found
+
+
+def _exceeds(found: tuple[float, float], limit: float) -> bool:
+    """Tell whether a value exceeds a limit by more than two of its standard errors."""
+    value, error = found
+    return value - 2.0 * error > limit
 
 
 def variability(fitter: Fitter, fit: Fit) -> Variability:
