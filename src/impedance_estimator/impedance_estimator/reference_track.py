@@ -38,11 +38,6 @@ class ReferenceTrack:
         self._positions = np.concatenate([self._positions[kept], positions])
         self._expected = True
 
-    @property
-    def held(self) -> int:
-        """Return the number of values in a row of the samples that wait; 0 where none does."""
-        return self._held[0].shape[1] if self._held else 0
-
     def join(self, samples: np.ndarray) -> np.ndarray:
         """Return samples that are ready, with the reference's position as their last column.
 
@@ -76,6 +71,14 @@ class ReferenceTrack:
         if ready and len(self._times):
             self._forget(times[ready - 1])
         return joined
+
+    def release(self) -> np.ndarray:
+        """Return held samples whose reference has come since, as `join` does: shape (j, k + 1), or
+        (0, 0) where none is held.
+        """
+        if not self._held:
+            return np.empty((0, 0))
+        return self.join(np.empty((0, self._held[0].shape[1])))
 
     def _at(self, times: np.ndarray) -> np.ndarray:
         if len(self._times) < 2 or not len(times):

@@ -199,10 +199,9 @@ class EstimateStream:
 
         The last samples of a stream have no later ones that would bring it to light.
         """
-        columns = self._reference.held if self._reference is not None else 0
-        if self._reference is None or not columns or self._measured_velocity is None:
+        if self._reference is None or self._measured_velocity is None:
             return _Parts().joined(len(self.tracked_columns))
-        return self._feed(self._reference.join(np.empty((0, columns))), self._measured_velocity)
+        return self._feed(self._reference.release(), self._measured_velocity)
 
     def feed_samples(
         self, samples: np.ndarray, measured_velocity: bool, reference: np.ndarray | None = None
