@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import os
 import subprocess
@@ -31,7 +32,7 @@ import aiohttp
 import numpy as np
 import rclpy
 from playwright.sync_api import sync_playwright
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rig import AFTERWARDS, STILL, Operator, line
 
 from ankle_bringup.browser_pages import free_port, wait_until_served
@@ -63,7 +64,12 @@ class Listener(Operator):
         super().__init__(node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        threading.Thread(target=executor.spin, daemon=True).start()
+
+        def hear() -> None:
+            with contextlib.suppress(ExternalShutdownException):
+                executor.spin()
+
+        threading.Thread(target=hear, daemon=True).start()
 
     def spin(self, seconds: float) -> None:
         """Wait."""

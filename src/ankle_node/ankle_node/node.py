@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -23,6 +22,7 @@ from ankle_interfaces.continuity import Continuity, Finding
 from ankle_interfaces.quantity import Quantity
 from ankle_interfaces.topics import DIAGNOSTICS, RIG_STATE, Topic
 from ankle_node import derived_topics
+from ankle_node.acknowledgement import Acknowledgement, Greetings
 from ankle_node.block_reader import BlockReader, Defect
 from ankle_node.health import ERROR, OK, WARN, Health
 from ankle_node.node_with_parameters import NodeWithParameters
@@ -31,11 +31,8 @@ from ankle_node.real_time import take_priority
 from ankle_node.running import STOP_POLL_PERIOD, run
 from ankle_node.sources import Sources
 
-__all__ = ["ACKNOWLEDGED", "BLOCK_QOS", "ERROR", "LATEST_QOS", "OK", "WARN", "AnkleNode", "run"]
+__all__ = ["BLOCK_QOS", "ERROR", "LATEST_QOS", "OK", "WARN", "AnkleNode", "run"]
 
-ACKNOWLEDGED = "/_acknowledged"
-"""Ending of the name of a topic's acknowledgements; the underscore hides it from ``ros2 topic
-list``."""
 DIAGNOSTICS_PERIOD = 1.0
 """[s] Time between two messages on ``/diagnostics``."""
 READERS_POLL_PERIOD = 0.05
@@ -146,7 +143,7 @@ class AnkleNode(NodeWithParameters):
         else:
             wanted = (*required, *optional)
         name = self.resolve_topic_name(topic.name)
-        acknowledge = self.acknowledger(topic.name)
+        acknowledgement = Acknowledgement(self, name)
         reader = BlockReader(
             name,
             wanted,
@@ -159,12 +156,19 @@ class AnkleNode(NodeWithParameters):
         def receive(message: bytes, info: MessageInfo) -> None:
             reader.take(message)
             self.count(f"{topic.name} missing samples", reader.continuity.missing)
-            acknowledge(info)
+            self.note_processed(acknowledgement, info)
 
         # rclpy passes the info to a callback of two arguments; its annotation knows one.
         with_info: Any = receive
         qos = reader_qos(topic)
-        self.create_subscription(Float64MultiArray, topic.name, with_info, qos, raw=True)
+        self.create_subscription(
+            Float64MultiArray,
+            topic.name,
+            with_info,
+            qos,
+            raw=True,
+            event_callbacks=acknowledgement.events,
+        )
         self.watch_publishers(topic.name)
         return reader.continuity
 
@@ -186,27 +190,14 @@ class AnkleNode(NodeWithParameters):
         self.get_logger().error(sentence, throttle_duration_sec=10.0)
         self.health(f"{topic} publishers", ERROR, sentence)
 
-    def acknowledger(self, topic: str) -> Callable[[MessageInfo], None]:
-        """Make a function to call with the info of each message that this node has processed.
-
-        DDS confirms that a message reached the reader's queue, not that the reader got to it: a
-        replay at full speed would overrun the queue of 64 if it did not hear this. The message says
-        who reads, and when the message that it got to was sent [ns].
-        """
-        publisher = self.create_publisher(
-            String, self.resolve_topic_name(topic) + ACKNOWLEDGED, LATEST_QOS
-        )
-        reader = f"{self.get_fully_qualified_name()} {os.getpid()}-{id(publisher)}"
-
-        def acknowledge(info: MessageInfo) -> None:
-            self._last_block = (info["source_timestamp"], time.monotonic())
-            publisher.publish(String(data=f"{reader} {info['source_timestamp']}"))
-
-        return acknowledge
+    def note_processed(self, acknowledgement: Acknowledgement, info: MessageInfo) -> None:
+        """Tell the publisher that a message, with this info of rclpy's, is processed."""
+        self._last_block = (info["source_timestamp"], time.monotonic())
+        acknowledgement.processed(info["source_timestamp"])
 
     def when_read(self, topic: Topic, readers: int, begin: Callable[[], None]) -> None:
-        """Call `begin` once as many readers are connected to a block topic of this node; at once
-        for 0.
+        """Call `begin` once as many readers are connected to a block topic of this node, and those
+        that greet have found it, too; at once for 0.
 
         A graph whose nodes start in any order loses no block at its beginning when each node takes
         its input only after its own output is read.
@@ -215,14 +206,16 @@ class AnkleNode(NodeWithParameters):
             begin()
             return
         publisher = self._block_publishers[topic.name]
+        greetings = Greetings(self, self.resolve_topic_name(topic.name))
         asked_at = time.monotonic()
         reported = False
 
         def look() -> None:
             nonlocal reported
-            connected = publisher.get_subscription_count()
+            connected = publisher.get_subscription_count() - greetings.missing
             if connected >= readers:
                 timer.cancel()
+                greetings.close()
                 begin()
             elif time.monotonic() - asked_at > READERS_PATIENCE:
                 waiting = f"waiting for {readers} readers, {connected} connected"

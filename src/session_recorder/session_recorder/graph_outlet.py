@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSHistoryPolicy, QoSProfile
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
 from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_interfaces.topics import CLOCK
-from ankle_node.node import ACKNOWLEDGED, LATEST_QOS
+from ankle_node.acknowledgement import ACKNOWLEDGED, EVERY_READER_QOS, read_acknowledgement
 from ankle_node.qos import publisher_qos
 from ankle_node.sources import publishers, readers
 from session_recorder.bag_reader import BagReader
@@ -40,13 +39,13 @@ class Connections:
         Full names of the nodes that read.
     open_links
         Links that are not up yet.
-    reporting
-        Readers that report how far they are.
+    silent
+        Readers that are not known to report how far they are.
     """
 
     nodes: frozenset[str]
     open_links: int
-    reporting: int
+    silent: int
 
 
 class GraphOutlet:
@@ -94,15 +93,11 @@ class GraphOutlet:
 
     def _listen(self, name: str) -> None:
         def receive(message: String) -> None:
-            reader, _, stamp = message.data.rpartition(" ")
-            self.flows[name].acknowledged(reader, int(stamp))
+            self.flows[name].acknowledged(*read_acknowledgement(message))
 
-        qos = QoSProfile(
-            history=QoSHistoryPolicy.KEEP_ALL,
-            reliability=LATEST_QOS.reliability,
-            durability=LATEST_QOS.durability,
+        self._node.create_subscription(
+            String, self._acknowledged_topic(name), receive, EVERY_READER_QOS
         )
-        self._node.create_subscription(String, self._acknowledged_topic(name), receive, qos)
 
     def send(self, topic: str, message: bytes) -> None:
         """Publish a recorded message."""
@@ -130,14 +125,15 @@ class GraphOutlet:
     def connections(self) -> Connections:
         """Return who reads the topics now."""
         nodes: set[str] = set()
-        missing = reporting = 0
+        missing = silent = 0
         for name, sender in self._senders.items():
             names = readers(self._node, sender.topic_name)
             nodes.update(names)
             missing += max(0, len(names) - sender.get_subscription_count())
             if name in self.flows:
-                reporting += self._node.count_publishers(self._acknowledged_topic(name))
-        return Connections(frozenset(nodes), missing, reporting)
+                reporting = self._node.count_publishers(self._acknowledged_topic(name))
+                silent += max(0, len(names) - reporting)
+        return Connections(frozenset(nodes), missing, silent)
 
     def settle(self) -> list[str]:
         """Wait from now on for the readers that report how far they are.

@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from ankle_interfaces.block import MESSAGE_TYPE
+from ankle_node.acknowledgement import Acknowledgement
 from ankle_node.node import AnkleNode, MessageInfo
 from session_recorder.errors import BagError
 from session_recorder.message_definitions import definition
@@ -58,12 +59,13 @@ class RawSubscriptions:
         except (ImportError, AttributeError) as error:
             raise BagError(str(error)) from None
         self.types[topic] = message_type
-        acknowledge = self._node.acknowledger(topic) if message_type == MESSAGE_TYPE else None
+        blocks = message_type == MESSAGE_TYPE
+        acknowledgement = Acknowledgement(self._node, topic) if blocks else None
 
         def store(message: bytes, info: MessageInfo) -> None:
             self._store(topic, message, info)
-            if acknowledge is not None:
-                acknowledge(info)
+            if acknowledgement is not None:
+                self._node.note_processed(acknowledgement, info)
 
         def receive(message: bytes, info: MessageInfo) -> None:
             store(message, info)
@@ -76,6 +78,7 @@ class RawSubscriptions:
             receive,  # type: ignore[arg-type]
             qos,
             raw=True,
+            event_callbacks=acknowledgement.events if acknowledgement is not None else None,
         )
         self._stores.append((subscription, store))
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from ankle_node.node import ACKNOWLEDGED, AnkleNode
+from ankle_node.acknowledgement import ACKNOWLEDGED
+from ankle_node.node import AnkleNode
 from session_recorder import bag_metadata
 from session_recorder.errors import BagError
 from session_recorder.raw_subscriptions import RawSubscriptions

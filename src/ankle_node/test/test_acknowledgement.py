@@ -1,0 +1,70 @@
+"""A publisher begins once its readers have found it, and not when it has found them alone."""
+
+import time
+
+import pytest
+import rclpy
+from std_msgs.msg import Float64MultiArray
+
+from ankle_interfaces.topics import IMPEDANCE_ESTIMATE
+from ankle_node.block_executor import BlockExecutor
+from ankle_node.node import AnkleNode
+from ankle_node.qos import BLOCK_QOS
+
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
+PATIENCE = 10.0  # s
+A_WHILE = 1.0  # s
+
+
+class Bench:
+    """A publisher that waits for one reader, and an executor for each node."""
+
+    def __init__(self):
+        self.publisher = AnkleNode("publisher", ())
+        self.reader = AnkleNode("reader", ())
+        self.executors = {}
+        for node in (self.publisher, self.reader):
+            self.executors[node] = BlockExecutor()
+            self.executors[node].add_node(node)
+        self.begun = False
+        self.publisher.block_publisher(IMPEDANCE_ESTIMATE)
+        self.publisher.when_read(IMPEDANCE_ESTIMATE, 1, self._begin)
+
+    def _begin(self):
+        self.begun = True
+
+    def spin(self, nodes, seconds):
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline and not self.begun:
+            for node in nodes:
+                self.executors[node].spin_once(timeout_sec=0.02)
+
+
+@pytest.fixture
+def bench():
+    rclpy.init()
+    made = Bench()
+    yield made
+    for executor in made.executors.values():
+        executor.shutdown()
+    made.publisher.destroy_node()
+    made.reader.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_publisher_waits_until_its_reader_has_found_it(bench):
+    bench.reader.block_subscription(IMPEDANCE_ESTIMATE, lambda block, findings: None)
+    # The reader's process does not run: it is connected, and does not say so.
+    bench.spin([bench.publisher], A_WHILE)
+    assert bench.publisher.count_subscribers("impedance/estimate") == 1
+    assert not bench.begun
+    bench.spin([bench.publisher, bench.reader], PATIENCE)
+    assert bench.begun
+
+
+def test_publisher_does_not_wait_for_a_greeting_of_others(bench):
+    bench.reader.create_subscription(
+        Float64MultiArray, "impedance/estimate", lambda message: None, BLOCK_QOS
+    )
+    bench.spin([bench.publisher], PATIENCE)
+    assert bench.begun
