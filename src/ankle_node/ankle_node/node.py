@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.block import Block, pack
 from ankle_interfaces.continuity import Continuity, Finding

@@ -35,8 +35,8 @@ PROGRESS_PERIOD = 2.0  # s
 # s in which both ends of a connection find each other (localhost: a few ms; longer on a busy
 # machine)
 SETTLING = 1.0
-# s; a reader that reports how far it is may not be known as such yet: Fast DDS announces again, after
-# 3 s, what was lost on the way.
+# s; a reader that reports how far it is may not be known as such yet: Fast DDS announces again,
+# after 3 s, what was lost on the way.
 SILENT_SETTLING = 4.0
 LATE = 0.5  # s behind the asked rate before it is reported
 
