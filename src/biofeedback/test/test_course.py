@@ -20,8 +20,9 @@ from biofeedback.session.course_session import CourseSession, TrialGate
 from biofeedback.session.course_trend import comparisons, error_rate, trend
 from biofeedback.session.protocol import BREAK
 from biofeedback.session.runner import SessionRunner
-from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Reading, Session
+from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Session
 from biofeedback.session.simulated_learner import Learner, SimulatedLearner, run_course
+from biofeedback.session.target import Reading
 
 SHIPPED = ("down_training", "up_training")
 

@@ -13,16 +13,8 @@ from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.session.axis_calibration import SMALLEST_BASELINE, BaselineCollector, torque_axis
 from biofeedback.session.guidance import Guidance, direction, instruction
 from biofeedback.session.protocol import BASELINE, BREAK, HOLD, PAPER, REACH, load_protocol
-from biofeedback.session.session_program import (
-    ARMED,
-    FINISHED,
-    IDLE,
-    PAUSED,
-    RUNNING,
-    Reading,
-    Session,
-    Target,
-)
+from biofeedback.session.session_program import ARMED, FINISHED, IDLE, PAUSED, RUNNING, Session
+from biofeedback.session.target import Reading, Target
 from session_analysis.holds import find_holds
 
 GOOD = Reading(80.0, 8.0, 0.3, True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from biofeedback.errors import CommandError
+from biofeedback.session.protocol import UNITS
 
 AXIS_END_RATIO = 2.2
 """Upper end of the feedback axis, as a multiple of the baseline: protocols ask for 0.4 to 1.7
@@ -62,6 +63,19 @@ class Baseline:
         """Return the ends of the feedback axis for ``K`` or ``G``."""
         unit, spread = self.of(symbol), self.K_spread if symbol == "K" else self.G_spread
         return 0.0, max(AXIS_END_RATIO * unit, unit + MIN_AXIS_DEVIATIONS * spread)
+
+    def region(self, symbol: str, level: float, half_width: float) -> tuple[float, float]:
+        """Return the region of ``K`` or ``G`` about a level; level and half width in baselines."""
+        unit = self.of(symbol)
+        return max((level - half_width) * unit, 0.0), max((level + half_width) * unit, 0.0)
+
+    def details(self) -> dict[str, float]:
+        """Return what a session event says of the baseline."""
+        measured = {f"{symbol}[{unit}]": self.of(symbol) for symbol, unit in UNITS.items()}
+        return {
+            name: round(value, 4)
+            for name, value in {**measured, "torque[N.m]": self.torque}.items()
+        }
 
 
 class BaselineCollector:

@@ -9,14 +9,8 @@ import math
 
 from biofeedback.session.conditioning import Conditioning
 from biofeedback.session.protocol import BASELINE, BREAK, CALIBRATION
-from biofeedback.session.session_program import (
-    FINISHED,
-    PAUSED,
-    RUNNING,
-    Reading,
-    Session,
-    Target,
-)
+from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Session
+from biofeedback.session.target import Reading, Target
 
 SETTLING_TIME = 0.7
 """[s] A hint that changes faster than a subject can read and react to it (about 0.25 s to see and

@@ -108,6 +108,17 @@ class Protocol:
         """Return the number of holds."""
         return max(step.hold for step in self.steps)
 
+    def trials_from(self, block: int) -> int:
+        """Return the index of the first step with trials of this block or a later one."""
+        return next(
+            (
+                index
+                for index, step in enumerate(self.steps)
+                if step.kind == TRIALS and step.block >= block
+            ),
+            len(self.steps) - 1,
+        )
+
     @property
     def calibrates(self) -> bool:
         """Tell whether a step calibrates the session before the baseline."""

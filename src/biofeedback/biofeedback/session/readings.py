@@ -14,7 +14,8 @@ from ankle_interfaces.topics import EMG_RESPONSES
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import GOOD, Snapshot
 from biofeedback.session.conditioning import Conditioning, Response, largest_activity
-from biofeedback.session.session_program import Reading, Session
+from biofeedback.session.session_program import Session
+from biofeedback.session.target import Reading
 from emg_driver.muscles import STRETCHED_BY
 
 Results = Mapping[str, Mapping[str, Any]]

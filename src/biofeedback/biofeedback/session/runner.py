@@ -41,16 +41,9 @@ from biofeedback.session.guidance import Guidance
 from biofeedback.session.protocol import CALIBRATION
 from biofeedback.session.readings import read
 from biofeedback.session.screen_axes import ScreenAxes
-from biofeedback.session.session_program import (
-    ARMED,
-    FINISHED,
-    IDLE,
-    PAUSED,
-    RUNNING,
-    Reading,
-    Session,
-)
+from biofeedback.session.session_program import ARMED, FINISHED, IDLE, PAUSED, RUNNING, Session
 from biofeedback.session.session_view import SessionView, hint_now, view_of
+from biofeedback.session.target import Reading
 
 TICK_RATE = 30.0
 """[Hz] The estimator's rate; a hold's end is then at most 33 ms late."""

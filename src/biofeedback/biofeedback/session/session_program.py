@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ankle_node.session_event import HOLD_ENDED, HOLD_STARTED, TORQUE_TARGET, SessionEvent
 from biofeedback.errors import CommandError
 from biofeedback.session.axis_calibration import LEAST_ROWS, Baseline, BaselineCollector
-from biofeedback.session.conditioning import Conditioning, Response, course_protocol
+from biofeedback.session.conditioning import Conditioning, course_protocol
 from biofeedback.session.course_session import CourseSession
+from biofeedback.session.hold_shares import HoldShares
+from biofeedback.session.progress import Progress, progress_from
 from biofeedback.session.protocol import (
     BASELINE,
     BREAK,
@@ -25,75 +26,16 @@ from biofeedback.session.protocol import (
     HOLD,
     REACH,
     TRIALS,
-    UNITS,
     Protocol,
     Step,
 )
+from biofeedback.session.target import Reading, Target, planned_target
 
 IDLE, ARMED, RUNNING, PAUSED, FINISHED = "idle", "armed", "running", "paused", "finished"
+STATES = (IDLE, ARMED, RUNNING, PAUSED, FINISHED)
 LONGEST_TICK = 1.0
 """[s] Longest step of the clock that counts: a longer one (this computer slept, a replay jumped) is
 no time in which the subject did something."""
-HIT_SHARE = 0.5
-"""Least share of a hold with the cursor in the target that makes it a hit: by chance alone a target
-of 0.3 baselines on an axis of 2.2 is met for a seventh of the time."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """Holds the values that the screen shows at one moment.
-
-    Attributes
-    ----------
-    K, G
-        Newest estimates [N.m/rad], [N.m.s/rad].
-    torque
-        The subject's torque [N.m] beside the baseline's.
-    valid
-        Whether the estimates are valid and no older than the screen allows.
-    activity
-        Of the muscle of a conditioning course [MVC].
-    responses
-        To perturbations, since the reading before.
-    """
-
-    K: float
-    G: float
-    torque: float
-    valid: bool
-    activity: float = math.nan
-    responses: tuple[Response, ...] = ()
-
-
-@dataclass(frozen=True)
-class Target:
-    """Describes the place where the cursor is wanted.
-
-    Attributes
-    ----------
-    feedback
-        ``K`` or ``G``, on the x-axis; ``reflex`` in a conditioning course of the EMG reflex.
-    torque
-        [N.m], y-axis.
-    torque_half_width
-        Of the band about it [N.m].
-    lower, upper
-        Region of the feedback in its unit; None where there is none.
-    """
-
-    feedback: str
-    torque: float
-    torque_half_width: float
-    lower: float | None
-    upper: float | None
-
-    def reached(self, reading: Reading) -> bool:
-        """Return whether a reading lies in band and region."""
-        value = reading.K if self.feedback == "K" else reading.G
-        within = self.lower is None or self.upper is None or self.lower <= value <= self.upper
-        return (
-            reading.valid and within and abs(reading.torque - self.torque) <= self.torque_half_width
-        )
 
 
 class Session:
@@ -120,11 +62,10 @@ class Session:
         Time since the start while running [s].
     baseline
         The relaxed subject, once it is known.
-    hold_share
-        Of the present or last hold, share of the time with valid estimates, and share within the
-        target.
+    hold_shares
+        Of the present or last hold.
     holds_done, hits
-        Completed holds, and how many of them were in the target for at least `HIT_SHARE`.
+        Completed holds, and how many of them were hits: see `HoldShares`.
     stop_reason
         Why the session was stopped last; empty before a stop and after the next start.
     """
@@ -148,28 +89,19 @@ class Session:
         self.elapsed = 0.0
         self.clock = 0.0
         self.baseline: Baseline | None = None
-        self.hold_share = (math.nan, math.nan)
+        self.hold_shares = HoldShares()
         self.holds_done = 0
         self.hits = 0
         self.stop_reason = ""
-        self._own: dict[str, Any] = {}
+        self._own: Target | None = None  # what the operator has set instead of the plan
         self._collector = BaselineCollector()
-        self._hold_time = [0.0, 0.0, 0.0]
         self._last: float | None = None
 
     def _first_step(self) -> int:
         """Return the first step that is not done: a course's session may have trials already."""
         if self.conditioning is None:
             return 0
-        block = self.conditioning.session.block
-        return next(
-            (
-                index
-                for index, step in enumerate(self.protocol.steps)
-                if step.kind == TRIALS and step.block >= block
-            ),
-            len(self.protocol.steps) - 1,
-        )
+        return self.protocol.trials_from(self.conditioning.session.block)
 
     @property
     def step(self) -> Step:
@@ -189,22 +121,9 @@ class Session:
     @property
     def target(self) -> Target:
         """Return the present target: the protocol's, with what the operator has set instead."""
-        step = self.step
-        lower = upper = None
-        if self.conditioning is not None:
-            lower, upper = self.conditioning.region() or (None, None)
-        if step.level is not None and self.baseline is not None:
-            unit = self.baseline.of(step.feedback)
-            lower, upper = (
-                max((step.level + sign * self.protocol.level_half_width) * unit, 0.0)
-                for sign in (-1, 1)
-            )
-        target = Target(
-            step.feedback, step.torque_target, self.protocol.torque_half_width, lower, upper
+        return self._own or planned_target(
+            self.step, self.protocol, self.baseline, self.conditioning
         )
-        if self._own.get("feedback", step.feedback) != step.feedback:
-            target = replace(target, lower=None, upper=None)
-        return replace(target, **self._own)
 
     def tick(self, now: float, reading: Reading) -> list[SessionEvent]:
         """Advance to `now`; return what happened meanwhile.
@@ -220,33 +139,22 @@ class Session:
         self._last = now
         if not 0.0 < passed <= LONGEST_TICK:
             return []
-        if self.step.kind == BREAK:
-            self.elapsed += passed
+        kind = self.step.kind
+        if self.state == RUNNING:
+            self.clock += passed
+        elif kind != BREAK:
             return []
-        if self.state != RUNNING:
-            return []
-        self.clock += passed
-        if self.step.kind == TRIALS:
+        if kind != BASELINE or reading.valid:
             self.elapsed += passed
+        if kind == TRIALS:
             return self._do_trials(now, reading)
-        if self.step.kind == CALIBRATION:
-            self.elapsed += passed
-            return []  # ends with the calibration, by `next`
-        if self.step.kind == BASELINE:
-            if reading.valid:
-                self.elapsed += passed
-                self._collector.add(reading.K, reading.G, reading.torque)
-        else:
-            self.elapsed += passed
-        if self.step.kind == HOLD:
-            self._hold_time[0] += passed
-            self._hold_time[1] += passed * reading.valid
-            self._hold_time[2] += passed * self.target.reached(reading)
-            self.hold_share = (
-                self._hold_time[1] / self._hold_time[0],
-                self._hold_time[2] / self._hold_time[0],
-            )
-        too_early = self.step.kind == BASELINE and len(self._collector) < LEAST_ROWS
+        if kind in (BREAK, CALIBRATION):
+            return []  # the operator starts again after a break; a calibration ends by `next`
+        if kind == BASELINE and reading.valid:
+            self._collector.add(reading.K, reading.G, reading.torque)
+        if kind == HOLD:
+            self.hold_shares.add(passed, reading.valid, self.target.reached(reading))
+        too_early = kind == BASELINE and len(self._collector) < LEAST_ROWS
         return self._go_on(now) if self.elapsed >= self.step.duration and not too_early else []
 
     def _do_trials(self, now: float, reading: Reading) -> list[SessionEvent]:
@@ -294,9 +202,7 @@ class Session:
         started = SessionEvent(
             "session started", now, {"block": self.step.block, "protocol": self.protocol.title}
         )
-        if self.step.kind == BREAK:
-            return [started, *self._enter(self.index + 1, now)]
-        return [started, *self._enter(self.index, now)]
+        return [started, *self._enter(self.index + (self.step.kind == BREAK), now)]
 
     def pause(self, now: float) -> list[SessionEvent]:
         """Interrupt the session; the present hold is cancelled.
@@ -395,38 +301,16 @@ class Session:
         CommandError
             A region whose lower end is not below the upper one.
         """
-        wanted = replace(self.target, **values)
         if self.conditioning is not None:
             raise CommandError("the course sets the target, from the subject's own reflexes")
-        if wanted.feedback != self.target.feedback and not {"lower", "upper"} & set(values):
-            wanted = replace(wanted, lower=None, upper=None)
-        if (wanted.lower is None) != (wanted.upper is None):
-            raise CommandError("a region needs both ends")
-        if (
-            wanted.lower is not None
-            and wanted.upper is not None
-            and not wanted.lower < wanted.upper
-        ):
-            raise CommandError(
-                f"the region's lower end {wanted.lower:g} is not below its upper end "
-                f"{wanted.upper:g}"
-            )
-        self._own = asdict(wanted)
+        self._own = self.target.changed(values)
         return [self._target_event(now)]
 
     def saved(self) -> dict[str, Any]:
         """Return what a restarted node needs to go on, ready for JSON."""
-        return {
-            "protocol": self.protocol.digest,
-            "state": self.state,
-            "index": self.index,
-            "elapsed": self.elapsed,
-            "clock": self.clock,
-            "baseline": None if self.baseline is None else asdict(self.baseline),
-            "own": self._own,
-            "holds_done": self.holds_done,
-            "hits": self.hits,
-        }
+        where = (self.state, self.index, self.elapsed, self.clock)
+        results = (self.baseline, self._own, self.holds_done, self.hits)
+        return Progress(self.protocol.digest, *where, *results).content()
 
     def resume(self, saved: Mapping[str, Any], now: float) -> list[SessionEvent]:
         """Continue from what `saved` gave. A hold that was going on is cancelled, because nobody
@@ -437,38 +321,14 @@ class Session:
         CommandError
             It is of another protocol, or damaged.
         """
-        if saved.get("protocol") != self.protocol.digest:
-            raise CommandError("the saved session followed another protocol")
-        try:
-            state, index = str(saved["state"]), int(saved["index"])
-            elapsed, clock = float(saved["elapsed"]), float(saved["clock"])
-            baseline = (
-                None
-                if saved["baseline"] is None
-                else Baseline(**{key: float(value) for key, value in saved["baseline"].items()})
-            )
-            own = dict(saved["own"])
-            holds_done, hits = int(saved.get("holds_done", 0)), int(saved.get("hits", 0))
-            if not 0 <= hits <= holds_done:
-                raise ValueError(f"{hits} hits of {holds_done} holds")
-            replace(Target("K", 0.0, 0.0, None, None), **own)
-            if state not in (IDLE, ARMED, RUNNING, PAUSED, FINISHED) or not 0 <= index < len(
-                self.protocol.steps
-            ):
-                raise ValueError(f"state {state}, step {index}")
-        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-            raise CommandError(f"the saved session is damaged: {error}") from None
-        if self.conditioning is not None:
-            index = self._first_step()  # what was done is in the course's own record
+        progress = progress_from(saved, self.protocol, STATES)
+        # What was done of a course is in its own record.
+        self.index = progress.index if self.conditioning is None else self._first_step()
         # An armed rig does not stay armed for a program that was away: arming is an explicit call.
-        self.state, self.index, self.elapsed, self.clock = (
-            (PAUSED if state == ARMED else state),
-            index,
-            elapsed,
-            clock,
-        )
-        self.baseline, self._own, self._last = baseline, own, now
-        self.holds_done, self.hits = holds_done, hits
+        self.state = PAUSED if progress.state == ARMED else progress.state
+        self.elapsed, self.clock, self._last = progress.elapsed, progress.clock, now
+        self.baseline, self._own = progress.baseline, progress.own
+        self.holds_done, self.hits = progress.holds_done, progress.hits
         events = [SessionEvent("screen restarted", now, {"state": self.state})]
         if self.state == RUNNING and self.step.kind in (HOLD, BASELINE):
             events += self._break_off(now, "screen restarted", RUNNING)
@@ -485,16 +345,7 @@ class Session:
         events: list[SessionEvent] = []
         if self.step.kind == BASELINE:
             self.baseline = self._collector.baseline()
-            details = {
-                f"{symbol}[{UNITS[symbol]}]": round(self.baseline.of(symbol), 4) for symbol in UNITS
-            }
-            events.append(
-                SessionEvent(
-                    "baseline measured",
-                    now,
-                    {**details, "torque[N.m]": round(self.baseline.torque, 4)},
-                )
-            )
+            events.append(SessionEvent("baseline measured", now, self.baseline.details()))
         elif self.step.kind == HOLD:
             events.append(self._hold_ended(now, completed))
         if self.index + 1 == len(self.protocol.steps):
@@ -504,7 +355,7 @@ class Session:
 
     def _enter(self, index: int, now: float) -> list[SessionEvent]:
         if self.protocol.steps[index].hold != self.step.hold:
-            self._own = {}
+            self._own = None
         self.index, self.elapsed = index, 0.0
         step = self.step
         if step.kind == BASELINE:
@@ -519,8 +370,8 @@ class Session:
             return [self._target_event(now)]
         if step.kind == TRIALS:
             return [SessionEvent("trials started", now, {"block": step.block})]
-        self._hold_time = [0.0, 0.0, 0.0]
-        return [SessionEvent(HOLD_STARTED, now, {"hold": step.hold, **self._target_details()})]
+        self.hold_shares = HoldShares()
+        return [self._target_event(now, HOLD_STARTED)]
 
     def _break_off(self, now: float, reason: str, state: str) -> list[SessionEvent]:
         """Leave `RUNNING` and what the step had gathered; a hold returns to its approach phase."""
@@ -536,32 +387,13 @@ class Session:
         return events
 
     def _hold_ended(self, now: float, completed: bool, reason: str = "skipped") -> SessionEvent:
-        shares = {
-            f"{name}[%]": round(100.0 * share, 1)
-            for name, share in zip(("valid", "in_target"), self.hold_share, strict=True)
-        }
-        shares = {name: share for name, share in shares.items() if math.isfinite(share)}
         if completed:
             self.holds_done += 1
-            self.hits += self.hold_share[1] >= HIT_SHARE
+            self.hits += self.hold_shares.is_hit
         broken = {} if completed else {"broken_off": reason}
-        return SessionEvent(
-            HOLD_ENDED,
-            now,
-            {"hold": self.step.hold, TORQUE_TARGET: self.target.torque, **shares, **broken},
-        )
+        target = {TORQUE_TARGET: self.target.torque}
+        details = {"hold": self.step.hold, **target, **self.hold_shares.details(), **broken}
+        return SessionEvent(HOLD_ENDED, now, details)
 
-    def _target_details(self) -> dict[str, Any]:
-        target = self.target
-        unit = UNITS[target.feedback]
-        details = {TORQUE_TARGET: target.torque, "feedback": target.feedback}
-        if target.lower is not None and target.upper is not None:
-            details.update(
-                {f"lower[{unit}]": round(target.lower, 4), f"upper[{unit}]": round(target.upper, 4)}
-            )
-        return details
-
-    def _target_event(self, now: float) -> SessionEvent:
-        return SessionEvent(
-            "target changed", now, {"hold": self.step.hold, **self._target_details()}
-        )
+    def _target_event(self, now: float, name: str = "target changed") -> SessionEvent:
+        return SessionEvent(name, now, {"hold": self.step.hold, **self.target.details()})

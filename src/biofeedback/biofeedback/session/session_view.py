@@ -17,7 +17,8 @@ from biofeedback.session.guidance import direction, instruction, trial_direction
 from biofeedback.session.protocol import Step
 from biofeedback.session.readings import rest_torque
 from biofeedback.session.screen_axes import ScreenAxes
-from biofeedback.session.session_program import RUNNING, Reading, Session, Target
+from biofeedback.session.session_program import RUNNING, Session
+from biofeedback.session.target import Reading, Target
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,10 @@ class SessionView:
 
     Attributes
     ----------
-    state, stop_reason, elapsed, remaining, clock, hold_share, holds_done, hits
+    state, stop_reason, elapsed, remaining, clock, holds_done, hits
         As of `Session`.
+    hold_share
+        Of the present or last hold: shares of its time with valid estimates, and in the target.
     baseline, target, step
         As of `Session`.
     rest_torque
@@ -107,7 +110,7 @@ def view_of(
         elapsed=session.elapsed,
         remaining=session.remaining,
         clock=session.clock,
-        hold_share=session.hold_share,
+        hold_share=(session.hold_shares.valid, session.hold_shares.in_target),
         holds_done=session.holds_done,
         hits=session.hits,
         baseline=session.baseline,
