@@ -197,7 +197,7 @@ class BiofeedbackNode(AnkleNode):
         try:
             found = saved_session.load(path, time.time(), self.number("resume_within"))
             if found is not None and saved_session.worth_resuming(found):
-                self._runner.resume(found)
+                self._runner.resume(found, time.monotonic())
                 self.get_logger().info(
                     f"continuing the session in {path}: {found['state']}, step {found['index'] + 1}"
                 )

@@ -58,7 +58,7 @@ class CalibratedSession:
             estimator=self.estimator,
             file_checks=file_checks,
         )
-        self.runner._read_file_checks(self.now)
+        self.runner.record(self.runner.checks.read_files(self.now))
         self.pass_time(0.1)
 
     def diagnose(self, at_once=False):
@@ -86,7 +86,8 @@ class CalibratedSession:
 
     @property
     def check(self):
-        return self.runner.checks.states[NAME], self.runner.checks.results[NAME]
+        checks = self.runner.checks.entries
+        return checks.states[NAME], checks.results[NAME]
 
 
 @pytest.fixture

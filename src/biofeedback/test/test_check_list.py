@@ -197,7 +197,7 @@ def test_nothing_is_measured_before_samples_are_received(tmp_path):
     command = Command(1, "check", {"check": "zero", "act": "begin"})
     with pytest.raises(CommandError, match="'Zero' cannot be measured: no samples of torque"):
         asyncio.run(virtual.runner.carry_out(command))
-    assert virtual.runner.checks.states["zero"] == OPEN
+    assert virtual.runner.checks.entries.states["zero"] == OPEN
     virtual.signals.feed_samples(np.full((1, 4), virtual.now), 2048.0, virtual.now)
     asyncio.run(virtual.runner.carry_out(command))
-    assert virtual.runner.checks.states["zero"] == RUNNING
+    assert virtual.runner.checks.entries.states["zero"] == RUNNING

@@ -187,7 +187,8 @@ def test_the_pages_of_a_conditioning_course(browser, tmp_path):
         trials.record(1e-6 * (1.0 + 0.1 * (number % 7)))
     laboratory = Laboratory(None, next_of_course=lambda: trials)
     laboratory.rig.present = False
-    laboratory.runner.checks.names, laboratory.runner.checks.states = (), {}
+    checks = laboratory.runner.checks.entries
+    checks.names, checks.states = (), {}
     operator, subject = browser.new_page(), browser.new_page()
     wrong = {}
     try:

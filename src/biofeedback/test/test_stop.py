@@ -12,16 +12,12 @@ from test_server import of_kind, operator, say, talk
 
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals
-from biofeedback.session import runner as runner_module
-from biofeedback.session import saved_session
+from biofeedback.session import rig_agreement, saved_session
 from biofeedback.session.commands import BURST, Command
 from biofeedback.session.drivers import NO_DRIVER, Drivers
-from biofeedback.session.runner import (
-    OPERATOR_TIMEOUT,
-    RESUME_PATIENCE,
-    WATCH_AFTER_LOST_ANSWER,
-    SessionRunner,
-)
+from biofeedback.session.operator_watch import OPERATOR_TIMEOUT
+from biofeedback.session.rig_agreement import RESUME_PATIENCE, WATCH_AFTER_LOST_ANSWER
+from biofeedback.session.runner import SessionRunner
 from biofeedback.session.session_program import IDLE, RUNNING, Session
 
 PERIOD = 1 / 30
@@ -189,7 +185,7 @@ def test_a_slow_disk_delays_nothing_but_the_file(tmp_path, monkeypatch):
 
 
 def test_a_start_without_an_answer_ends_in_a_stop_and_is_watched(virtual, monkeypatch):
-    monkeypatch.setattr(runner_module, "ANSWER_TIMEOUT", 0.05)
+    monkeypatch.setattr(rig_agreement, "ANSWER_TIMEOUT", 0.05)
     virtual.command("arm")
     virtual.rig.answers.clear()
     with pytest.raises(CommandError, match="no answer from the rig within"):
@@ -227,9 +223,7 @@ def test_a_resumed_session_follows_its_rig_at_once(virtual, tmp_path):
     saved = virtual.session.saved()
     again = VirtualSession(tmp_path)
     again.rig.state = "ready: stopped by its watchdog"
-    again.runner.resume(saved)
-    # The fixture's clock is virtual, the resumption is dated by the real one.
-    again.runner._rig_agreed_at = again.now
+    again.runner.resume(saved, again.now)
     again.pass_time(RESUME_PATIENCE + 0.2)
     assert again.session.state == IDLE
     assert "the rig is not running: ready" in again.session.stop_reason
