@@ -26,32 +26,19 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
 
-from ankle_interfaces.block import Block
-from ankle_interfaces.continuity import Finding
-from ankle_interfaces.topics import (
-    ANKLE_SAMPLES,
-    DIAGNOSTICS,
-    EMG_RESPONSES,
-    EMG_SAMPLES,
-    IMPEDANCE_ESTIMATE,
-    MUSCLES,
-    SESSION_EVENT,
-)
+from ankle_interfaces.topics import MUSCLES, SESSION_EVENT
 from ankle_node.node import WARN, AnkleNode, run
 from ankle_node.qos import publisher_qos
 from ankle_node.real_time import PAGES_PRIORITY, keep_loaded_objects
-from biofeedback import parameters as declared
 from biofeedback.errors import CommandError
+from biofeedback.graph_signals import GraphSignals
 from biofeedback.live_signals import LiveSignals
-from biofeedback.session import saved_session
+from biofeedback.parameters import PARAMETERS
 from biofeedback.session.calibration_files import file_checks, subject_file_of
 from biofeedback.session.calibration_program import CalibrationProgram
 from biofeedback.session.course import load_course
@@ -59,24 +46,23 @@ from biofeedback.session.course_file import CourseFile
 from biofeedback.session.estimator_model import ModelOfEstimator
 from biofeedback.session.event_outbox import EventOutbox
 from biofeedback.session.perturbation_request import PerturbationRequest
-from biofeedback.session.protocol import load_protocol
 from biofeedback.session.rig_services import RigServices
 from biofeedback.session.runner import SessionRunner
-from biofeedback.session.session_program import ARMED, RUNNING, Session
+from biofeedback.session.saved_session import default_path, state_folder
+from biofeedback.session.session_files import SessionFiles
+from biofeedback.session.session_program import ARMED, RUNNING
 from biofeedback.session.simulated_subject import SimulatedSubject
 from biofeedback.web.access import Access, tls_context
 from biofeedback.web.presenter import Presenter
 from biofeedback.web.server import Server
 from biofeedback.web.serving import Serving, addresses
 
-ESTIMATE = ("K[N.m/rad]", "G[N.m.s/rad]", "valid[1]")
-LOOK_PERIOD = 1.0  # s; how soon a simulated subject that starts later is seen
-EVENTS_PERIOD = 0.2  # s; how often events that wait for a reader are tried again
-DIAGNOSTICS_KEPT = 50  # every node reports once a second, and at once what is wrong
-STOP_PATIENCE = 1.0  # s; for the rig to confirm the stop of a node that ends
-
-
-PARAMETERS = declared.PARAMETERS
+LOOK_PERIOD = 1.0
+"""[s] How soon a simulated subject that starts later is seen."""
+EVENTS_PERIOD = 0.2
+"""[s] How often events that wait for a reader are tried again."""
+STOP_PATIENCE = 1.0
+"""[s] How long a node that ends waits for the rig to confirm its stop."""
 
 
 class BiofeedbackNode(AnkleNode):
@@ -84,80 +70,49 @@ class BiofeedbackNode(AnkleNode):
 
     def __init__(self) -> None:
         super().__init__("biofeedback", PARAMETERS)
-        host = self.text("host")
-        self._access = Access(host, self.text("token"))
+        self._host = self.text("host")
+        self._access = Access(self._host, self.text("token"))
         self._tls = tls_context(self.text("certificate"), self.text("key"))
-        self._course = self._open_course()
-        session = (
-            Session(load_protocol(self.text("protocol")))
-            if self._course is None
-            else Session(next_of_course=self._course.next_session)
-        )
-        self._signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
+        course = self._course()
+        self._files = SessionFiles(self.text("protocol"), course, self._warn_of_progress)
+        signals = LiveSignals(self.number("torque_cutoff"), MUSCLES)
         self._rig, self._subject = RigServices(self, self.text("rig")), SimulatedSubject(self)
-        events = self.create_publisher(String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT))
-        happened = self.create_guard_condition(self._send_events)
-        self._outbox = EventOutbox(
-            self.get_logger().info,
-            lambda line: events.publish(String(data=line)),
-            events.get_subscription_count,
-            happened.trigger,
-        )
+        self._outbox = self._event_outbox()
         subject, visit = self.text("subject"), int(self.number("visit"))
         model = subject_file_of(
-            self.text("subject_file"), subject, visit, saved_session.state_folder(), time.time()
+            self.text("subject_file"), subject, visit, state_folder(), time.time()
         )
         self._calibration = CalibrationProgram(model, self.text("rig_file"), self.get_namespace())
         self._runner = SessionRunner(
-            session,
-            self._signals,
+            self._files.session,
+            signals,
             self._rig,
             self._subject,
             self._outbox.put,
             self.now,
-            self._keep_progress,
-            None if self._course is None else PerturbationRequest(self),
-            file_checks(
-                self.text("rig_file"),
-                self.number("rig_calibration_days"),
-                str(model),
-            ),
+            self._files.keep,
+            None if course is None else PerturbationRequest(self),
+            file_checks(self.text("rig_file"), self.number("rig_calibration_days"), str(model)),
             self._calibration,
             ModelOfEstimator(self),
         )
         presenter = Presenter(
-            self._signals,
+            signals,
             self.number("cursor_frequency"),
             self.text("language"),
             ", visit ".join([subject, str(visit)]) if subject and visit else subject,
             self.number("body_mass"),
         )
-        self._server = Server(
-            self._runner,
-            presenter,
-            self._access,
-            self.now,
-            self.number("frame_rate"),
-            self._tls,
-        )
+        rate = self.number("frame_rate")
+        self._server = Server(self._runner, presenter, self._access, self.now, rate, self._tls)
         self.take_priority_beside_a_rig(PAGES_PRIORITY)
-        self._progress: saved_session.ProgressKeeper | None = None
-        failed = self.create_guard_condition(self._raise_failure)
-        self._serving = Serving(
-            self._server, host, int(self.number("port")), self._ready, failed.trigger
-        )
+        port, failed = int(self.number("port")), self.create_guard_condition(self._raise_failure)
+        self._serving = Serving(self._server, self._host, port, self._ready, failed.trigger)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
-        self.create_timer(EVENTS_PERIOD, self._send_events, clock=steady)
+        self.create_timer(EVENTS_PERIOD, self._outbox.send, clock=steady)
         self._look()
-        self._ankle = self.block_subscription(ANKLE_SAMPLES, self._take_samples)
-        self.block_subscription(IMPEDANCE_ESTIMATE, self._take_estimates, ESTIMATE)
-        self._emg = self.block_subscription(EMG_SAMPLES, self._take_emg)
-        if self._course is not None:
-            self.block_subscription(EMG_RESPONSES, self._take_responses)
-        self.create_subscription(
-            DiagnosticArray, DIAGNOSTICS.name, self._take_diagnostics, DIAGNOSTICS_KEPT
-        )
+        GraphSignals(self, signals, responses=course is not None)
         try:
             self._serving.start()
         except Exception:
@@ -165,14 +120,23 @@ class BiofeedbackNode(AnkleNode):
             self._rig.close()
             raise
 
-    def _open_course(self) -> CourseFile | None:
-        """Make the course that this node leads, from the record of its subject."""
+    def _course(self) -> CourseFile | None:
+        """Return the course that this node leads, from the record of its subject."""
         if not self.text("course"):
             return None
         subject = self.text("subject")
         named = self.text("course_record")
-        path = Path(named) if named else saved_session.state_folder() / f"course_{subject}.yaml"
+        path = Path(named) if named else state_folder() / f"course_{subject}.yaml"
         return CourseFile(path, load_course(self.text("course")), subject, self._warn_of_progress)
+
+    def _event_outbox(self) -> EventOutbox:
+        events = self.create_publisher(String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT))
+        return EventOutbox(
+            self.get_logger().info,
+            lambda line: events.publish(String(data=line)),
+            events.get_subscription_count,
+            self.create_guard_condition(lambda: self._outbox.send()).trigger,
+        )
 
     def _raise_failure(self) -> None:
         """Raise the error of the pages' thread in the executor, so that it ends the process."""
@@ -181,79 +145,34 @@ class BiofeedbackNode(AnkleNode):
 
     def _ready(self, port: int) -> None:
         named = self.text("state_file")
-        path = Path(named) if named else saved_session.default_path(port)
-        self._progress = saved_session.ProgressKeeper(
-            path, self._runner.session.saved(), self._warn_of_progress
-        )
+        path = Path(named) if named else default_path(port)
         self._resume(path)
         self._runner.start()
         links = path.with_name(path.name + ".links")
         secure = self._tls is not None
-        for sentence in addresses(self._access, self.text("host"), port, secure, links):
+        for sentence in addresses(self._access, self._host, port, secure, links):
             self.get_logger().info(sentence)
         keep_loaded_objects()
 
     def _resume(self, path: Path) -> None:
         try:
-            found = saved_session.load(path, time.time(), self.number("resume_within"))
-            if found is not None and saved_session.worth_resuming(found):
+            found = self._files.open(path, self.number("resume_within"))
+            if found is not None:
                 self._runner.resume(found, time.monotonic())
                 self.get_logger().info(
                     f"continuing the session in {path}: {found['state']}, step {found['index'] + 1}"
                 )
         except CommandError as error:
             self.get_logger().warning(str(error))
-            self.health("saved session", WARN, str(error))
+            self._warn_of_progress(str(error))
 
     def _warn_of_progress(self, reason: str) -> None:
         self.health("saved session", WARN, reason)
-
-    def _keep_progress(self, present: dict[str, Any]) -> None:
-        conditioning = self._runner.session.conditioning
-        if self._course is not None and conditioning is not None:
-            self._course.keep(conditioning.session)
-        if self._progress is not None:
-            self._progress.keep(present)
-
-    def _send_events(self) -> None:
-        self._outbox.send()
 
     def _look(self) -> None:
         self._subject.look()
         self.count("frames made late", self._server.late_frames)
         self.count("pages closed for what they sent", self._server.closed_for_cause)
-
-    def _take_samples(self, block: Block, findings: list[Finding]) -> None:
-        if not (len(block.data) and self._ankle.rate):
-            return
-        velocity = (
-            block.column("velocity[rad/s]")
-            if block.has("velocity[rad/s]")
-            else np.zeros(len(block.data))
-        )
-        columns = (block.time, block.column("position[rad]"), velocity, block.column("torque[N.m]"))
-        self._signals.feed_samples(np.column_stack(columns), self._ankle.rate, time.monotonic())
-
-    def _take_estimates(self, block: Block, findings: list[Finding]) -> None:
-        self._signals.feed_estimates(block.data, time.monotonic())
-
-    def _take_emg(self, block: Block, findings: list[Finding]) -> None:
-        if self._emg.rate:
-            self._signals.feed_emg(block.data, self._emg.rate, time.monotonic())
-
-    def _take_responses(self, block: Block, findings: list[Finding]) -> None:
-        self._signals.feed_responses(block.data)
-
-    def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        namespace = f"{self.get_namespace().rstrip('/')}/"
-        for status in message.status:
-            owner, slash, name = status.name.rpartition("/")
-            if slash and f"{owner}/" != namespace:  # of another laboratory
-                continue
-            figures = {value.key: value.value for value in status.values}
-            self._signals.feed_status(
-                name, status.level[0], status.message, figures, time.monotonic()
-            )
 
     def process_waiting(self, executor: SingleThreadedExecutor) -> None:
         """Stop the rig first when this node is ended in the middle of a session."""
@@ -269,11 +188,8 @@ class BiofeedbackNode(AnkleNode):
         self._serving.close()
         self._runner.close()
         self._calibration.close()
-        self._send_events()
-        if self._progress is not None:
-            self._progress.close()
-        if self._course is not None:
-            self._course.close()
+        self._outbox.send()
+        self._files.close()
         self._rig.close()
         super().destroy_node()
 

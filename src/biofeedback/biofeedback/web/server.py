@@ -1,14 +1,7 @@
-"""The pages and their WebSocket.
+"""The WebSocket of the pages: frames and states to them, commands and stops from them.
 
-| path | what |
-| --- | --- |
-| `/` | the subject's screen |
-| `/operator` | the operator's page |
-| `/enter` | where a token is entered, if one is needed |
-| `/entrance?role=operator` | whether this browser has entered: status 204, else 401 |
-| `/stop` | a POST stops: the other way where the WebSocket hangs |
-| `/ws?role=subject`, `/ws?role=operator` | JSON text messages |
-| `/pages/...` | style, modules and texts; `/pages/schemas.json` describes the messages |
+`/ws?role=subject` and `/ws?role=operator` carry JSON text messages; every other path is served by
+`http_requests`.
 
 To every page: ``frame`` at the frame rate and ``state`` at each change, with its version; to
 operators ``traces`` ten times a second, ``command`` (whether the page is the one that may command)
@@ -37,7 +30,6 @@ import ssl
 import time
 from collections import deque
 from collections.abc import Callable
-from importlib import resources
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -53,8 +45,9 @@ from biofeedback.session.commands import (
 )
 from biofeedback.session.runner import SessionRunner
 from biofeedback.web import messages
-from biofeedback.web.access import COOKIE, OPERATOR, ROLES, Access
+from biofeedback.web.access import OPERATOR, ROLES, Access
 from biofeedback.web.connection_limit import ConnectionLimit
+from biofeedback.web.http_requests import HttpRequests, refused
 from biofeedback.web.presenter import Presenter
 
 FRAME_RATE = 30.0
@@ -75,27 +68,6 @@ FAREWELL = 1.0
 wait for a browser."""
 PAGES = 20
 """Largest number of open pages: a laboratory has two operators and one subject."""
-ENTER_PAUSE = 1.0
-"""[s] Pause after a wrong token: with 96 bits, guessing is hopeless at this rate."""
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
-    "X-Frame-Options": "DENY",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "X-Content-Type-Options": "nosniff",
-    # Without any referrer a browser sends "Origin: null" with the form of /enter.
-    "Referrer-Policy": "same-origin",
-    "Cache-Control": "no-cache",
-}
-_KINDS = {
-    "html": "text/html",
-    "css": "text/css",
-    "js": "text/javascript",
-    "svg": "image/svg+xml",
-    "json": "application/json",
-}
-_PATHS = {"/": "subject.html", "/operator": "operator.html", "/enter": "enter.html"}
 _logger = logging.getLogger(__name__)
 
 
@@ -154,7 +126,7 @@ class Server:
     ) -> None:
         self._runner = runner
         self._presenter = presenter
-        self._access = access
+        self._requests = HttpRequests(access, runner.stop, secure=tls is not None)
         self._clock = clock
         self._period = 1.0 / frame_rate
         self._tls = tls
@@ -165,7 +137,6 @@ class Server:
         self._state: messages.State | None = None
         self._state_text = ""
         self._version = 0
-        self._files = _page_files()
         self.closed_for_cause = 0
         self.late_frames = 0
 
@@ -191,12 +162,7 @@ class Server:
             The address cannot be had.
         """
         application = web.Application(client_max_size=LONGEST_MESSAGE)
-        for path in (*_PATHS, "/pages/{name}"):
-            application.router.add_get(path, self._serve)
-        application.router.add_post("/enter", self._enter)
-        application.router.add_get("/entrance", self._entrance)
-        application.router.add_post("/stop", self._stop_by_request)
-        application.router.add_get("/ws", self._talk)
+        application.add_routes([*self._requests.routes(), web.get("/ws", self._talk)])
         runner = web.AppRunner(application, access_log=None, shutdown_timeout=FAREWELL)
         await runner.setup()
         assert runner.server is not None
@@ -245,78 +211,17 @@ class Server:
             self._state = dataclasses.replace(state, version=self._version)
             self._state_text = _text(self._state)
 
-    def _refusal(self, request: web.Request, page: bool = False) -> str | None:
-        headers = request.headers
-        return self._access.refusal(
-            headers.get("Host", ""),
-            headers.get("Origin"),
-            headers.get("Sec-Fetch-Site") if page else None,
-        )
-
-    def _roles(self, request: web.Request) -> tuple[str, ...]:
-        return self._access.roles(request.cookies.get(COOKIE, ""))
-
-    async def _serve(self, request: web.Request) -> web.Response:
-        page = request.path in _PATHS
-        name = _PATHS.get(request.path) or request.match_info["name"]
-        refusal = self._refusal(request, page)
-        if refusal is not None:
-            return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
-        role = OPERATOR if request.path == "/operator" else ROLES[0]
-        if page and name != "enter.html" and role not in self._roles(request):
-            return web.Response(status=302, headers={**HEADERS, "Location": "/enter"})
-        if name not in self._files:
-            return web.Response(status=404, text="There is no such page.\n", headers=HEADERS)
-        kind = _KINDS.get(name.rpartition(".")[2], "application/octet-stream")
-        return web.Response(
-            body=self._files[name], content_type=kind, charset="utf-8", headers=HEADERS
-        )
-
-    async def _enter(self, request: web.Request) -> web.Response:
-        """Exchange a token for a cookie."""
-        refusal = self._refusal(request, page=True)
-        if refusal is not None:
-            return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
-        found = self._access.enter(str((await request.post()).get("token", "")))
-        if found is None:
-            await asyncio.sleep(ENTER_PAUSE)
-            return web.Response(status=403, text="The token is wrong.\n", headers=HEADERS)
-        role, key = found
-        target = "/operator" if role == OPERATOR else "/"
-        answer = web.Response(status=303, headers={**HEADERS, "Location": target})
-        answer.set_cookie(
-            COOKIE, key, httponly=True, samesite="Strict", secure=self._tls is not None
-        )
-        return answer
-
-    async def _entrance(self, request: web.Request) -> web.Response:
-        """Say whether this browser may open a page: a page then knows why it is not connected."""
-        if self._refusal(request) is not None:
-            return web.Response(status=403, headers=HEADERS)
-        known = request.query.get("role", "") in self._roles(request)
-        return web.Response(status=204 if known else 401, headers=HEADERS)
-
-    async def _stop_by_request(self, request: web.Request) -> web.Response:
-        """Stop by an HTTP request, for a page whose WebSocket hangs."""
-        refusal = self._refusal(request)
-        if refusal is None and not self._roles(request):
-            refusal = "enter the token at /enter"
-        if refusal is not None:
-            return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
-        self._runner.stop("a page's request")
-        return web.Response(text="stopped\n", headers=HEADERS)
-
     async def _talk(self, request: web.Request) -> web.StreamResponse:
         role = request.query.get("role", "")
-        refusal = self._refusal(request)
+        refusal = self._requests.refusal(request)
         if refusal is None and role not in ROLES:
             refusal = "role must be subject or operator"
-        if refusal is None and role not in self._roles(request):
+        if refusal is None and role not in self._requests.roles(request):
             refusal = f"this browser may not open the {role}'s page; enter the token at /enter"
         if refusal is None and len(self._pages) >= PAGES:
             refusal = f"{PAGES} pages are open already"
         if refusal is not None:
-            return web.Response(status=403, text=f"Refused: {refusal}.\n", headers=HEADERS)
+            return refused(refusal)
         socket = web.WebSocketResponse(
             max_msg_size=LONGEST_MESSAGE, heartbeat=10.0, timeout=2.0, compress=False
         )
@@ -468,17 +373,6 @@ def _is_stop(text: str) -> bool:
         content = json.loads(text)
         return isinstance(content, dict) and content.get("command") == STOP
     return False
-
-
-def _page_files() -> dict[str, bytes]:
-    """Return everything under `/pages/`, by name."""
-    files = {}
-    for folder in ("pages", "pages/texts"):
-        for entry in (resources.files("biofeedback") / folder).iterdir():
-            if "." in entry.name:
-                files[entry.name] = entry.read_bytes()
-    files["schemas.json"] = json.dumps(messages.schemas()).encode()
-    return files
 
 
 def _text(message: Any) -> str:
