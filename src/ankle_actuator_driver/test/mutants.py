@@ -157,7 +157,7 @@ MUTANTS = [
         ("rest before a pause", "if not self._rests(motion[0]):", "if False:", "jump_after"),
     ),
     *_of(
-        DRIVER + "safety/bridge.py",
+        DRIVER + "safety/reference_path.py",
         "test_barrier.py",
         (
             "start in the future",
@@ -167,6 +167,16 @@ MUTANTS = [
         ),
         ("longest block", "if len(time) > LARGEST_BLOCK:", "if False:", "400000"),
         (
+            "judging of the reference",
+            "if decision.verdict is not Verdict.FOLLOWED:",
+            "if False:",
+            "not_even_kept",
+        ),
+    ),
+    *_of(
+        DRIVER + "safety/bridge.py",
+        "test_barrier.py",
+        (
             "a driver that hears nothing is silent",
             "elif now - self._listened > LOST_AFTER:",
             "elif False:",
@@ -174,13 +184,13 @@ MUTANTS = [
         ),
         (
             "two publishers are not armed",
-            'if name in ("arm", "start") and len(self._sources) > 1:',
+            'if name in ("arm", "start") and self._sources.several:',
             "if False:",
             "two_publishers",
         ),
         (
             "two publishers stop the plate",
-            "if len(self._sources) > 1 and self.states.state in (State.ARMED, State.RUNNING):",
+            "if self._sources.several and self.states.state in (State.ARMED, State.RUNNING):",
             "if False:",
             "two_publishers",
         ),
@@ -197,12 +207,6 @@ MUTANTS = [
             "200_ms and no_samples",
         ),
         (
-            "judging of the reference",
-            "if decision.verdict is Verdict.FOLLOWED:\n            self._continuation",
-            "if True:\n            self._continuation",
-            "not_even_kept",
-        ),
-        (
             "lower limits for what was sent before",
             "if len(ahead) and (passed := limits.stated_by(ahead)):",
             "if False and (passed := limits.stated_by(ahead)):",
@@ -210,7 +214,7 @@ MUTANTS = [
         ),
         (
             "a start without a reference",
-            "self.states.state is State.ARMED and self._reference_waits(now):",
+            "self.states.state is State.ARMED and self._sources.silent(now):",
             "False:",
             "waits_for_its_readers",
         ),
@@ -222,7 +226,7 @@ MUTANTS = [
         ),
         (
             "path of the rig",
-            "fault = self._elsewhere(elsewhere, now) or",
+            "fault = self._path_check.fault(elsewhere, now) or",
             "fault =",
             "follow_the_r",
         ),
@@ -240,14 +244,18 @@ MUTANTS = [
         ),
     ),
     *_of(
-        DRIVER + "safety/bridge.py",
+        DRIVER + "safety/reference_path.py",
         "test_virtual_rig.py",
         (
             "soft start",
-            "shaped = blend(motion, np.maximum(time - self._began, 0.0), self._ramp, self._held)",
+            "shaped = blend(motion, since, self._soft_start, self.held)",
             "shaped = motion",
             "first_packet_to or followed_at_its_own or without_a_reference",
         ),
+    ),
+    *_of(
+        DRIVER + "safety/bridge.py",
+        "test_virtual_rig.py",
         (
             "watchdog of the rig",
             "if self._report is not None and self._rig.expired(now):",

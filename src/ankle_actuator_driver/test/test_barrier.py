@@ -31,7 +31,7 @@ def unchecked(laboratory, **options):
 
 def stretch(lab, after, position, velocity=0.0, acceleration=0.0, count=32):
     """Times and motion of a block that begins so long after the end of what was sent [s]."""
-    time = lab.bridge._continuation.end + after + np.arange(1, count + 1) / RATE
+    time = lab.bridge._path.end + after + np.arange(1, count + 1) / RATE
     since = np.arange(1, count + 1) / RATE
     motion = np.column_stack(
         [
@@ -186,7 +186,7 @@ def test_a_refused_block_is_not_even_kept_to_be_sent(laboratory):
         time, motion = stretch(lab, after, x - 0.1, velocity)
         lab.bridge.reference(time, motion, lab.now, lab.ros)
         assert not any(order.stretch is not None for order in lab.bridge.orders)
-        assert lab.bridge._continuation.end < time[0]
+        assert lab.bridge._path.end < time[0]
 
 
 def test_a_first_block_from_the_past_starts_softly_and_in_the_future(laboratory):
@@ -205,7 +205,7 @@ def test_a_first_block_from_the_past_starts_softly_and_in_the_future(laboratory)
     lab.bridge.reference(time, motion, lab.now, lab.ros)
     lab.send()
     assert lab.stretches[0].time[0] > lab.ros
-    assert np.abs(lab.sent[0][0] - [lab.bridge._held, 0.0, 0.0]).max() < 1e-6
+    assert np.abs(lab.sent[0][0] - [lab.bridge._path.held, 0.0, 0.0]).max() < 1e-6
     lab.run(0.3)
     commands = lab.commands()
     assert np.abs(np.diff(commands[:, 1])).max() < LIMITS.velocity / RATE

@@ -25,7 +25,7 @@ from ankle_actuator_driver.link.protocol.packet import (
 )
 from ankle_actuator_driver.safety.continuation import LONGEST_BUFFER
 from ankle_actuator_driver.safety.encoder_check import EncoderCheck
-from ankle_actuator_driver.safety.limits import ROUNDING, STEP_MARGIN, Limits
+from ankle_actuator_driver.safety.limits import Limits
 from ankle_actuator_driver.safety.rig import (
     UNPOWERED,
     DeviceFault,
@@ -33,10 +33,11 @@ from ankle_actuator_driver.safety.rig import (
     Status,
     Wanted,
 )
-from ankle_actuator_driver.safety.stop_motion import StopMotion, stopping_distance
+from ankle_actuator_driver.safety.stop_motion import StopMotion
 from ankle_actuator_driver.safety.torque_check import TorqueCheck
 from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
 from ankle_actuator_driver.safety.watchdog import LOST_AFTER, Watchdog
+from rig_emulator.command_check import command_passes_limit
 from rig_emulator.faults import Faults
 from rig_emulator.reference_playback import Empty, Motion, ReferencePlayback
 
@@ -314,7 +315,10 @@ class EmulatedDevice:
             return self._stopping(now)
         offset = self._yield.step(self._interval)
         motion = (target[0] + offset[0], target[1] + offset[1], target[2] + offset[2])
-        if not self.faults.unchecked and self._beyond(motion):
+        step = motion[0] - self.command[0]
+        if not self.faults.unchecked and command_passes_limit(
+            motion, step, self._last_step, self._interval, self._limits
+        ):
             self._trip(DeviceFault.MOTION_BEYOND_LIMIT, now)
             return self._stopping(now)
         return motion
@@ -338,21 +342,6 @@ class EmulatedDevice:
             self._host.asked_off &= self.state is DeviceState.OFF
             self._rest_here()
         return motion
-
-    def _beyond(self, motion: Motion) -> bool:
-        """Return whether a command passes a limit, by itself or in the step from the last one."""
-        position, velocity, acceleration = motion
-        limits, step = self._limits, position - self.command[0]
-        end = position + math.copysign(stopping_distance(velocity, limits.acceleration), velocity)
-        return not (
-            abs(end) <= limits.angle * (1 + ROUNDING)
-            and abs(position) <= limits.angle * (1 + ROUNDING)
-            and abs(velocity) <= limits.velocity * (1 + ROUNDING)
-            and abs(acceleration) <= limits.acceleration * (1 + ROUNDING)
-            and abs(step) <= min(limits.step, limits.velocity * self._interval * (1 + STEP_MARGIN))
-            and abs(step - self._last_step)
-            <= limits.acceleration * self._interval**2 * (1 + STEP_MARGIN)
-        )
 
     def _look(self, samples: np.ndarray, now: float) -> None:
         """Judge what the sensors say of a powered plate."""

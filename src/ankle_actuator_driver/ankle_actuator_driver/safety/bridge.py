@@ -13,18 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ankle_actuator_driver.safety.command_record import CommandRecord
-from ankle_actuator_driver.safety.continuation import (
-    LARGEST_BLOCK,
-    LONGEST_BUFFER,
-    RESUME_MARGIN,
-    Continuation,
-    Decision,
-    Verdict,
-    contradiction,
-    even_interval,
-)
+from ankle_actuator_driver.safety.continuation import Verdict
 from ankle_actuator_driver.safety.limits import Limits
+from ankle_actuator_driver.safety.path_check import PathCheck
+from ankle_actuator_driver.safety.reference_path import ReferencePath
+from ankle_actuator_driver.safety.reference_sources import START_PATIENCE, ReferenceSources
 from ankle_actuator_driver.safety.rig import (
     DeviceState,
     Event,
@@ -33,11 +26,8 @@ from ankle_actuator_driver.safety.rig import (
     Purpose,
     Remark,
     RigReport,
-    Status,
-    Stretch,
 )
 from ankle_actuator_driver.safety.sensor_supervision import Expectations, SensorSupervision
-from ankle_actuator_driver.safety.soft_start import blend
 from ankle_actuator_driver.safety.states import Answer, SafetyStates, State
 from ankle_actuator_driver.safety.torque_yield import OF_DRIVER, TorqueYield
 from ankle_actuator_driver.safety.watchdog import HEARTBEAT_PERIOD, LOST_AFTER, Watchdog
@@ -49,23 +39,9 @@ the fastest.
 ANGLE_MARGIN = 0.02
 """[rad] Angle by which the measured position may pass the angle limit: overshoot of the servo (5 %)
 and noise."""
-START_PATIENCE = 0.5
-"""[s] Longest time from the start to the first block of the reference; the plate is held meanwhile.
-Also the largest age of the newest block at a start: a reference that does not come by then is
-waiting for something itself."""
 STOP_LEAD_TIME = 0.01
 """[s] Time before the end of what was sent at which the plate is stopped: the stop shall reach the
 rig before it has nothing to follow."""
-LARGEST_PATH_DIFFERENCE = 0.015
-"""[rad] Largest difference between the path that was sent and what the rig says it commands: the
-clocks of both are known to 2 ms, and the plate is moved at up to 5 rad/s."""
-PATH_DIFFERENCE_TIME = 0.025
-"""[s] Time for which this difference has to last: two packets; a pulse of the paper lasts 40 ms."""
-BRIDGE_TIME = 0.1
-"""[s] Time for which a rig that has bridged a gap of the line may be on another path."""
-YIELD_TIME = 10.0
-"""[s] Time for which a rig that has yielded to a torque may be elsewhere: five of its time
-constants of 2 s."""
 COMMANDS_TIMEOUT = 1.0
 """[s] Time for which the thread that takes commands may be silent while the drive is on: it shows
 itself every 0.1 s, and a stop that waits longer than this is none."""
@@ -130,16 +106,10 @@ class Bridge:
         self._ros_offset: float | None = None
         self._yield = TorqueYield(OF_DRIVER, limits.torque)
         self._operator: float | None = None  # when the operator's page was heard in this arming
-        self._sources: tuple[str, ...] = ()
-        self._readers: tuple[str, ...] = ()
+        self._sources = ReferenceSources()
         self._commands_heard: float | None = None  # when the thread that takes them showed itself
-        self._reference_came = -math.inf
-        # Of the reference that is followed: where and when it began, and what was sent.
-        self._continuation, self._record = Continuation(), CommandRecord()
-        self._held, self._began, self._ramp = 0.0, math.nan, soft_start
+        self._path, self._path_check = ReferencePath(self._yield), PathCheck()
         self._started = -math.inf
-        self._elsewhere_until = -math.inf  # until then the rig may be on a path of its own
-        self._elsewhere_since: float | None = None
 
     @property
     def report(self) -> RigReport | None:
@@ -170,7 +140,7 @@ class Bridge:
         self.limits = limits
         if self.states.state is not State.RUNNING:
             return
-        ahead = self._record.to_come(ros)
+        ahead = self._path.to_come(ros)
         if len(ahead) and (passed := limits.stated_by(ahead)):
             reason = f"the limits were changed; of what was sent before, {passed}"
             self.states.stop(now, reason)
@@ -181,10 +151,10 @@ class Bridge:
 
     def command(self, name: str, now: float, ros: float) -> Answer:
         """Carry out ``arm``, ``start``, ``stop``, ``disarm`` or ``reset_fault`` at once."""
-        if name in ("arm", "start") and len(self._sources) > 1:
-            return Answer(False, f"{name} is refused: {self._two_sources()}")
-        if name == "start" and self.states.state is State.ARMED and self._reference_waits(now):
-            return Answer(False, f"start is refused: {self._no_reference()}")
+        if name in ("arm", "start") and self._sources.several:
+            return Answer(False, f"{name} is refused: {self._sources.conflict()}")
+        if name == "start" and self.states.state is State.ARMED and self._sources.silent(now):
+            return Answer(False, f"start is refused: {self._sources.silence()}")
         answer: Answer = getattr(self.states, name)(now)
         if answer.done and name == "arm":
             self._operator = None
@@ -199,10 +169,8 @@ class Bridge:
         self._started = now
         self._yield.forget()
         self.sensors.forget()
-        self._held, self._began, self._ramp = self._report.commanded, math.nan, self.soft_start
-        self._continuation.begin(self._held)
-        self._record.hold(self._held)
-        self._elsewhere_since = None
+        self._path.begin(self._report.commanded, self.soft_start)
+        self._path_check.begin()
 
     def operator_alive(self, now: float) -> None:
         """Note that the operator's page is connected and watched."""
@@ -228,29 +196,10 @@ class Bridge:
             Full names of the nodes that read the reference.
         """
         self._commands_heard = now
-        self._sources, self._readers = tuple(sorted(names)), tuple(sorted(readers))
-        if len(self._sources) > 1 and self.states.state in (State.ARMED, State.RUNNING):
-            self.states.trip(self._two_sources(), now)
+        self._sources.note(names, readers)
+        if self._sources.several and self.states.state in (State.ARMED, State.RUNNING):
+            self.states.trip(self._sources.conflict(), now)
             self._order(now, Purpose.STOP)
-
-    def _reference_waits(self, now: float) -> bool:
-        return now - self._reference_came > START_PATIENCE
-
-    def _no_reference(self) -> str:
-        if not self._sources:
-            return "no node publishes the reference"
-        readers = ", ".join(self._readers) or "nobody"
-        return (
-            f"{self._sources[0]} publishes the reference but has sent nothing for "
-            f"{START_PATIENCE:g} s; it is read by {readers}: see its parameter wait_for_readers, "
-            "and its health on /diagnostics"
-        )
-
-    def _two_sources(self) -> str:
-        return (
-            f"{len(self._sources)} nodes publish the reference ({', '.join(self._sources)}); end "
-            "all but one (one that was killed is still listed for up to 20 s)"
-        )
 
     # Time
 
@@ -284,7 +233,7 @@ class Bridge:
         return was_set
 
     def _watch_reference(self, now: float, ros: float) -> None:
-        end = self._continuation.end
+        end = self._path.end
         if math.isnan(end):
             lost = now - self._started > START_PATIENCE
             reason = f"no valid reference came within {START_PATIENCE:g} s of the start"
@@ -355,74 +304,25 @@ class Bridge:
             ROS time [s] at `now`.
         """
         if len(time):
-            self._reference_came = now
+            self._sources.came(now)
         if self.states.state is not State.RUNNING or not len(time):
             self.unused += len(time)
             return
-        if len(time) > LARGEST_BLOCK:
-            self._leave_out(f"a block of {len(time)} samples is longer than {LARGEST_BLOCK}")
-            return
-        time = time + self._delay
-        interval = even_interval(time)
-        if interval is None or not np.isfinite(motion).all():
-            self._leave_out("a block that is not finite or not evenly spaced is not followed")
-            return
-        decision = self._judge(time, motion, interval, now, ros)
-        if decision.verdict is Verdict.LEFT_OUT:
-            self._leave_out(decision.sentence)
+        decision, stretch = self._path.follow(time + self._delay, motion, self.limits, ros)
+        if stretch is not None:
+            self._next_heartbeat = now + HEARTBEAT_PERIOD
+            states = self.states
+            self.orders.append(Order(states.wanted, states.resets, Purpose.REFERENCE, stretch))
+        elif decision.verdict is Verdict.LEFT_OUT:
+            self.left_out += 1
+            self.notes.append(f"reference: {decision.sentence}")
         elif decision.verdict is Verdict.STOPS:
             self.states.stop(now, decision.sentence)
             self.notes.append(decision.sentence)
             self._order(now, Purpose.STOP)
-        elif decision.verdict is Verdict.FAULT:
+        else:
             self.states.trip(decision.sentence, now)
             self._order(now, Purpose.STOP)
-
-    def _leave_out(self, why: str) -> None:
-        self.left_out += 1
-        self.notes.append(f"reference: {why}")
-
-    def _judge(
-        self, time: np.ndarray, motion: np.ndarray, interval: float, now: float, ros: float
-    ) -> Decision:
-        """Return what becomes of a finite, evenly spaced stretch; one that is followed is sent."""
-        ahead = float(time[-1]) - ros
-        if not 0.0 < ahead < LONGEST_BUFFER:
-            early = (
-                f"is {1e3 * -ahead:.0f} ms late"
-                if ahead <= 0
-                else f"is {ahead:.3g} s ahead of its time"
-            )
-            return Decision(
-                Verdict.LEFT_OUT,
-                f"a block {early} and is not followed; see perturbation_generator.lead and "
-                "reference_delay",
-            )
-        turn = self._continuation.order_of(time, interval)
-        if turn.verdict is not Verdict.FOLLOWED:
-            return turn
-        if contradicting := contradiction(motion, interval, self.limits):
-            return Decision(Verdict.FAULT, f"reference refused: {contradicting}")
-        if math.isnan(self._began):
-            # A start lies ahead, whatever the block's first samples are.
-            kept = time > ros + RESUME_MARGIN
-            if np.count_nonzero(kept) < 2:
-                return Decision(Verdict.LEFT_OUT, "a block too late for the start")
-            time, motion = time[kept], motion[kept]
-            self._began = float(time[0])
-        shaped = blend(motion, np.maximum(time - self._began, 0.0), self._ramp, self._held)
-        self._yield.soften(ahead)
-        shaped = shaped + self._yield.stretch(len(time), interval)
-        decision = self._continuation.judge(time, shaped, self.limits, ros)
-        if decision.verdict is Verdict.FOLLOWED:
-            self._continuation.accept(time, shaped)
-            self._record.add(time, shaped, ros)
-            self._next_heartbeat = now + HEARTBEAT_PERIOD
-            states = self.states
-            self.orders.append(
-                Order(states.wanted, states.resets, Purpose.REFERENCE, Stretch(time, shaped))
-            )
-        return decision
 
     # Reports
 
@@ -442,7 +342,7 @@ class Bridge:
         self.states.heard(report, now)
         self._report = report
         if self.states.confirmed and not confirmed and self.states.state is State.ARMED:
-            self._record.hold(report.commanded)
+            self._path.hold(report.commanded)
         powered = self.states.state in (State.ARMED, State.RUNNING)
         if report.received or not powered:
             self._samples_came.feed(now)
@@ -454,10 +354,7 @@ class Bridge:
 
     def _supervise(self, report: RigReport, now: float) -> None:
         """Judge from here what the rig and its sensors say of a powered plate."""
-        if report.status & Status.YIELDING:
-            self._elsewhere_until = now + YIELD_TIME
-        elif report.status & Status.REFERENCE_BRIDGED:
-            self._elsewhere_until = max(self._elsewhere_until, now + BRIDGE_TIME)
+        self._path_check.note(report.status, now)
         settled = (
             self.states.state in (State.ARMED, State.RUNNING)
             and self.states.confirmed
@@ -470,27 +367,14 @@ class Bridge:
             return
         self._yield.limit = self.limits.torque
         self._yield.measure(float(report.samples[:, 2].mean()))
-        sent = self._record.positions(report.time)
+        sent = self._path.positions(report.time)
         elsewhere = report.commanded - float(sent[-1])
-        fault = self._elsewhere(elsewhere, now) or self._beyond_angle(report)
+        fault = self._path_check.fault(elsewhere, now) or self._beyond_angle(report)
         fault = fault or self.sensors.fault(
             report.time, sent + elsewhere, report.samples, self.limits.torque
         )
         if fault:
             self.states.trip(fault, now)
-
-    def _elsewhere(self, difference: float, now: float) -> str | None:
-        """Return whether the rig commands something else than what it was sent."""
-        if abs(difference) <= LARGEST_PATH_DIFFERENCE or now < self._elsewhere_until:
-            self._elsewhere_since = None
-        elif self._elsewhere_since is None:
-            self._elsewhere_since = now
-        elif now - self._elsewhere_since > PATH_DIFFERENCE_TIME:
-            return (
-                f"the rig commands a position that is {difference:+.3g} rad from the reference "
-                "that it was sent"
-            )
-        return None
 
     def _beyond_angle(self, report: RigReport) -> str | None:
         position = float(report.samples[-1, 0])
