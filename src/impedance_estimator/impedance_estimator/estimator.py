@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
@@ -34,6 +35,37 @@ tested.
 """
 
 
+class ReflexColumns(IntEnum):
+    """Says what samples carry of the reflex, along the motion and along that of the reference."""
+
+    NONE = 0
+    """The estimator rectifies the velocity of the samples."""
+    STRETCH = 1
+    """Rectified velocity of the joint [rad/s], filtered as its torque is on the way to the reading:
+    rectification and the lag of a torque sensor do not commute."""
+    TORQUE = 2
+    """Torque of a reflex with unit gain [N.m]: its shape is held."""
+
+
+@dataclass(frozen=True)
+class SampleLayout:
+    """Describes the samples of one stream.
+
+    Attributes
+    ----------
+    rate
+        Sampling rate [Hz].
+    measured_velocity
+        Whether samples have a velocity.
+    reflex
+        What stands behind the other columns.
+    """
+
+    rate: float
+    measured_velocity: bool
+    reflex: ReflexColumns = ReflexColumns.NONE
+
+
 @dataclass(frozen=True)
 class Expectation:
     """Describes what is known of a joint before its first sample.
@@ -45,14 +77,13 @@ class Expectation:
         [ln rad/s], ln of its damping [1], its delay [s]; shape (7,).
     deviation
         Standard deviation of each about its mean, shape (7,); infinite where nothing is known.
-    models_reflex
-        Whether the shape of the reflex is known: estimators that use it then take samples with its
-        torque.
+    reflex
+        Columns of the reflex that come with the samples, for estimators that use them.
     """
 
     mean: np.ndarray
     deviation: np.ndarray
-    models_reflex: bool = False
+    reflex: ReflexColumns = ReflexColumns.NONE
 
 
 class Estimator(ABC):
@@ -72,9 +103,8 @@ class Estimator(ABC):
 
     Attributes
     ----------
-    modelled_reflex
-        Whether samples carry, behind the reference, the torque [N.m] of a reflex with unit gain
-        along the motion and along that of the reference; `expect` announces it.
+    reflex_columns
+        What samples carry of the reflex behind the reference; `expect` announces it.
 
     Raises
     ------
@@ -104,15 +134,22 @@ class Estimator(ABC):
             )
         self.rate = rate
         self.measured_velocity = measured_velocity
-        self.modelled_reflex = False
+        self.reflex_columns = ReflexColumns.NONE
         self.settings = self.settings_type() if settings is None else settings
 
     @property
     def sample_columns(self) -> int:
         """Return the columns of the samples: t, position, velocity where it is measured, torque,
-        the reference where the estimator uses it, and both torques of a modelled reflex.
+        the reference where the estimator uses it, and both columns of the reflex where there are
+        any.
         """
-        return 3 + self.measured_velocity + self.uses_reference + 2 * self.modelled_reflex
+        reflex = 0 if self.reflex_columns is ReflexColumns.NONE else 2
+        return 3 + self.measured_velocity + self.uses_reference + reflex
+
+    @property
+    def layout(self) -> SampleLayout:
+        """Return what the samples are."""
+        return SampleLayout(self.rate, self.measured_velocity, self.reflex_columns)
 
     @abstractmethod
     def process(self, samples: np.ndarray) -> np.ndarray:
@@ -122,7 +159,7 @@ class Estimator(ABC):
         ----------
         samples
             Shape (n, `sample_columns`): t [s], position [rad], velocity [rad/s] where measured,
-            torque [N.m], reference position [rad] where used, torques of a modelled reflex [N.m].
+            torque [N.m], reference position [rad] where used, and `ReflexColumns`.
 
         Returns
         -------

@@ -5,7 +5,8 @@ inertia, viscosity, stiffness and reflex. Sample by sample, through the same ter
 simulates and diagnoses:
 
 1. zeros are subtracted and the delays of torque and velocity are evened out;
-2. the lag or mode of the torque sensor is applied to the motion, so that both have it;
+2. the lag or mode of the torque sensor is applied to the motion, so that both have it, and to the
+   rectified velocity, as the reflex answers the motion before the sensor;
 3. friction and weight of the plate are subtracted, its inertia from the estimated I, behind straps
    from the torque;
 4. straps: the foot's motion follows from the plate's (`straps`), and so behind a gap between both;
@@ -32,7 +33,7 @@ from ankle_physics.impedance import OperatingPoint, reflex_gain, tangent_stiffne
 from ankle_physics.model import PAPER_TERMS, Entry, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
-from impedance_estimator.estimator import Expectation
+from impedance_estimator.estimator import Expectation, ReflexColumns
 from impedance_estimator.simultaneous.doubt import imprecision_doubt
 from impedance_estimator.straps import coupling
 
@@ -133,6 +134,24 @@ class KnownPhysics:
         return coupling(self.model) is not None
 
     @property
+    def torque_sensors(self) -> list[Entry]:
+        """Return the terms that filter the joint's torque at the sensor."""
+        return [
+            entry
+            for entry in self.model.entries
+            if entry.term.place is Place.TORQUE_SENSOR and entry.term.name != "channel_skew"
+        ]
+
+    @property
+    def reflex_columns(self) -> ReflexColumns:
+        """Return what the corrected samples can carry of the reflex."""
+        if self.models_reflex:
+            return ReflexColumns.TORQUE
+        if self.torque_sensors:
+            return ReflexColumns.STRETCH
+        return ReflexColumns.NONE
+
+    @property
     def calibrated_gain(self) -> float:
         """Return G of the reflex' core in the calibrated session [N.m.s/rad]; 0 where none is
         known.
@@ -169,7 +188,7 @@ class KnownPhysics:
         """
         mean, deviation = np.zeros(7), np.full(7, np.inf)
         if self.subject is None:
-            return Expectation(mean, deviation)
+            return Expectation(mean, deviation, self.reflex_columns)
         if self.model.has("inertia"):
             # Without straps the plate moves with the foot, and its inertia is estimated with it.
             plate = 0.0 if self.has_straps else self.plate_inertia
@@ -182,7 +201,7 @@ class KnownPhysics:
             mean[5] = np.log(self._value("reflex", "z"))
             mean[6] = self._value("reflex", "delay")
             deviation[4:] = SHAPE_CHANGE
-        return Expectation(mean, deviation, self.models_reflex)
+        return Expectation(mean, deviation, self.reflex_columns)
 
     def calibration_errors(self) -> tuple[float, float]:
         """Return the standard error of K [N.m/rad] and the relative one of G [1] in the calibrated

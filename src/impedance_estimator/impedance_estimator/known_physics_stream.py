@@ -11,7 +11,7 @@ import copy
 import numpy as np
 from numba import njit
 
-from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, ReflexColumns, SampleLayout
 from impedance_estimator.known_physics import KnownPhysics, gains_of
 from impedance_estimator.known_physics_run import KnownPhysicsRun
 from impedance_estimator.tracked_gains import TrackedGains
@@ -40,33 +40,27 @@ class KnownPhysicsStream:
 
     Parameters
     ----------
-    known, rate, measured_velocity, modelled_reflex
+    known, layout
         As for `KnownPhysicsRun`.
     """
 
-    def __init__(
-        self,
-        known: KnownPhysics,
-        rate: float,
-        measured_velocity: bool,
-        modelled_reflex: bool = False,
-    ) -> None:
+    def __init__(self, known: KnownPhysics, layout: SampleLayout) -> None:
         # Its tracked terms change with the estimate.
         self._known = copy.deepcopy(known) if known.tracked else known
-        self._rate = rate
-        self._columns = (1, 3 if measured_velocity else 2)
+        self._layout = layout
+        self._columns = (1, 3 if layout.measured_velocity else 2)
         rig = known.rig
         self._zeros = (rig.zero_position, rig.zero_torque) if rig is not None else (0.0, 0.0)
-        self._modelled_reflex = modelled_reflex
-        self._run = KnownPhysicsRun(self._known, rate, measured_velocity, modelled_reflex)
+        self._modelled_reflex = layout.reflex is ReflexColumns.TORQUE
+        self._run = KnownPhysicsRun(self._known, layout)
         self._calibrated = [dict(entry.values) for entry in known.tracked]
-        self._gains = TrackedGains(len(known.tracked), rate) if known.tracked else None
+        self._gains = TrackedGains(len(known.tracked), layout.rate) if known.tracked else None
         self._calibrated_gain = known.calibrated_gain
         self._nominal = self._calibrated_gain or 1.0
         self._calibration_errors = known.calibration_errors()
         self._calibration_doubt = known.calibration_doubt
         self._taken_inertia = 0.0 if known.has_straps else known.plate_inertia
-        self._decay = float(np.exp(-1.0 / (OPERATING_POINT_TIME * rate)))
+        self._decay = float(np.exp(-1.0 / (OPERATING_POINT_TIME * layout.rate)))
         self._means = [np.nan, np.nan]
         self._samples = 0
         self._stiffness, self._gain = 0.0, 0.0
@@ -94,7 +88,8 @@ class KnownPhysicsStream:
         torque_column = self._columns[1]
         torques = self._run.tracked_torques
         reference = torque_column + 1
-        known = corrected.shape[1] - 2 * self._modelled_reflex > reference
+        reflex = 0 if self._layout.reflex is ReflexColumns.NONE else 2
+        known = corrected.shape[1] - reflex > reference
         gains.add(
             corrected[:, 1:torque_column].T,
             corrected[:, torque_column] + self._sizes @ torques[0, 1:],
@@ -151,7 +146,7 @@ class KnownPhysicsStream:
         position, torque = (
             mean - zero for mean, zero in zip(self._means, self._zeros, strict=True)
         )
-        time = self._samples / self._rate
+        time = self._samples / self._layout.rate
         if np.isfinite(position + torque):
             self._stiffness = self._known.added_stiffness(position, torque, time)
             moved = np.abs(np.array([position, torque]) - self._stated)
@@ -159,7 +154,10 @@ class KnownPhysicsStream:
                 # The reflex' area is simulated, which takes a few milliseconds.
                 self._gain = self._known.added_gain(position, torque, time)
                 self._stated = np.array([position, torque])
-        self._share = self._run.follow(self._core_stiffness)
+        share = self._run.follow(self._core_stiffness)
+        if self._layout.reflex is ReflexColumns.NONE:
+            # Only then the regression does not know that straps hold back a part of the reflex.
+            self._share = share
 
     def complete(self, rows: np.ndarray) -> np.ndarray:
         """Return estimates of the whole joint: with the held terms, without the plate.

@@ -258,9 +258,7 @@ class EstimateStream:
         )
         if self.known is not None:
             self.estimator.expect(self.known.expectation())
-            self._physics = KnownPhysicsStream(
-                self.known, rate, bool(self._measured_velocity), self.estimator.modelled_reflex
-            )
+            self._physics = KnownPhysicsStream(self.known, self.estimator.layout)
             if self.known.rig is not None:
                 self._rig_watch = RigWatch(self.known.rig, rate, bool(self._measured_velocity))
             parts.notes.append(f"known physics: {self.known.describe()}")

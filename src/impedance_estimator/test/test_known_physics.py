@@ -9,20 +9,25 @@ import pytest
 from random_motion import CORE, random_motion
 from scipy import signal
 
+from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.model import Model, StatedValue
 from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.signals import Signals
-from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.estimator import ESTIMATE_COLUMNS, ReflexColumns, SampleLayout
+from impedance_estimator.joint_path import SMOOTHING
 from impedance_estimator.known_physics import KnownPhysics, load_known_physics
-from impedance_estimator.known_physics_run import SMOOTHING, KnownPhysicsRun
+from impedance_estimator.known_physics_run import KnownPhysicsRun
 from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.simultaneous.gaussian_derivatives import (
     gaussian_derivatives,
     weighted_stretches,
 )
 from impedance_estimator.stream import EstimateStream
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings
 
 RATE = 2048.0
+LAYOUT = SampleLayout(RATE, True)
 
 
 def motion(seconds=8.0):
@@ -53,7 +58,7 @@ def rig(terms, delay=0.0):
 
 def left_over(known, samples, expected):
     """Relative size of what is not undone, after the start, as the regression sees it: smoothed."""
-    out = KnownPhysicsRun(known, RATE, True).correct(samples)
+    out = KnownPhysicsRun(known, LAYOUT).correct(samples)
     skip = round(1.0 * RATE)
     return np.std(smoothed(out[:, 3] - expected(out))[skip:]) / np.std(out[skip:, 3])
 
@@ -87,7 +92,7 @@ def test_a_late_torque_is_even_with_the_motion_again():
     plain = samples_of(Model.of(CORE), x, v, a)
     shift = np.interp(plain[:, 0] - 0.0031, plain[:, 0], plain[:, 3])
     assert left_over(known, late, lambda _: shift) < 1e-3
-    out = KnownPhysicsRun(known, RATE, True).correct(late)
+    out = KnownPhysicsRun(known, LAYOUT).correct(late)
     skip = round(RATE)
     np.testing.assert_allclose(
         out[skip:, 1], np.interp(out[skip:, 0] - 0.0031, plain[:, 0], x), atol=1e-5
@@ -110,7 +115,7 @@ def test_straps_and_a_plate_are_undone(gain):
     signals = Signals(RATE, x, v, a)
     torque = Model.of(terms).start(RATE).torque(signals)
     samples = np.column_stack([np.arange(len(x)) / RATE, x, v, torque])
-    out = KnownPhysicsRun(KnownPhysics(subject=Model.of(terms)), RATE, True).correct(samples)
+    out = KnownPhysicsRun(KnownPhysics(subject=Model.of(terms)), LAYOUT).correct(samples)
     foot, rate, left = out[:, 1], out[:, 2], out[:, 3]
     reflex = Model.of({"reflex": {"G": gain}}).torque(Signals(RATE, foot, rate, 0.0 * foot))
     regressors = np.column_stack([foot, rate, np.gradient(rate, 1.0 / RATE), reflex])[2048:-8]
@@ -133,8 +138,8 @@ def test_the_result_does_not_depend_on_the_blocks_and_a_gap_begins_anew():
     samples = np.delete(samples, slice(2000, 2300), axis=0)
     samples[4000, 3] = np.nan
     known = KnownPhysics(subject=model)
-    whole = KnownPhysicsRun(known, RATE, True).correct(samples)
-    run = KnownPhysicsRun(known, RATE, True)
+    whole = KnownPhysicsRun(known, LAYOUT).correct(samples)
+    run = KnownPhysicsRun(known, LAYOUT)
     split = np.concatenate([run.correct(part) for part in np.array_split(samples, 97)])
     np.testing.assert_array_equal(whole, split)
     assert np.isnan(whole[4000, 3])
@@ -145,7 +150,7 @@ def test_the_result_does_not_depend_on_the_blocks_and_a_gap_begins_anew():
 def test_estimates_are_those_of_the_whole_joint_without_the_plate():
     hardening = {"hardening_stiffness": {}}
     known = KnownPhysics(rig({"footplate_inertia": {"Ip": 0.004}}), Model.of({**CORE, **hardening}))
-    stream = KnownPhysicsStream(known, RATE, True)
+    stream = KnownPhysicsStream(known, LAYOUT)
     samples = np.zeros((4096, 4))
     samples[:, 0] = np.arange(4096) / RATE
     samples[:, 1] = 0.1
@@ -172,7 +177,7 @@ def test_a_gap_between_plate_and_foot_gives_the_motion_of_the_foot():
     model = Model.of({**CORE, "backlash": {"gap": 0.004}})
     signals = Signals(RATE, x, v, a)
     torque = model.start(RATE).torque(signals)
-    out = KnownPhysicsRun(KnownPhysics(subject=model), RATE, True).correct(
+    out = KnownPhysicsRun(KnownPhysics(subject=model), LAYOUT).correct(
         np.column_stack([np.arange(len(x)) / RATE, x, v, torque])
     )
     skip = round(RATE)
@@ -186,7 +191,7 @@ def test_the_operating_point_is_that_of_the_corrected_channels():
         RigFile("test", datetime(2026, 1, 1, tzinfo=timezone.utc), zero_position=0.1),
         Model.of({**CORE, **hardening}),
     )
-    stream = KnownPhysicsStream(known, RATE, True)
+    stream = KnownPhysicsStream(known, LAYOUT)
     samples = np.zeros((4096, 4))
     samples[:, 0] = np.arange(4096) / RATE
     samples[:, 1] = 0.1
@@ -206,7 +211,7 @@ def test_a_shaped_reflex_that_changes_is_followed_in_proportion(factor):
     calibrated = Model.of({**CORE, **shape})
     now = Model.of({**CORE, "reflex": {"G": 10.0 * factor}, **shape})
     known = KnownPhysics(subject=calibrated)
-    stream = KnownPhysicsStream(known, RATE, True)
+    stream = KnownPhysicsStream(known, LAYOUT)
     out = stream.correct(samples_of(now, x, v, a))
     stream.restate()
     plain = samples_of(Model.of({"reflex": {"G": 10.0}}), x, v, a)[:, 3]
@@ -225,7 +230,7 @@ def test_standard_errors_hold_those_of_the_calibration():
     model = Model.of(CORE)
     model.entry("stiffness").standard_errors = {"K": 3.0}
     model.entry("reflex").standard_errors = {"G": 1.0}
-    stream = KnownPhysicsStream(KnownPhysics(subject=model), RATE, True)
+    stream = KnownPhysicsStream(KnownPhysics(subject=model), LAYOUT)
     rows = np.zeros((1, len(ESTIMATE_COLUMNS)))
     rows[0, 4] = 20.0
     error_K, error_G = (ESTIMATE_COLUMNS.index(f"se_{n}") for n in ("K[N.m/rad]", "G[N.m.s/rad]"))
@@ -244,7 +249,7 @@ def test_the_errors_that_a_calibration_states_of_the_whole_joint_come_before_tho
     assert known.calibration_errors() == (20.0, pytest.approx(0.01))
     # 20 % of K lies beyond the limit of 14 %, by less than half of it.
     assert 0.5 < known.calibration_doubt < 1.0
-    stream = KnownPhysicsStream(known, RATE, True)
+    stream = KnownPhysicsStream(known, LAYOUT)
     rows = np.zeros((2, len(ESTIMATE_COLUMNS)))
     doubt = ESTIMATE_COLUMNS.index("doubt[1]")
     rows[1, doubt] = np.nan
@@ -279,6 +284,43 @@ def test_what_the_calibration_says_is_expected():
     # K, B and G are the subject's to change.
     assert np.isinf(expected.deviation[[0, 1, 3]]).all()
     assert np.isinf(KnownPhysics().expectation().deviation).all()
+
+
+def error_of_gain(samples, known):
+    """Relative error of G, whose true value is 10 N.m.s/rad."""
+    rows = EstimateStream(known=known).feed_samples(samples, True, samples[:, 1]).rows
+    return float(np.median(rows[-1000:, 4])) / 10.0 - 1.0
+
+
+@pytest.mark.parametrize(
+    ("sensor", "least_error_before"),
+    [
+        ({"torque_sensor_lag": {"T": 0.003}}, 0.03),
+        ({"torque_sensor_lag": {"T": 0.0075}}, 0.1),
+        ({"torque_sensor_lag": {"T": 0.012}}, 0.1),
+        ({"torque_sensor_mode": {"frequency": 20.0, "damping": 0.1}}, 0.1),
+    ],
+    ids=["lag 3 ms", "lag 7.5 ms", "lag 12 ms", "mode 20 Hz"],
+)
+def test_the_reflex_answers_the_motion_before_the_known_sensor(
+    sensor, least_error_before, monkeypatch
+):
+    """With the rig's file alone; a rectified lagged motion is no lagged rectified motion."""
+    x, v, a = pulses(40.0)
+    samples = samples_of(Model.of({**CORE, **sensor}), x, v, a)
+    samples[:, 3] += np.random.default_rng(1).normal(0.0, 0.05, len(samples))
+    known = KnownPhysics(rig(sensor))
+    assert known.reflex_columns is ReflexColumns.STRETCH
+    assert abs(error_of_gain(samples, known)) < 0.01
+    monkeypatch.setattr(KnownPhysics, "reflex_columns", ReflexColumns.NONE)
+    assert abs(error_of_gain(samples, known)) > least_error_before
+
+
+def pulses(seconds):
+    """The perturbation behind a servo of 30 Hz: position, velocity, acceleration."""
+    reference = PulseStep(Settings(rate=RATE)).next(round(seconds * RATE))[:, 0]
+    x = SecondOrder(RATE).run_with_rates(reference, 2.0 * np.pi * 30.0, 0.7)
+    return x[0], x[1], x[2]
 
 
 SHAPED = {

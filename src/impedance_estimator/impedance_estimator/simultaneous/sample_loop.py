@@ -130,8 +130,9 @@ def _compile(source: int) -> tuple[Any, Any]:
                 t, x, torque = samples[i, 0], samples[i, 1], samples[i, last]
                 reference = samples[i, last + 1]
                 v = samples[i, 2] if p.measured_velocity else 0.0
-                reflex = samples[i, last + 2] if p.modelled_reflex else 0.0
-                commanded_reflex = samples[i, last + 3] if p.modelled_reflex else 0.0
+                given = p.modelled_reflex or p.given_stretch
+                reflex = samples[i, last + 2] if given else 0.0
+                commanded_reflex = samples[i, last + 3] if given else 0.0
                 validity.watch_rate(s.clock, p.rate, t)
                 k.row_time = t if np.isfinite(t) else k.row_time + 1.0 / p.rate
                 what = validity.judge_sample(s.clock, p.rate, p.memory, t, x, v, torque)

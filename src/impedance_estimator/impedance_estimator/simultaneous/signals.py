@@ -162,8 +162,12 @@ def decimated_signals(p: Plan, s: State, index: int) -> None:
         if p.modelled_reflex:
             u[INTRINSIC] = weighted(s.raw[4 + motion], index, n, p.kernels[0])
         else:
+            if p.given_stretch:
+                stretch = weighted(s.raw[4 + motion], index, n, p.kernels[0])
+            else:
+                stretch = weighted(s.rectified[motion], index, 0, p.kernels[0])
             stretches = s.slow_rectified[motion]
-            remember(stretches, slow, weighted(s.rectified[motion], index, 0, p.kernels[0]))
+            remember(stretches, slow, stretch)
             _reflex_signals(p, stretches, slow, u)
         _slow_signals(p, s.slow_states[motion], c.centred, u)
     now[0, -1] = weighted(s.raw[2], index, n, p.kernels[0])

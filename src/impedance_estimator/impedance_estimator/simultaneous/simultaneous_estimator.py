@@ -9,7 +9,12 @@ import math
 import numpy as np
 
 from impedance_estimator import validity
-from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator, Expectation
+from impedance_estimator.estimator import (
+    ESTIMATE_COLUMNS,
+    Estimator,
+    Expectation,
+    ReflexColumns,
+)
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
 from impedance_estimator.simultaneous.block_update import BATCH_DURATION, INITIAL_DEVIATIONS
@@ -87,7 +92,7 @@ class Simultaneous(Estimator):
         self._initial[0, GAINS:] = np.clip(
             self._initial[0, GAINS:], reflex_shapes.LOWEST_SHAPE, reflex_shapes.HIGHEST_SHAPE
         )
-        self.modelled_reflex = expectation.models_reflex
+        self.reflex_columns = expectation.reflex
         self._prepare()
 
     def _make_plan(self, s: SimultaneousSettings) -> Plan:
@@ -101,7 +106,8 @@ class Simultaneous(Estimator):
         slow = rate / every
         count = round(s.basis_functions)
         functions = reflex_shapes.basis(1.0 / slow, count)
-        if self.modelled_reflex:
+        modelled_reflex = self.reflex_columns is ReflexColumns.TORQUE
+        if modelled_reflex:
             lags = np.arange(functions.shape[1]) / slow
             functions = reflex_shapes.shape(self._initial[0, GAINS:], lags)[None]
         whitening = voluntary_torque_noise.whitening_filters(slow)
@@ -112,7 +118,8 @@ class Simultaneous(Estimator):
         return Plan(
             rate=rate,
             measured_velocity=self.measured_velocity,
-            modelled_reflex=self.modelled_reflex,
+            modelled_reflex=modelled_reflex,
+            given_stretch=self.reflex_columns is ReflexColumns.STRETCH,
             kernels=kernels,
             rest_velocity=s.rest_velocity,
             decimation=every,

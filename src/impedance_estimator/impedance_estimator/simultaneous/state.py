@@ -76,6 +76,8 @@ class Plan(NamedTuple):
     measured_velocity: bool
     modelled_reflex: bool
     """Whether the torque of a reflex with unit gain comes with the samples: its shape is held."""
+    given_stretch: bool
+    """Whether rectified velocity comes with the samples, filtered as the reflex' torque is."""
     kernels: np.ndarray
     """Smoothing, first and second derivative, shape (3, 2 n + 1)."""
     rest_velocity: float
@@ -115,7 +117,7 @@ class State(NamedTuple):
     counters: np.ndarray
     nuisance: Nuisance
     raw: np.ndarray
-    """Position, velocity, torque, reference, modelled reflex along the motion and along that of the
+    """Position, velocity, torque, reference, reflex column along the motion and along that of the
     reference, shape (6, 2 (3 n + 1)): written twice, so that the newest ones are always in one
     piece.
     """
