@@ -14,14 +14,8 @@ from impedance_estimator import digital_filters, standard_errors, validity
 from impedance_estimator.correlation import running_products
 from impedance_estimator.correlation.differences import backward_difference
 from impedance_estimator.correlation.reflex_response import decimation, lags
-from impedance_estimator.correlation.separation import (
-    ESTIMATES,
-    INPUTS,
-    VAF_MOMENTS,
-    Plan,
-    State,
-    advance,
-)
+from impedance_estimator.correlation.separation import ESTIMATES, advance
+from impedance_estimator.correlation.state import INPUTS, VAF_MOMENTS, Plan, State
 from impedance_estimator.digital_filters import filter_state, weight_energy
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, Estimator
 from impedance_estimator.settings import EstimatorSettings, Settings
