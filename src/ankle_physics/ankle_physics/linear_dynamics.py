@@ -7,6 +7,7 @@ samples (first-order hold), so that the result depends on the sampling rate only
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -123,9 +124,10 @@ class SecondOrder(Stateful):
         )
 
 
+@lru_cache(maxsize=64)  # The filters of one model share few settings.
 def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
     """Return the rows of ``[y, y']`` after dt from ``[y, y', x now, x at the end]``, shape (2, 4);
-    input linear in between.
+    input linear in between. Callers share the array and do not write to it.
     """
     system = np.zeros((4, 4))
     system[0, 1] = 1.0

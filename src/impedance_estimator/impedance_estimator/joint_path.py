@@ -209,10 +209,13 @@ class JointPath:
 
     def _sense(self, channel: str, values: np.ndarray) -> np.ndarray:
         """Return a signal through the torque sensor's dynamics; each channel has its own state."""
-        states = self._sensor_states.setdefault(
-            channel, [entry.term.start(self._layout.rate) for entry in self._sensors]
-        )
-        for entry, state in zip(self._sensors, states, strict=True):
+        if not self._sensors:
+            return values
+        if channel not in self._sensor_states:
+            self._sensor_states[channel] = [
+                entry.term.start(self._layout.rate) for entry in self._sensors
+            ]
+        for entry, state in zip(self._sensors, self._sensor_states[channel], strict=True):
             signals = Signals(self._layout.rate, values, values, values)
             signals.torque = values
             entry.term.transform(signals, entry.values, state)

@@ -59,7 +59,6 @@ class KnownPhysicsRun:
             Shape (n, k), or (n, k + 2) with columns of the reflex. Samples that are not finite are
             passed on as they are.
         """
-        samples = np.array(samples, dtype=float)
         out = widened(samples, self._layout.reflex)
         self.tracked_torques = np.zeros((2, 1 + self._tracked, len(samples)))
         used = 4 if self._layout.measured_velocity else 3

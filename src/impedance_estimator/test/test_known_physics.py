@@ -147,6 +147,20 @@ def test_the_result_does_not_depend_on_the_blocks_and_a_gap_begins_anew():
     assert whole[2000, 1] == pytest.approx(samples[2000, 1], abs=0.02)
 
 
+def test_the_rectified_velocity_behind_a_sensor_does_not_depend_on_the_blocks():
+    x, v, a = motion(3.0)
+    sensor = {"torque_sensor_mode": {"frequency": 30.0, "damping": 0.1}}
+    samples = np.column_stack([samples_of(Model.of({**CORE, **sensor}), x, v, a), x])
+    known = KnownPhysics(rig(sensor, delay=0.001))
+    layout = SampleLayout(RATE, True, known.reflex_columns)
+    whole = KnownPhysicsRun(known, layout).correct(samples)
+    run = KnownPhysicsRun(known, layout)
+    split = np.concatenate([run.correct(part) for part in np.array_split(samples, 97)])
+    np.testing.assert_array_equal(whole, split)
+    # Its mean is that of the rectified velocity, which the sensor passes on.
+    assert np.mean(whole[:, 5]) == pytest.approx(np.mean(np.maximum(v, 0.0)), rel=0.02)
+
+
 def test_estimates_are_those_of_the_whole_joint_without_the_plate():
     hardening = {"hardening_stiffness": {}}
     known = KnownPhysics(rig({"footplate_inertia": {"Ip": 0.004}}), Model.of({**CORE, **hardening}))
