@@ -37,12 +37,13 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Whatever runs beside on this computer, its topics are in another ROS domain, and no drawn
-    case fails for the time that it took.
+    """Whatever runs beside on this computer or its network, its topics are in another ROS domain,
+    and no drawn case fails for the time that it took.
     """
     if "PYTEST_XDIST_WORKER" not in os.environ and not config.getoption("--failed-live"):
         FAILED.unlink(missing_ok=True)
     take_free_domain()
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     settings.register_profile("untimed", deadline=None)
     settings.load_profile("untimed")
 

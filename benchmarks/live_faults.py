@@ -13,42 +13,38 @@ section "Live" of docs/reliability.md, and ends with 1 where a promise was broke
 from __future__ import annotations
 
 import argparse
-import asyncio
-import contextlib
-import json
 import os
-import re
 import resource
-import shutil
 import signal
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import aiohttp
 import numpy as np
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from std_msgs.msg import Float64MultiArray, String
-from std_srvs.srv import Trigger
+from bag_losses import CUTS, SAMPLES, missing, times_in, wrong_when_cut
+from running_rig import (
+    DRIVER,
+    GENERATOR,
+    HEARTBEATS,
+    PAGES,
+    RECORDER,
+    RIG,
+    NotRunningError,
+    Operator,
+    OperatorPage,
+    RunningRig,
+    session_graph,
+)
 
 from ankle_bringup.browser_pages import free_port, wait_until_served
-from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
-from ankle_interfaces.block import unpack
-from ankle_interfaces.topics import ANKLE_SAMPLES, DIAGNOSTICS, RIG_STATE
 from ankle_node.domain import take_free_domain
-from ankle_node.qos import LATEST_QOS, reader_qos
 from ankle_node.real_time import RECORDER_PRIORITY, take_priority
-from biofeedback.web.server import SEEN
 from session_recorder.bag_reader import BagReader
-from session_recorder.errors import BagError
 from session_recorder.loss import account_of_bag
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,29 +53,10 @@ from fault_table import HEAD, Case, Outcome, verdict  # noqa: E402
 
 PAGE = ROOT / "docs" / "reliability.md"
 TITLE = "\n## Live"
-RATE = 2048.0
-SAMPLES = f"/{ANKLE_SAMPLES.name}"
-DRIVER, GENERATOR, RIG = "ankle_actuator_driver", "perturbation_generator", "rig_emulator"
-PAGES, RECORDER = "biofeedback", "record"
-HEARTBEATS = "heartbeats"
-KEPT = (RECORDER, PAGES, DRIVER, GENERATOR, RIG)
-NEXT = {"fault": "reset_fault", "ready": "arm", "armed": "start"}
-PATIENCE = 90.0  # s; to be running again: DDS lists a killed node for up to 20 s
-SETTLED = 1.5  # s of running before a fault: beyond the soft start
-LONGEST_START = 20.0  # s; for a new process to say anything
 NOTICED = 1.5  # s after a fault has ended until the state is read
 REPORTED = 10.0  # s; for the recorder to state what is missing: it reports once a second
-LOOK = 0.05  # s
-LEAST_BAG = 100_000  # bytes; of a bag that has samples: two seconds
-LONGEST_FRAME = 0.5  # s; between two pictures of a page that is connected
 LARGEST_ANGLE, LARGEST_VELOCITY = 0.175 + 0.02, 1.1 * 5.0  # rad, rad/s: limit and overshoot
 LAST_SECONDS = 2.5  # s of a bag that the recorder may have had in memory when it was killed
-CUTS = 20  # places at which a bag is cut
-REST = re.compile(r"\[(\d+\.\d+)\] \[rig_emulator\]: (\w+), fault")
-
-
-class NotRunningError(Exception):
-    """Says that the plate does not run, so that no further fault can be tried."""
 
 
 @dataclass(frozen=True)
@@ -103,193 +80,43 @@ class Fault:
     name: str
     promise: str
     node: str
-    begin: Callable[[Bench, str], None]
-    end: Callable[[Bench, str], None]
+    begin: Callable[[RunningRig, str], None]
+    end: Callable[[RunningRig, str], None]
     lasts: float
 
 
-class Operator:
-    """Hears the rig in a thread of its own, and calls the driver's services."""
-
-    def __init__(self, node: rclpy.node.Node) -> None:
-        self.state, self.states, self.figures = "", [], {}
-        self.refusal = ""
-        self.blocks: list[np.ndarray] = []
-        node.create_subscription(
-            Float64MultiArray, ANKLE_SAMPLES.name, self._hear, reader_qos(ANKLE_SAMPLES), raw=True
-        )
-        node.create_subscription(String, RIG_STATE.name, self._follow, LATEST_QOS)
-        node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 50)
-        self._clients = {
-            name: node.create_client(Trigger, f"{DRIVER}/{name}")
-            for name in (*NEXT.values(), "stop")
-        }
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        threading.Thread(target=self._spin, args=(executor,), daemon=True).start()
-
-    @staticmethod
-    def _spin(executor: SingleThreadedExecutor) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            executor.spin()
-
-    def _hear(self, message: bytes) -> None:
-        self.blocks.append(unpack(message).data)
-
-    def _follow(self, message: String) -> None:
-        self.state, _, reason = message.data.partition(": ")
-        self.states.append((time.time(), self.state, reason))
-
-    def _diagnose(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self.figures[status.name.strip("/")] = {
-                entry.key: entry.value for entry in status.values
-            }
-
-    def call(self, name: str, patience: float = 3.0) -> bool:
-        """Call a service; return whether it was carried out."""
-        future = self._clients[name].call_async(Trigger.Request())
-        end = time.monotonic() + patience
-        while not future.done() and time.monotonic() < end:
-            time.sleep(0.005)
-        if not future.done():
-            self.refusal = f"{name} was not answered within {patience:g} s"
-            return False
-        if not future.result().success:
-            self.refusal = future.result().message
-        return future.result().success
-
-    def until_running(self) -> float:
-        """Reset, arm and start; return the time until the rig runs [s], NaN where it does not."""
-        began = time.monotonic()
-        while self.state != "running":
-            if time.monotonic() - began > PATIENCE:
-                return np.nan
-            if self.state in NEXT:
-                self.call(NEXT[self.state])
-            time.sleep(LOOK)
-        return time.monotonic() - began
-
-    def until_news(self, seen: int) -> None:
-        """Wait until the driver has entered another state than the first `seen` ones."""
-        deadline = time.monotonic() + LONGEST_START
-        while len(self.states) == seen and time.monotonic() < deadline:
-            time.sleep(LOOK)
-
-    def times(self) -> np.ndarray:
-        """Return the times of the samples that were heard [s]."""
-        return np.concatenate([block[:, 0] for block in self.blocks])
-
-
-class OperatorPage:
-    """Acts as an operator's page without a browser, which opens again whenever it is closed."""
-
-    def __init__(self, url: str) -> None:
-        self._url, self._heard = url, -np.inf
-        threading.Thread(target=lambda: asyncio.run(self._live()), daemon=True).start()
-
-    @property
-    def alive(self) -> bool:
-        """Whether the page is connected and gets its pictures."""
-        return time.monotonic() - self._heard < LONGEST_FRAME
-
-    async def _live(self) -> None:
-        while True:
-            with contextlib.suppress(aiohttp.ClientError, OSError):
-                async with (
-                    aiohttp.ClientSession() as session,
-                    session.ws_connect(f"{self._url}/ws?role=operator", max_msg_size=0) as page,
-                ):
-                    async for message in page:
-                        if json.loads(message.data)["type"] == "frame":
-                            self._heard = time.monotonic()
-                            await page.send_str(SEEN)
-            await asyncio.sleep(0.2)
-
-
-@dataclass
-class Bench:
-    """Holds the running laboratory."""
-
-    processes: Processes
-    operator: Operator
-    page: OperatorPage
-    folder: Path
-    bags: int = 0
-
-    def pid(self, node: str) -> int:
-        """Return the process id of a node, or of the driver's process of heartbeats."""
-        if node != HEARTBEATS:
-            return self.processes.pids[node]
-        return next(
-            child
-            for child in children(self.processes.pids[DRIVER])
-            if b"heartbeat_process" in Path(f"/proc/{child}/cmdline").read_bytes()
-        )
-
-    @property
-    def complete(self) -> bool:
-        """Whether an operator's page watches and the present bag has samples."""
-        size = sum(path.stat().st_size for path in bag_of(self).glob("*.mcap"))
-        return self.page.alive and size > LEAST_BAG
-
-    def rested(self, since: float) -> float:
-        """Return the time [s] from a moment until the emulated rig's drive was off.
-
-        It is NaN where the drive was not off since then.
-        """
-        found = REST.findall(self.processes.log(RIG).read_text(errors="replace"))
-        off = [float(at) for at, state in found if state in ("off", "fault") and float(at) > since]
-        return off[0] - since if off else np.nan
-
-
-def children(parent: int) -> list[int]:
-    """Return the process ids of a process' children."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            if int(entry.read_text().rpartition(")")[2].split()[1]) == parent:
-                found.append(int(entry.parent.name))
-    return found
-
-
-def kill(bench: Bench, node: str) -> None:
+def kill(rig: RunningRig, node: str) -> None:
     """Kill a process (SIGKILL)."""
-    os.kill(bench.pid(node), signal.SIGKILL)
+    os.kill(rig.pid(node), signal.SIGKILL)
 
 
-def hold(bench: Bench, node: str) -> None:
+def hold(rig: RunningRig, node: str) -> None:
     """Stop a process (SIGSTOP)."""
-    os.kill(bench.pid(node), signal.SIGSTOP)
+    os.kill(rig.pid(node), signal.SIGSTOP)
 
 
-def let_go(bench: Bench, node: str) -> None:
+def let_go(rig: RunningRig, node: str) -> None:
     """Let a process go on (SIGCONT)."""
-    os.kill(bench.pid(node), signal.SIGCONT)
+    os.kill(rig.pid(node), signal.SIGCONT)
 
 
-def fill_disk(bench: Bench, node: str) -> None:
+def fill_disk(rig: RunningRig, node: str) -> None:
     """Let no file of the process grow any more, as on a full disk."""
-    written = max(path.stat().st_size for path in bag_of(bench).glob("*.mcap"))
-    resource.prlimit(bench.pid(node), resource.RLIMIT_FSIZE, (written, written))
+    written = max(path.stat().st_size for path in rig.bag.glob("*.mcap"))
+    resource.prlimit(rig.pid(node), resource.RLIMIT_FSIZE, (written, written))
 
 
-def start_again(bench: Bench, node: str) -> None:
+def start_again(rig: RunningRig, node: str) -> None:
     """Start a new process of the node; a recorder records into a new bag."""
     if node == RECORDER:
-        bench.bags += 1
-        bench.processes.restart(node, out=str(bag_of(bench)))
+        rig.bags += 1
+        rig.processes.restart(node, out=str(rig.bag))
     else:
-        bench.processes.restart(node)
+        rig.processes.restart(node)
 
 
-def nothing(bench: Bench, node: str) -> None:
+def nothing(rig: RunningRig, node: str) -> None:
     """Do nothing: the driver starts another process by itself."""
-
-
-def bag_of(bench: Bench) -> Path:
-    """Return the bag that is recorded now."""
-    return bench.folder / f"bag{bench.bags}"
 
 
 def _both(node: str, word: str, promise: str, lasts: float) -> tuple[Fault, Fault]:
@@ -313,28 +140,28 @@ FAULTS = (
 )
 
 
-def one_case(bench: Bench, fault: Fault, random: np.random.Generator) -> Case:
+def one_case(rig: RunningRig, fault: Fault, random: np.random.Generator) -> Case:
     """Let one fault happen at a random moment of a running plate."""
-    operator = bench.operator
-    settle(bench, random)
+    operator = rig.operator
+    rig.settle(random)
     operator.blocks = operator.blocks[-20:]
     since, first, before = time.time() - 0.2, len(operator.states), reported_by(operator)
-    bag, at = bag_of(bench), time.time()
-    fault.begin(bench, fault.node)
+    bag, at = rig.bag, time.time()
+    fault.begin(rig, fault.node)
     time.sleep(fault.lasts)
-    fault.end(bench, fault.node)
+    fault.end(rig, fault.node)
     time.sleep(NOTICED)
     if fault.promise != "goes on":
         operator.until_news(first)
     entered = [state for _, state, _ in operator.states[first:]]
     case = Case("fault" if "fault" in entered else operator.state, str(operator.states[first:]))
     if fault.promise != "goes on":
-        case.rest = bench.rested(at)
+        case.rest = rig.rested(at)
         if fault.node != RIG and np.isnan(case.rest):
             case.problems.append("the drive was not off")
     case.again = operator.until_running()
-    if bag == bag_of(bench):
-        count_samples(bench, since, before, case)
+    if bag == rig.bag:
+        count_samples(rig, since, before, case)
     else:
         look_at_the_bag(bag, since, at, operator, case)
         case.problems += wrong_when_cut(bag, random)
@@ -345,29 +172,7 @@ def one_case(bench: Bench, fault: Fault, random: np.random.Generator) -> Case:
     return case
 
 
-def settle(bench: Bench, random: np.random.Generator) -> None:
-    """Wait until the plate has run for a while of random length, watched and recorded.
-
-    Raises
-    ------
-    NotRunningError
-        The plate does not run; names its states and the last refusal.
-    """
-    operator = bench.operator
-    while True:
-        if np.isnan(operator.until_running()):
-            raise NotRunningError(
-                f"the plate does not run; last states: {operator.states[-4:]}; last refusal: "
-                f"{operator.refusal}"
-            )
-        while not bench.complete:  # a node that was started again takes a few seconds
-            time.sleep(LOOK)
-        time.sleep(SETTLED + float(random.uniform(0.0, 0.6)))
-        if operator.state == "running" and bench.complete:
-            return
-
-
-def count_samples(bench: Bench, since: float, before: int, case: Case) -> None:
+def count_samples(rig: RunningRig, since: float, before: int, case: Case) -> None:
     """Compare the samples that the bag lacks with what the recorder states, once it had the time.
 
     What another reader lacks is its own: a rig that was held up sends more blocks at once than a
@@ -375,17 +180,11 @@ def count_samples(bench: Bench, since: float, before: int, case: Case) -> None:
     """
     deadline = time.monotonic() + REPORTED
     while True:
-        case.lost = missing(times_in(bag_of(bench)), since)
-        case.reported = reported_by(bench.operator) - before
+        case.lost = missing(times_in(rig.bag), since)
+        case.reported = reported_by(rig.operator) - before
         if case.lost == case.reported or time.monotonic() > deadline:
             return
         time.sleep(1.0)
-
-
-def missing(times: np.ndarray, since: float) -> int:
-    """Return how many samples are missing between times [s] later than a ROS time."""
-    gaps = np.round(np.diff(times[times > since]) * RATE).astype(int) - 1
-    return int(gaps[gaps > 0].sum())
 
 
 def reported_by(operator: Operator) -> int:
@@ -405,50 +204,6 @@ def look_at_the_bag(bag: Path, since: float, at: float, operator: Operator, case
     case.lost = missing(times, since) + len(np.setdiff1d(heard, times))
     gaps = account_of_bag(reader).topics[SAMPLES].lasting_gaps
     case.reported = sum(gap.missing for gap in gaps if gap.start > since)
-
-
-def wrong_when_cut(bag: Path, random: np.random.Generator) -> list[str]:
-    """Return what is wrong with copies of a bag that are cut at random places."""
-    times = times_in(bag)
-    shares = random.uniform(0.0, 1.0, CUTS)
-    found = [(share, cut(bag, float(share), times)) for share in shares]
-    return [f"cut at {share:.3f}: {problem}" for share, problem in found if problem]
-
-
-def times_in(bag: Path) -> np.ndarray:
-    """Return the times of the ankle's samples in a bag [s]."""
-    return np.concatenate([block.time for block in BagReader(bag).blocks(SAMPLES)])
-
-
-def cut(bag: Path, share: float, times: np.ndarray) -> str:
-    """Cut a copy of a bag; return what is wrong with what is left, empty where nothing is."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / bag.name
-        shutil.copytree(bag, copy)
-        for part in copy.glob("*.mcap"):
-            os.truncate(part, int(share * part.stat().st_size))
-        try:
-            left = [block.time for block in BagReader(copy).blocks(SAMPLES)]
-        except BagError:
-            return ""  # it says so
-        kept = np.concatenate(left) if left else np.zeros(0)
-        same = np.array_equal(kept, times[: len(kept)])
-        return "" if same else "the samples that are left are not those that were written"
-
-
-def session_graph(folder: Path, port: int) -> Graph:
-    """Return the graph `rig` without the estimator, and with its emulator."""
-    graph = load_graph("rig").with_options(["emulator"])
-    graph = graph.with_settings(
-        [
-            f"{DRIVER}.wait_for_readers=2",
-            f"{GENERATOR}.wait_for_readers=2",
-            f"{PAGES}.port={port}",
-            f"{PAGES}.state_file={folder}/progress.json",
-            f"{RECORDER}.out={folder}/bag0",
-        ]
-    )
-    return Graph(graph.description, tuple(node for node in graph.nodes if node.name in KEPT))
 
 
 def write_section(outcomes: list[Outcome], closing: str, given: argparse.Namespace) -> None:
@@ -485,7 +240,7 @@ def arguments() -> argparse.Namespace:
     return options.parse_args()
 
 
-def run_all(bench: Bench, given: argparse.Namespace) -> list[Outcome]:
+def run_all(rig: RunningRig, given: argparse.Namespace) -> list[Outcome]:
     """Run the chosen faults; a plate that does not run any more ends them."""
     chosen = [fault for fault in FAULTS if given.only in fault.name]
     random = np.random.default_rng(given.seed)
@@ -494,9 +249,9 @@ def run_all(bench: Bench, given: argparse.Namespace) -> list[Outcome]:
         outcomes.append(Outcome(fault.name, fault.promise))
         for _ in range(given.times):
             try:
-                outcomes[-1].cases.append(one_case(bench, fault, random))
+                outcomes[-1].cases.append(one_case(rig, fault, random))
             except NotRunningError as error:
-                lost_case = Case(bench.operator.state, again=np.nan, problems=[str(error)])
+                lost_case = Case(rig.operator.state, again=np.nan, problems=[str(error)])
                 outcomes[-1].cases.append(lost_case)
                 return outcomes
             done = sum(len(outcome.cases) for outcome in outcomes)
@@ -517,11 +272,11 @@ def main() -> int:
         with Processes(session_graph(folder, port), folder / "logs") as processes:
             wait_until_served(port, processes)
             page = OperatorPage(f"http://127.0.0.1:{port}")
-            bench = Bench(processes, Operator(node), page, folder)
-            outcomes = run_all(bench, given)
+            rig = RunningRig(processes, Operator(node), page, folder)
+            outcomes = run_all(rig, given)
     closing = (
         f"\n{verdict(outcomes)}\n"
-        f"Bags were cut at {CUTS * bench.bags} random places: a cut bag reads as the beginning of\n"
+        f"Bags were cut at {CUTS * rig.bags} random places: a cut bag reads as the beginning of\n"
         "what was written, or says why not.\n"
     )
     if not given.only:

@@ -38,7 +38,6 @@ class RigThatNeverConfirms:
 @pytest.fixture
 def driver(monkeypatch):
     monkeypatch.setattr(driver_module, "take_priority", lambda priority: "")
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rclpy.init(args=["test", "--ros-args", "-p", "autostart:=false"])
     node = driver_module.ActuatorDriverNode()
     yield node

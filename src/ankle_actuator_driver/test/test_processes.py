@@ -1,6 +1,5 @@
 """Driver, emulator and generator as processes of their own, over UDP and DDS."""
 
-import os
 import signal
 import socket
 import subprocess
@@ -30,15 +29,6 @@ pytestmark = [pytest.mark.live, pytest.mark.timeout(1500)]
 DRIVER = "ankle_actuator_driver.ankle_actuator_driver_node"
 EMULATOR = "rig_emulator.rig_emulator_node"
 GENERATOR = "perturbation_generator.perturbation_generator_node"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def environment():
-    kept = dict(os.environ)
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    yield
-    os.environ.clear()
-    os.environ.update(kept)
 
 
 def free_port():

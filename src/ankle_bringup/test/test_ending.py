@@ -54,9 +54,7 @@ rclpy.spin(node)
 
 
 @pytest.mark.live
-def test_the_rig_is_stopped_before_anything_else_is_ended(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+def test_the_rig_is_stopped_before_anything_else_is_ended():
     driver = subprocess.Popen(
         [sys.executable, "-c", DRIVER_OF_A_RIG], stdout=subprocess.PIPE, text=True
     )

@@ -28,7 +28,7 @@ section III-B)."""
 class Delivery(Enum):
     """Names how messages of a topic reach their readers; `ankle_node.qos` has the profiles."""
 
-    BLOCKS = "reliable; a reader keeps a second of blocks, so that none is lost"
+    BLOCKS = "reliable; a reader keeps eight seconds of blocks, so that none is lost"
     EVENTS = "reliable; a reader keeps a hundred"
     LATEST = "reliable; only the last one counts, and who connects later receives it too"
     PLOT = "reliable; ten are kept, for tools that people look with"

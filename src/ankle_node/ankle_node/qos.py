@@ -18,9 +18,11 @@ def _reliable(
     )
 
 
-BLOCK_QOS = _reliable(64)
-"""Profile of a reader of blocks: it keeps one second of blocks, so that a busy reader loses
-nothing."""
+BLOCK_QOS = _reliable(512)
+"""Profile of a reader of blocks: it keeps eight seconds of blocks at 64 Hz. A publisher that was
+held up for some seconds (a process that was stopped, a computer that slept) sends all that is due
+within a tenth of a second, faster than a busy reader empties its queue: three seconds are 192
+blocks. A full queue of ``ankle/samples`` takes 0.6 MB."""
 PUBLISHED_BLOCKS_QOS = _reliable(2048)
 """Profile of a publisher of blocks: it keeps half a minute, for readers that ask again for what was
 dropped on the way. A recorder of a graph that replays at a hundred times real time lost blocks with

@@ -2,7 +2,6 @@
 input.
 """
 
-import os
 import signal
 import subprocess
 import sys
@@ -30,7 +29,6 @@ pytestmark = pytest.mark.live
 RATE = 2048.0
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "acceleration[rad/s^2]")
 PATIENCE = 60.0  # s; the first start compiles
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
 def process(*parameters):

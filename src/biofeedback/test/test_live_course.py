@@ -43,9 +43,8 @@ def course_in_its_second_session(folder):
 
 
 @pytest.mark.timeout(300)
-def test_trials_are_gated_rewarded_and_recorded(tmp_path, monkeypatch):
+def test_trials_are_gated_rewarded_and_recorded(tmp_path):
     """The ten conditioned trials of a session whose control trials were done before."""
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     port, record = free_port(), tmp_path / "S01.yaml"
     course = course_in_its_second_session(tmp_path)
     graph = load_graph("simulated_conditioning").with_settings(

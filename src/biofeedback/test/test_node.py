@@ -4,7 +4,6 @@ to be open to strangers.
 
 import asyncio
 import json
-import os
 import re
 import signal
 import subprocess
@@ -30,7 +29,6 @@ pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PATIENCE = 90.0
 RATE = 2048.0
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
 def start(tmp_path, **parameters):

@@ -87,8 +87,7 @@ def do_check_list(operator):
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_path):
     rig = tmp_path / "rig.yaml"
     rig.write_text(RIG.format(today=f"{datetime.now(timezone.utc):%Y-%m-%d}"))
     port, first, second = free_port(), tmp_path / "first", tmp_path / "second"
@@ -166,9 +165,8 @@ CALIBRATED = 'check_list: [session_calibration]\n"calibration[s]": 40\n'
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_session_is_calibrated_before_its_baseline(browser, tmp_path, monkeypatch):
+def test_a_session_is_calibrated_before_its_baseline(browser, tmp_path):
     """The running estimator goes on with what the program found, and the recording says so."""
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     port, bag, model = free_port(), tmp_path / "bag", tmp_path / "S07.yaml"
     protocol = tmp_path / "calibrated.yaml"
     source = resources.files("biofeedback") / "config" / "demonstration.yaml"

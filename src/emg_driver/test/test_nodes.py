@@ -15,7 +15,6 @@ from emg_driver.processor import EmgProcessor
 pytestmark = pytest.mark.live
 
 RATE, SIZE = 2048, 32
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 # Everything in real time: the processes need about a core for half a minute, and on a computer that
 # is too busy samples are lost.
 chain = pytest.mark.slow

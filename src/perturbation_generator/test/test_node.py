@@ -31,17 +31,8 @@ PROGRAM = (
 )
 
 
-@pytest.fixture(scope="module")
-def environment():
-    kept = dict(os.environ)
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    yield
-    os.environ.clear()
-    os.environ.update(kept)
-
-
 @pytest.fixture
-def ear(environment):
+def ear():
     """A listener on the node's topics."""
     context = rclpy.Context()
     rclpy.init(context=context)
@@ -198,7 +189,7 @@ def test_amplitude_changes_while_it_runs_within_the_limits(ear):
     assert np.abs(data[:, 2]).max() <= 3.126  # rad/s, of an edge of 0.04 rad: no jump at the change
 
 
-def test_an_error_while_pacing_ends_the_process(environment):
+def test_an_error_while_pacing_ends_the_process():
     program = """
 import sys
 from ankle_node.node import run

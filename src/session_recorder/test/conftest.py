@@ -54,7 +54,6 @@ class Graph:
     def __init__(self):
         self.environment = {
             **os.environ,
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONUNBUFFERED": "1",
         }
         self.processes = []

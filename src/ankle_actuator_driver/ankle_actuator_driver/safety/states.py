@@ -3,6 +3,7 @@ meanwhile.
 
     disabled --rig heard, its clock known--> ready --arm--> armed --start--> running
     armed, running --stop, disarm, reference lost--> stopping --rig is off--> ready
+    ready --the rig obeys another driver--> disabled
     any state --fault--> fault (through stopping, while the plate may move)
     fault --reset_fault--> disabled
 
@@ -182,6 +183,8 @@ class SafetyStates:
         self._cause = None
         if report.status & Status.EMERGENCY_STOP_PRESSED:
             self._cause = "the rig's emergency stop is pressed"
+        if self.state is State.READY and not report.obeys:
+            self._enter(State.DISABLED, now)
         if self.state is State.DISABLED:
             self._enable(report, now)
         elif report.fault is not DeviceFault.NONE and self.state is not State.FAULT:
@@ -200,7 +203,7 @@ class SafetyStates:
         elif not report.obeys:
             self.reason = (
                 "the rig does not obey this driver (yet); where another driver has taken it since, "
-                "this one has to be started anew"
+                "that one has to end first"
             )
         elif not report.clock_ready:
             self.reason = "the rig's clock is being measured"

@@ -13,16 +13,14 @@ that a subject who does not change succeeds at a rate that is known.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ankle_interfaces.yaml_text import YamlError, load_named
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.session.check_list import checked_names
-from biofeedback.session.plan_keys import check_keys
+from biofeedback.session.plan_file import check_keys, load_plan
 
 CONTROL, CONDITIONED = "control", "conditioned"
 UP, DOWN = "up", "down"
@@ -179,11 +177,8 @@ def load_course(name: str) -> Course:
     ProtocolError
         No such file, not YAML, a key that is missing, unknown or out of range.
     """
-    try:
-        content, text = load_named(name, "biofeedback", "config/courses", "course")
-    except YamlError as error:
-        raise ProtocolError(str(error)) from None
-    return _course(content, name, hashlib.sha256(text.encode()).hexdigest()[:16])
+    content, digest = load_plan(name, "config/courses", "course")
+    return _course(content, name, digest)
 
 
 def _course(content: Any, name: str, digest: str) -> Course:

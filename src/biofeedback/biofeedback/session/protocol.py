@@ -7,14 +7,12 @@ is the paper's; `docs/biofeedback.md` explains every key.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import Any
 
-from ankle_interfaces.yaml_text import YamlError, load_named
 from biofeedback.errors import ProtocolError
 from biofeedback.session.check_list import SESSION_CALIBRATION, checked_names
-from biofeedback.session.plan_keys import check_keys
+from biofeedback.session.plan_file import check_keys, load_plan
 
 BASELINE, REACH, HOLD, BREAK, TRIALS = "baseline", "reach", "hold", "break", "trials"
 CALIBRATION = "calibration"
@@ -138,11 +136,8 @@ def load_protocol(name: str) -> Protocol:
     ProtocolError
         No such file, not YAML, a key that is missing, unknown or out of range.
     """
-    try:
-        content, text = load_named(name, "biofeedback", "config", "protocol")
-    except YamlError as error:
-        raise ProtocolError(str(error)) from None
-    return _protocol(content, name, hashlib.sha256(text.encode()).hexdigest()[:16])
+    content, digest = load_plan(name, "config", "protocol")
+    return _protocol(content, name, digest)
 
 
 def _protocol(content: Any, name: str, digest: str) -> Protocol:

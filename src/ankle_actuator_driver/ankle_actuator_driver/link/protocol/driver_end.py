@@ -6,6 +6,7 @@ Knows no socket; every call says what time it is. docs/rig_protocol.md is the sp
 from __future__ import annotations
 
 import math
+import secrets
 from collections import Counter
 
 import numpy as np
@@ -24,6 +25,7 @@ from ankle_actuator_driver.link.protocol.packet import (
     unsealed,
 )
 from ankle_actuator_driver.safety.rig import (
+    UNPOWERED,
     Event,
     Interruption,
     Order,
@@ -42,9 +44,20 @@ SEQUENCE_STRIDE = 64
 that another process sends meanwhile, at most one every 20 ms for 100 ms."""
 LARGEST_AGE = 2.0
 """[s] Largest time between a report's first sample and its sending: with more it is refused."""
+LARGEST_LEAD = 0.001
+"""[s] Time by which a report's last sample may be later than its sending: nothing is measured
+before its time, but a rig may read its clock for the two a sample apart."""
+OTHER_DRIVER_SILENCE = 1.0
+"""[s] Time without a word from the driver that the rig obeys after which another one may take an
+unpowered rig: ten times what costs that driver a running plate."""
 CLOCK_LEAP = 1.0
 """[s] Time by which the rig's clock may leave ROS time between two packets before it counts as set.
 """
+
+
+def draw_session() -> int:
+    """Return the number of a driver's session, at random, not 0."""
+    return secrets.randbelow(2**32 - 1) + 1
 
 
 class DriverEnd:
@@ -53,7 +66,8 @@ class DriverEnd:
     Parameters
     ----------
     session
-        Number of this start, not 0.
+        Number of the session with the rig, not 0. Where another driver has taken the rig and
+        fallen silent, a new number is drawn, because the rig obeys no former session again.
     key
         Shared with the rig; empty for none.
 
@@ -83,6 +97,8 @@ class DriverEnd:
         self._last: StateReport | None = None
         self._last_at = (0.0, 0.0)  # steady clock and ROS time of the last packet [s]
         self._heard = Watchdog()
+        self._other_driver = (0, 0)  # session and sequence of another one that the rig obeys
+        self._other_driver_heard = 0.0  # steady clock [s]
         # The rig's time at which its next sample is due [s].
         self._next_first: float | None = None
 
@@ -153,6 +169,11 @@ class DriverEnd:
             self.refusals[packet] += 1
             return events
         self._heard.feed(now)
+        if self._other_driver_is_gone(packet, now):
+            self._session = draw_session()
+            events.append(
+                Remark("the rig's other driver has fallen silent; this driver takes the rig again")
+            )
         ours = packet.host == self._session
         events += self._follow_clock(packet, ours, now, ros)
         self._last, self._last_at, self.rig_refused = packet, (now, ros), packet.refused
@@ -189,12 +210,27 @@ class DriverEnd:
         events.append(Interruption("the rig has started anew"))
         return packet
 
+    def _other_driver_is_gone(self, packet: StateReport, now: float) -> bool:
+        """Return whether the rig, at rest and not wanted otherwise, obeys a driver that says
+        nothing any more; once for each silence.
+        """
+        other = packet.host, packet.heard
+        if packet.host in (0, self._session) or other != self._other_driver:
+            self._other_driver, self._other_driver_heard = other, now
+            return False
+        silent = now - self._other_driver_heard > OTHER_DRIVER_SILENCE
+        gone = silent and packet.state in UNPOWERED and self._wanted is Wanted.OFF
+        if gone:
+            self._other_driver_heard = now
+        return gone
+
     @staticmethod
     def _out_of_time(packet: Packet, ros: float) -> Refusal | None:
         """Return whether the times in a packet cannot be."""
         assert isinstance(packet, StateReport)
-        old = packet.sent - packet.first
-        if not -1e9 * LARGEST_AGE < old < 1e9 * LARGEST_AGE:
+        age = 1e-9 * (packet.sent - packet.first)
+        lead = (len(packet.samples) - 1) * packet.interval - age
+        if not (age < LARGEST_AGE and lead < LARGEST_LEAD):
             return Refusal.TIME
         ahead = packet.echo - ros * 1e9
         return Refusal.TIME if packet.host and ahead > 1e9 * CLOCK_LEAP else None

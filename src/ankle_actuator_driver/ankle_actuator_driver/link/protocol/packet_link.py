@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import secrets
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Protocol
 
-from ankle_actuator_driver.link.protocol.driver_end import DriverEnd
+from ankle_actuator_driver.link.protocol.driver_end import DriverEnd, draw_session
 from ankle_actuator_driver.link.protocol.packet import read_key, sealed
 from ankle_actuator_driver.link.protocol.transport import Transport
 from ankle_actuator_driver.link.rig_link import Arrival, Clocks, RigLink
@@ -78,7 +77,7 @@ class PacketLink(RigLink):
         self.key = read_key(str(values["key_file"]))
         self.clocks = clocks
         self.line = self.open_line(values)
-        self.end = DriverEnd(secrets.randbelow(2**32 - 1) + 1, self.key)
+        self.end = DriverEnd(draw_session(), self.key)
         self._sender: Sender | None = self.make_sender()
         self._alive_at = -math.inf
 
