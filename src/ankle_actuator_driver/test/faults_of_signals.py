@@ -81,9 +81,8 @@ STATES_OF_THE_LINE = (
         "another driver takes a rig that is ready",
         "ends off",
         lambda lab: lab.another_driver(Wanted.OFF),
-        lambda lab: (lab.strangers.clear(), new_driver(lab)),
+        lambda lab: lab.strangers.clear(),
         moment="ready",
-        new_stream=True,
     ),
     Fault("another rig reports to the driver", "goes on", **stranger(Campaign.another_rig)),
     Fault(

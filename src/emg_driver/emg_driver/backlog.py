@@ -1,7 +1,7 @@
 """Blocks that wait until readers can take them.
 
-A stream is looked at for seconds before its first block is given out; all of it sent at once would
-overrun the queues of readers, which keep 64 blocks, and be lost there.
+A stream is looked at for seconds before its first block is given out. All of it sent at once would
+be lost at readers of others with short queues, and would hold up those with long ones.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 MAX_BLOCKS_AT_ONCE = 16
-"""Largest number of blocks sent at once: a quarter of what a reader keeps."""
+"""Largest number of blocks sent at once: a quarter of a short queue of 64 blocks."""
 CATCH_UP_RATE = 128.0
 """[1/s] Rate of blocks while there is a backlog: twice as fast as they come, which readers manage
 on a busy computer too."""

@@ -23,8 +23,8 @@ from emg_driver.settings import Settings
 from emg_driver.stretch_onsets import REFERENCE_REST, OnsetDetector
 
 LARGEST_REFERENCE_DELAY = 2.0
-"""[s] Largest delay of the reference behind the EMG: a replay at full speed may be 64 blocks, one
-second, out of step."""
+"""[s] Largest delay of the reference behind the EMG: a replay at full speed sends up to 32 blocks,
+half a second, of one topic before the other."""
 LOWEST_RATE = 1000.0
 """[Hz] Lowest sampling rate: below, half the sampling rate cuts into the band of EMG (up to 450
 Hz)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 LONGEST_WAIT = 2.0
 """Samples wait for so long [s of sample time] for a reference which has come before: a replay at
-full speed may be as far ahead as a reader's queue is long, which holds one second of blocks."""
+full speed sends up to 32 blocks, half a second, of one topic before the other."""
 LARGEST_STEP = 0.05
 """A longer step [s] between two samples of a reference is a gap, in which there is no reference."""
 

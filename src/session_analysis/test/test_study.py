@@ -18,6 +18,12 @@ from ankle_interfaces.block import Block
 from ankle_node.session_event import SessionEvent
 from session_analysis.errors import AnalysisError
 from session_analysis.study.bids_export import export_bids
+from session_analysis.study.detectable_change import (
+    NOTHING_KNOWN,
+    detectable_change,
+    detectable_changes,
+    scatter,
+)
 from session_analysis.study.layout import Study, check_pseudonym, check_stated, init_study
 from session_analysis.study.recording_results import Row, process, verdict_rows
 from session_analysis.study.reliability import reliability
@@ -115,7 +121,6 @@ def test_reliability_is_that_of_shrout_and_fleiss():
     # Their table 4; pingouin and R's psych print 0.2898 for the same data.
     assert found.icc == pytest.approx(0.2898, abs=5e-5)
     assert (found.subjects, found.visits) == (6, 4)
-    assert found.mdc == pytest.approx(1.96 * np.sqrt(2) * found.sem)
 
 
 def test_reliability_of_a_known_scatter_and_of_one_subject():
@@ -129,6 +134,43 @@ def test_reliability_of_a_known_scatter_and_of_one_subject():
     assert alone.sem == pytest.approx(2.0)
     assert reliability(np.array([[1.0]])) is None
     assert reliability(np.full((3, 2), np.nan)) is None
+
+
+def test_a_detectable_change_grows_with_the_correlation_of_visits_and_with_ignorance():
+    random = np.random.default_rng(3)
+    steps = random.normal(0, 1, (40, 8))
+    wandering = np.cumsum(steps, axis=1)
+    near, far = (
+        detectable_change(sum((scatter(np.arange(8), row) for row in wandering), NOTHING_KNOWN), d)
+        for d in (1, 7)
+    )
+    # Between neighbours of a random walk lies one step, between the ends seven.
+    assert near == pytest.approx(2.17 * 1.0, rel=0.15)
+    assert far > 1.8 * near
+    few = detectable_changes([1, 2], steps[:2, :2])
+    many = detectable_changes([1, 2], steps[:, :2])
+    assert many == pytest.approx(2.17 * np.sqrt(2.0), rel=0.25)
+    assert few[0] != few[1]  # each is known from the other alone
+    assert few[0] > 20.0 * abs(steps[1, 1] - steps[1, 0])
+
+
+def test_a_subject_is_not_part_of_what_judges_their_change():
+    values = np.random.default_rng(4).normal(100, 2, (5, 3))
+    before = detectable_changes([1, 2, 3], values)
+    values[0, 2] += 50.0
+    after = detectable_changes([1, 2, 3], values)
+    assert after[0] == before[0]
+    assert after[1] > before[1]
+
+
+def test_without_others_the_own_earlier_visits_say_what_is_detectable():
+    alone = detectable_changes([1, 2, 5, 6], np.array([[10.0, 12.0, np.nan, 40.0]]))
+    same = detectable_changes([1, 2, 5, 6], np.array([[10.0, 12.0, np.nan, 90.0]]))
+    assert alone == same
+    assert alone > 2.0
+    # Two visits alone say nothing of how far two visits are apart without a change.
+    assert np.isnan(detectable_changes([1, 2], np.array([[10.0, 12.0]]))).all()
+    assert np.isnan(detectable_changes([1, 2], np.array([[10.0, np.nan], [9.0, 10.0]]))[0])
 
 
 def rows_of(subject, visit, K, run=1, torque=-3.0, error=1.0, doubt=0.1):
@@ -170,6 +212,13 @@ def test_a_change_within_the_errors_of_its_estimates_is_said_to_be_so(tmp_path):
     assert "doubtful" not in sentences(1.0, 0.0)
     assert "but not more than their errors explain (39.2 N·m/rad)" in sentences(20.0, 0.0)
     assert sentences(1.0, 0.9).endswith("; the estimates are doubtful")
+
+
+def test_two_visits_of_a_single_subject_state_no_detectable_change(tmp_path):
+    rows = rows_of("S1", 1, 80.0) + rows_of("S1", 2, 110.0)
+    text = write_study_report(rows, {}, tmp_path / "r.html", "T").read_text()
+    assert "K changed by +30 N·m/rad from visit 1 to visit 2, and what change is det" in text
+    assert "more than the minimal detectable change of" not in text
 
 
 def test_results_come_back_from_the_table(study):

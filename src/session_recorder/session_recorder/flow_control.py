@@ -1,9 +1,10 @@
 """How far a replay may run ahead of its readers.
 
-A reader's DDS queue holds the last 64 messages; a 65th overwrites the oldest that the reader has
-not got to. So at most `WINDOW` messages of a topic are under way: sent, and not yet acknowledged by
-the slowest reader. Readers say which message they have acknowledged by the time it was sent, which
-the middleware stamps on it, so a count that began with an earlier replay cannot confuse it.
+A reader's DDS queue is limited: what comes when it is full overwrites the oldest message that the
+reader has not got to. So at most `WINDOW` messages of a topic are under way: sent, and not yet
+acknowledged by the slowest reader. Readers say which message they have acknowledged by the time it
+was sent, which the middleware stamps on it, so a count that began with an earlier replay cannot
+confuse it.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ import time
 from bisect import bisect_right
 from collections.abc import Callable
 
-# Half of the readers' queue of 64, so that a message that is both unread and being processed has
-# room.
 WINDOW = 32
+"""Messages under way: a sixteenth of the queue of this project's readers, so that a reader of
+somebody else's with a queue of 64 loses nothing either."""
 
 
 class Flow:

@@ -16,9 +16,9 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
 
 MAX_LATENESS = 5.0
-"""[s] Longest delay of a block. A queue of 64 blocks holds one second, so a block comes at most a
-few seconds late. Time that runs back further is a clock that was set, or a source that started
-again."""
+"""[s] Longest delay of a block: blocks of one publisher come in their order, and one that a busy
+network or computer holds up comes at most a few seconds late. Time that runs back further is a
+clock that was set, or a source that started again."""
 MAX_CLOCK = 1e11
 """[s] Latest possible time: times beyond are damaged: ROS counts from 1970, and this is the year
 5138."""

@@ -26,7 +26,7 @@ from ankle_actuator_driver.safety.torque_yield import TorqueYield
 
 
 class ReferencePath:
-    """Makes of each stretch of reference what is sent, and remembers it.
+    """Turns each stretch of reference into what is sent, and remembers it.
 
     Parameters
     ----------

@@ -1,9 +1,8 @@
-"""How well a measure repeats over visits: intraclass correlation, standard error of measurement,
-minimal detectable change.
+"""How well a measure repeats over visits: intraclass correlation and standard error of measurement.
 
 Shrout & Fleiss, Psychol. Bull. 86 (1979) 420-428: ICC(2,1), two-way random effects, absolute
 agreement, single measure. Weir, J. Strength Cond. Res. 19 (2005) 231-240: the standard error of
-measurement from the mean squares within, minimal detectable change 1.96 √2 SEM.
+measurement from the mean squares within.
 """
 
 from __future__ import annotations
@@ -13,9 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 MIN_SUBJECTS, MIN_VISITS = 2, 2
-DETECTABLE_DIFFERENCE_RATIO = 1.96 * np.sqrt(2.0)
-"""Number of standard errors of measurement between two visits that 19 of 20 unchanged subjects stay
-below."""
 
 
 @dataclass(frozen=True)
@@ -28,15 +24,12 @@ class Reliability:
         ICC(2,1); NaN with one subject.
     sem
         Standard error of measurement, in the quantity's unit.
-    mdc
-        Minimal detectable change between two visits, in the quantity's unit.
     subjects, visits
         What it was computed from.
     """
 
     icc: float
     sem: float
-    mdc: float
     subjects: int
     visits: int
 
@@ -64,7 +57,7 @@ def reliability(values: np.ndarray) -> Reliability | None:
     within = table - table.mean(axis=1, keepdims=True)
     if n < MIN_SUBJECTS:
         sem = float(np.sqrt(np.sum(within**2) / (k - 1)))
-        return Reliability(float("nan"), sem, DETECTABLE_DIFFERENCE_RATIO * sem, n, k)
+        return Reliability(float("nan"), sem, n, k)
     between_subjects = k * np.sum((table.mean(axis=1) - total) ** 2) / (n - 1)
     between_visits = n * np.sum((table.mean(axis=0) - total) ** 2) / (k - 1)
     residual = within - (table.mean(axis=0) - total)
@@ -73,4 +66,4 @@ def reliability(values: np.ndarray) -> Reliability | None:
     icc = (between_subjects - error) / spread if spread > 0 else float("nan")
     # All that differs between visits of one subject, drift included: what absolute agreement asks.
     sem = float(np.sqrt(np.sum(within**2) / (n * (k - 1))))
-    return Reliability(float(icc), sem, float(DETECTABLE_DIFFERENCE_RATIO * sem), n, k)
+    return Reliability(float(icc), sem, n, k)

@@ -19,6 +19,12 @@ from session_analysis.html_page import (
     paragraph,
     table,
 )
+from session_analysis.study.detectable_change import (
+    NOTHING_KNOWN,
+    detectable_change,
+    detectable_changes,
+    scatter,
+)
 from session_analysis.study.recording_results import Row
 from session_analysis.study.reliability import Reliability, reliability
 from session_analysis.values import three_digits, with_error, with_unit
@@ -81,10 +87,11 @@ def write_study_report(
         Only this subject's part; the reliability is that of the whole study.
     """
     subjects = [subject] if subject else sorted({row.subject for row in rows})
-    repeat = {quantity: reliability(visit_table(rows, quantity)[2]) for quantity in SHOWN}
-    parts = [paragraph(_overview(rows, subjects), "answer"), *_reliability_parts(repeat)]
+    parts = [paragraph(_overview(rows, subjects), "answer"), *_reliability_parts(rows)]
+    detectable = {quantity: _detectable(rows, quantity) for quantity in SHOWN[:2]}
     for one in subjects:
-        parts += _subject_parts([row for row in rows if row.subject == one], one, repeat)
+        own = {quantity: found.get(one, np.nan) for quantity, found in detectable.items()}
+        parts += _subject_parts([row for row in rows if row.subject == one], one, own)
     parts += _paper_parts(rows, subjects)
     parts += [
         heading("Recordings without a result"),
@@ -127,39 +134,58 @@ def _overview(rows: Sequence[Row], subjects: Sequence[str]) -> str:
     return f"{len(subjects)} subject(s), {len(visits)} visit(s), {len(runs)} recording(s)."
 
 
-def _reliability_parts(repeat: dict[str, Reliability | None]) -> list[str]:
-    head = ["", "ICC(2,1)", "standard error of measurement", "minimal detectable change", "from"]
-    body = [
-        [
-            with_unit(quantity),
-            f"{found.icc:.2f}" if np.isfinite(found.icc) else "needs two subjects",
-            f"{found.sem:.3g}",
-            f"{found.mdc:.3g}",
-            f"{found.subjects} subject(s), {found.visits} visits",
-        ]
-        for quantity, found in repeat.items()
-        if found is not None
+def _detectable(rows: Sequence[Row], quantity: str) -> dict[str, float]:
+    """Return the minimal detectable change of each subject from their first to their last visit."""
+    subjects, visits, values = visit_table(rows, quantity)
+    return dict(zip(subjects, detectable_changes(visits, values).tolist(), strict=True))
+
+
+def _reliability_parts(rows: Sequence[Row]) -> list[str]:
+    head = [
+        "",
+        "ICC(2,1)",
+        "standard error of measurement",
+        "minimal detectable change, first to last visit",
+        "from",
     ]
+    body = []
+    for quantity in SHOWN:
+        _, visits, values = visit_table(rows, quantity)
+        found = reliability(values)
+        if found is not None:
+            all_of_them = sum((scatter(np.array(visits), row) for row in values), NOTHING_KNOWN)
+            detectable = detectable_change(all_of_them, visits[-1] - visits[0])
+            body.append([with_unit(quantity), *_reliability_cells(found, detectable)])
     if not body:
         return [paragraph("Fewer than two visits: nothing is known of how well measures repeat.")]
     return [
         heading("How well measures repeat"),
         table([head, *body]),
         paragraph(
-            "Between two visits of an unchanged ankle 19 of 20 differences are below the minimal "
-            "detectable change. Only subjects with every visit count. Visits between which an "
-            "ankle was trained make it too large: it then hides what the training did."
+            "An ankle that has not changed differs by more than the minimal detectable change in "
+            "about 3 of 100 cases; that neighbouring visits resemble each other is allowed for. A "
+            "subject is compared with the change that is detectable from the visits of "
+            "the others; where there are none, from the own earlier ones. Visits between which an "
+            "ankle was trained make it too large: it then hides what the training did. For ICC "
+            "and standard error only subjects with every visit count."
         ),
     ]
 
 
-def _subject_parts(
-    rows: Sequence[Row], subject: str, repeat: dict[str, Reliability | None]
-) -> list[str]:
+def _reliability_cells(found: Reliability, detectable: float) -> list[str]:
+    return [
+        f"{found.icc:.2f}" if np.isfinite(found.icc) else "needs two subjects",
+        f"{found.sem:.3g}",
+        f"{detectable:.3g}",
+        f"{found.subjects} subject(s), {found.visits} visits",
+    ]
+
+
+def _subject_parts(rows: Sequence[Row], subject: str, detectable: dict[str, float]) -> list[str]:
     parts = [heading(f"Subject {subject}"), table(_visit_rows(rows))]
-    parts += [bullets(_changes(rows, repeat), nothing="One visit: no change to state.")]
+    parts += [bullets(_changes(rows, detectable), nothing="One visit: no change to state.")]
     if len({row.visit for row in rows}) > 1:
-        parts.append(figure(_trend(rows, repeat)))
+        parts.append(figure(_trend(rows, detectable)))
     by_torque = _torque_figure(rows)
     if by_torque is not None:
         parts += [paragraph("K and G against the mean torque of each recording:")]
@@ -189,17 +215,16 @@ def _text(row: Row | None) -> str:
     return "-" if row is None else with_error((row.value, row.error))
 
 
-def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list[str]:
+def _changes(rows: Sequence[Row], detectable: dict[str, float]) -> list[str]:
     """Return the last visit against the first one.
 
     A change counts where it is beyond the minimal detectable one and beyond what the errors of both
     estimates explain; where the estimates are doubtful, the sentence says so.
     """
     sentences = []
-    for quantity in SHOWN[:2]:
+    for quantity, least in detectable.items():
         _, visits, values = visit_table(rows, quantity)
-        found = repeat[quantity]
-        if len(visits) < 2 or found is None:
+        if len(visits) < 2:
             continue
         name, unit = with_unit(quantity).rstrip("]").split(" [")
         change = float(values[0, -1] - values[0, 0])
@@ -207,12 +232,18 @@ def _changes(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> list
             row for row in rows if row.quantity == quantity and row.visit in (visits[0], visits[-1])
         ]
         explained = NORMAL_95 * _error_of_change(ends)
-        beyond = "more" if abs(change) > found.mdc else "not more"
         sentence = (
             f"{name} changed by {change:+.3g} {unit} from visit {visits[0]} to visit {visits[-1]}, "
-            f"{beyond} than the minimal detectable change of {found.mdc:.3g} {unit}"
         )
-        if found.mdc < abs(change) <= explained:
+        if np.isnan(least):
+            sentence += (
+                "and what change is detectable is not known: there is no other subject with two "
+                "visits, and no third visit"
+            )
+        else:
+            beyond = "more" if abs(change) > least else "not more"
+            sentence += f"{beyond} than the minimal detectable change of {least:.3g} {unit}"
+        if least < abs(change) <= explained:
             sentence += f", but not more than their errors explain ({explained:.3g} {unit})"
         if any(row.doubt >= DOUBTFUL_SHARE for row in ends):
             sentence += "; the estimates are doubtful"
@@ -231,21 +262,20 @@ def _error_of_change(rows: Sequence[Row]) -> float:
     return float(np.sqrt(variance))
 
 
-def _trend(rows: Sequence[Row], repeat: dict[str, Reliability | None]) -> Any:
+def _trend(rows: Sequence[Row], detectable: dict[str, float]) -> Any:
     from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 
     drawn = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.05)
-    for line, quantity in enumerate(SHOWN[:2], 1):
+    for line, (quantity, least) in enumerate(detectable.items(), 1):
         _, visits, values = visit_table(rows, quantity)
         if not visits:
             continue
         trace = Scatter(x=visits, y=values[0], mode="lines+markers", showlegend=False)
         trace.line = {"color": COLOURS[line - 1]}
         drawn.add_trace(trace, line, 1)
-        found = repeat[quantity]
-        if found is not None:
-            low, high = (float(values[0, 0]) + sign * found.mdc for sign in (-1, 1))
+        if np.isfinite(least):
+            low, high = (float(values[0, 0]) + sign * least for sign in (-1, 1))
             # After the trace: nothing is drawn into a panel that is still empty.
             drawn.add_hrect(
                 low, high, row=line, col=1, fillcolor="#888888", opacity=0.2, line_width=0
