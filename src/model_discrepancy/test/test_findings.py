@@ -18,6 +18,7 @@ from model_discrepancy.fit.rows import Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_of, motion_step
+from model_discrepancy.recording.resolution import coarse_step
 from model_discrepancy.recording.servo import identify_servo
 from simulation_study.planted_trials import simulate_trial
 
@@ -31,7 +32,7 @@ def found_in(recording):
     motion = motion_of(recording)
     fitter = Fitter.of(motion)
     base = fit_base(fitter)
-    return variability(fitter, base)
+    return variability(fitter, base, recording.torque)
 
 
 def servo_of(recording):
@@ -67,6 +68,18 @@ def test_a_line_is_no_tremor(equal_steps):
     )
     assert found.tremor is None
     assert found.line_hz == pytest.approx(50.0, abs=0.5)
+
+
+def test_torque_in_coarse_steps_is_seen_and_nothing_else(equal_steps):
+    step = 0.35  # N.m; the noise that a converter adds is a tenth of that here
+    noise = 0.035 * np.random.default_rng(3).standard_normal(len(equal_steps.torque))
+    coarse = step * np.round(equal_steps.torque / step) + noise
+    assert coarse_step(coarse) == pytest.approx(step, rel=0.02)
+    found = found_in(replace(equal_steps, torque=coarse))
+    assert "steps of 0.35 N.m" in found.unexplainable[0]
+    assert coarse_step(equal_steps.torque) == 0.0
+    assert coarse_step(equal_steps.position) == 0.0
+    assert coarse_step(np.ones(100)) == 0.0
 
 
 def test_responses_that_vary_at_random_are_seen(equal_steps):

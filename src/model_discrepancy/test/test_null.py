@@ -108,9 +108,9 @@ def test_a_reflex_that_varies_is_measured_and_is_usual(steady):
     step = round(steady.rate / rate)
     added = np.repeat(torque * (scale - 1.0), step)[: len(steady.torque)]
     varied = prepare(replace(steady, torque=steady.torque + added))
-    found = variability(varied.fitter, varied.base)
+    found = variability(varied.fitter, varied.base, varied.recording.torque)
     assert found.reflex is not None
     assert 0.12 < found.reflex[0] < 0.4
     assert found.unusual == []
-    still = variability(fitter, base)
+    still = variability(fitter, base, steady.torque)
     assert still.reflex is None or still.reflex[0] < 0.1

@@ -18,7 +18,7 @@ def varies(*hidden, protocol="random_levels", variability_of_subject="large", se
         variability=variability_of_subject,
     )
     problem = prepare(made(plan)[0])
-    return variability(problem.fitter, problem.base)
+    return variability(problem.fitter, problem.base, problem.recording.torque)
 
 
 @pytest.mark.slow
@@ -33,14 +33,14 @@ def test_the_usual_variation_of_a_reflex_is_independent_and_in_time():
 def test_a_delay_that_wanders_is_measured():
     found = varies("wandering_delay")
     assert found.timing[0] == pytest.approx(0.009, abs=0.004)  # rms 10 ms, within its range
-    assert "earlier and later" in found.unusual_reflex[0]
+    assert "earlier and later" in found.unexplainable[0]
 
 
 def test_a_reflex_that_is_turned_down_in_bouts_is_seen():
     found = varies("reflex_bouts", variability_of_subject="small")
     assert found.serial[0] > 3.0 * found.serial[1]
     assert found.timing[0] < 0.4 * USUAL_REFLEX_JITTER
-    assert "several stretches at a time" in found.unusual_reflex[0]
+    assert "several stretches at a time" in found.unexplainable[0]
 
 
 @pytest.mark.slow

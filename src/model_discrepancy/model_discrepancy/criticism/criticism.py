@@ -89,8 +89,8 @@ def criticise(
     final_scored = held_out(fitter, final) if found.effects else base_scored
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
-    varies = variability(fitter, final)
-    scores = Scores(base_scored.vaf, final_scored.vaf, *ceiling)
+    varies = variability(fitter, final, problem.recording.torque)
+    scores = Scores(base_scored.vaf, final_scored.vaf, ceiling[1])
     verdict, closed = judge(found, after, findings, varies, scores)
     block = None
     if verdict == "unexplained":

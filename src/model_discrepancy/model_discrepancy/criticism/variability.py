@@ -24,6 +24,7 @@ from model_discrepancy.fit.reflex_variation import (
     reflex_variation,
     since_movement,
 )
+from model_discrepancy.recording.resolution import coarse_step
 
 # Physiological tremor of the ankle: 6 to 12 Hz (Lakie, Vernooij, Osborne & Reynolds 2012, J.
 # Physiol. 590, 6145), and a margin.
@@ -87,6 +88,8 @@ class Variability:
     timing
         Standard deviation of the reflex' time from stretch to stretch [s], with its standard error,
         or None.
+    torque_step
+        Distance of the levels that the recorded torque lies at [N.m]; 0 where it lies anywhere.
     """
 
     tremor: tuple[tuple[float, float], tuple[float, float]] | None
@@ -98,6 +101,7 @@ class Variability:
     varying_share: float = 0.0
     serial: tuple[float, float] | None = None
     timing: tuple[float, float] | None = None
+    torque_step: float = 0.0
 
     @property
     def unusual(self) -> list[str]:
@@ -113,7 +117,7 @@ class Variability:
                 f"the reflex varies by {100 * self.reflex[0]:.0f} % from stretch to stretch, more "
                 f"than the {100 * USUAL_REFLEX_VARIATION:.0f} % of a subject at rest"
             )
-        found += self.unusual_reflex
+        found += self.unexplainable
         if self.variation > LEAST_VARIATION and self.varying_share > MATERIAL_SHARE:
             low, high = (1000 * side for side in self.window)
             found.append(
@@ -124,9 +128,16 @@ class Variability:
         return found
 
     @property
-    def unusual_reflex(self) -> list[str]:
-        """Return how the reflex changes in the course of time as no subject's at rest does."""
+    def unexplainable(self) -> list[str]:
+        """Return what no term can make: a coarse torque channel, and a reflex that changes in the
+        course of time as no subject's at rest does.
+        """
         found = []
+        if self.torque_step > 0.0:
+            found.append(
+                f"the torque comes in steps of {self.torque_step:.2g} N.m: sensor or converter is "
+                "too coarse for what is to be seen"
+            )
         if self.timing is not None and _exceeds(self.timing, USUAL_REFLEX_JITTER):
             found.append(
                 f"the reflex comes earlier and later from stretch to stretch by "
@@ -169,8 +180,16 @@ def _exceeds(found: tuple[float, float], limit: float) -> bool:
     return value - 2.0 * error > limit
 
 
-def variability(fitter: Fitter, fit: Fit) -> Variability:
-    """Look for it in the residual of this fit."""
+def variability(fitter: Fitter, fit: Fit, torque: np.ndarray) -> Variability:
+    """Look for it in the residual of a fit.
+
+    Parameters
+    ----------
+    fitter, fit
+        Of the recording.
+    torque
+        As it was recorded [N.m], shape (n,).
+    """
     tremor, line = _peaks(fitter, fit)
     reflex = reflex_variation(fitter, fit)
     variation, window, share = _variation(fitter, fit, reflex.residual)
@@ -185,6 +204,7 @@ def variability(fitter: Fitter, fit: Fit) -> Variability:
         share,
         reflex.serial,
         reflex.timing,
+        coarse_step(torque),
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fitter import Fit, Fitter
-from model_discrepancy.search.found import Effect, Found, Progress, Trial
+from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import Screened, screen, without_term
@@ -28,9 +28,6 @@ RIVALS_REFITTED = 3
 # parameters; a term that was found early may only have stood in for it.
 SWAP_GAIN = 0.005
 MOST_SWAPS = 3
-# Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
-# equation of a larger one, it seems.
-REFINEMENT = 0.05
 
 
 def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None:

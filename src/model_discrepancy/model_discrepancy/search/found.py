@@ -16,9 +16,16 @@ LEAST_TERM_SHARE = 0.5 * MATERIAL_SHARE
 # Another term that gains this many times what it gains by chance, on unseen rows too, criticises a
 # model, however little torque it changes.
 CRITICISING_RATIO = 3.0
+# Of the whitened error. A term that takes off so much of what the named ones leave, and on unseen
+# rows too, says that these have not the right shape, however little torque it changes: beside right
+# names none took off more than 8 %, beside those that stood in for another up to 40 %.
+CONTRADICTING_GAIN = 0.12
 # Of the whitened error. A term that gains less may not do away with a part of the base model, such
 # as the joint's viscosity: it would only stand in for it.
 DISPLACING_GAIN = 0.1
+# Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
+# equation of a larger one, it seems.
+REFINEMENT = 0.05
 # Slow torque holds a part of every variation of the responses. The surrogates take it along, as far
 # as the size of each response is known: to about a fifth of its power where responses overlap.
 FOLLOWING_MARGIN = 1.3
@@ -77,6 +84,11 @@ class Trial:
     def criticises(self) -> bool:
         """Say whether a term that was not accepted shows that the model's shape is not right."""
         return self.gain > CRITICISING_RATIO * self.by_chance and min(self.held_out) > 0.0
+
+    @property
+    def contradicts(self) -> bool:
+        """Say whether a term that was not accepted shows that the named ones are not right."""
+        return self.criticises and min(self.gain, *self.held_out) > CONTRADICTING_GAIN
 
 
 @dataclass(eq=False)
@@ -143,6 +155,11 @@ class Found:
     def shape_corrected(self) -> bool:
         """Say whether further terms correct, or would correct, the shape of the named ones."""
         return bool(self.refinements) or any(trial.criticises for trial in self.near)
+
+    @property
+    def contradicted(self) -> bool:
+        """Say whether a term that was not accepted shows that the named ones are not right."""
+        return any(trial.contradicts for trial in self.near)
 
 
 def place_of(name: str) -> Place:

@@ -17,7 +17,7 @@ import numpy as np
 from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import align, bic_change
 from model_discrepancy.fit.fitter import Fit, Fitter
-from model_discrepancy.search.found import Effect, Found, Progress, Trial
+from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import Screened, screen
@@ -93,12 +93,15 @@ class Hypothesis:
         Least whitened sum of squares by number of effects.
     forks
         Steps at which it might have gone another way.
+    first
+        What was accepted at its first step.
     """
 
     found: Found
     current: Fit
     scores: dict[int, float] = field(default_factory=dict)
     forks: list[Fork] = field(default_factory=list)
+    first: list[Trial] = field(default_factory=list)
 
 
 class Hypotheses:
@@ -151,7 +154,25 @@ class Hypotheses:
             forks = [*(one for one in forks if one is not fork), *other.forks]
             if bic_change(self._fitter, best.current, other.current) < 0.0:
                 best = other
-        return best
+        alone = self._alone(first.first, best)
+        return alone if alone is not None else best
+
+    def _alone(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis | None:
+        """Return the hypothesis that begins with the one term that explains as much alone as the
+        best one does; None where no term does, or the best one begins with it.
+        """
+        if len(best.found.effects) < 2 or not first:
+            return None
+        trial = min(first, key=lambda trial: trial.fit.score)
+        cut = self._base.score - best.current.score
+        open_by_it = trial.fit.score - best.current.score
+        if open_by_it > REFINEMENT * cut or trial.name == best.found.effects[0].trial.name:
+            return None
+        self._progress(f"{trial.name} explains as much alone")
+        other = Hypothesis(Found(self._base, self._base), self._base)
+        self._add(other, trial)
+        self._follow(other)
+        return other
 
     def _follow(self, hypothesis: Hypothesis, leading: Hypothesis | None = None) -> None:
         """Add as many terms as are worth it; stop where the leading hypothesis is well ahead."""
@@ -171,6 +192,8 @@ class Hypotheses:
             if not good:
                 found.near = trials[:3]
                 return
+            if not found.effects:
+                hypothesis.first = good
             chosen = _chosen(self._fitter, good)
             hypothesis.forks += [
                 Fork(list(found.effects), hypothesis.current, other)

@@ -1,0 +1,51 @@
+"""The steps in which a coarse channel gives its values.
+
+Values that lie at equal distances show as a comb in their histogram, and a comb's spectrum (the
+values' characteristic function) has a peak at one over the distance. Noise that was added later
+widens the comb's teeth and lowers the peak. Levels of a protocol have peaks, too, but the lowest of
+them is the highest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Bins of the histogram in a standard deviation of the values, and bins of its spectrum: enough for
+# steps of a thirtieth of a standard deviation.
+_BINS, _SPECTRUM = 400, 1 << 15
+# Steps that are looked for, in standard deviations: finer ones are next to no error, coarser ones
+# are levels of the movement.
+FINEST_STEP, COARSEST_STEP = 1.0 / 30.0, 0.5
+# Height of the peak, 1 for values without any noise, and its ratio to what lies at lower
+# frequencies. In 65 simulated recordings with fine channels and two human trials a peak is at most
+# 0.41 high, or lower than what lies below; with steps of 0.7 N.m it is 0.56 to 0.91 high, and 1.4
+# to 2.5 times what lies below.
+LEAST_PEAK, LEAST_RATIO = 0.3, 1.15
+# The peak's own first subharmonic, and its foot, do not count as what lies below.
+_BELOW = (0.35, 0.85)
+
+
+def coarse_step(values: np.ndarray) -> float:
+    """Return the distance of the levels that a channel's values lie at; 0.0 where they lie
+    anywhere.
+
+    Parameters
+    ----------
+    values
+        Of one channel, shape (n,), in any unit; the step is in the same one.
+    """
+    deviation = float(np.std(values))
+    if deviation == 0.0:
+        return 0.0
+    low, high = np.percentile(values, [0.1, 99.9])
+    width = deviation / _BINS
+    count, _ = np.histogram(values, np.arange(low, high, width))
+    height = np.abs(np.fft.rfft(count / max(count.sum(), 1), _SPECTRUM))
+    frequency = np.fft.rfftfreq(_SPECTRUM, width)
+    inside = (frequency > 1.0 / (COARSEST_STEP * deviation)) & (
+        frequency < 1.0 / (FINEST_STEP * deviation)
+    )
+    peak = int(np.argmax(np.where(inside, height, 0.0)))
+    below = (frequency > _BELOW[0] * frequency[peak]) & (frequency < _BELOW[1] * frequency[peak])
+    clear = height[peak] > max(LEAST_PEAK, LEAST_RATIO * float(height[below].max()))
+    return float(1.0 / frequency[peak]) if clear else 0.0
