@@ -28,7 +28,7 @@ _BEFORE_REFLEX = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
 
 
 class HeldTorques:
-    """The torque that the held terms add to the joint's core."""
+    """Makes the torque that the held terms add to the joint's core."""
 
     def __init__(self, model: Model, rate: float, modelled_reflex: bool) -> None:
         held = [entry for entry in model.entries if _is_held(entry)]
@@ -99,7 +99,7 @@ class HeldTorques:
 
 
 class TrackedTorques:
-    """The torque of the calibrated reflex and of each tracked term at its calibrated size."""
+    """Makes the torque of the calibrated reflex and of each tracked term at its calibrated size."""
 
     def __init__(self, known: KnownPhysics, rate: float, modelled_reflex: bool) -> None:
         self._names = [entry.term.name for entry in known.tracked]

@@ -42,7 +42,7 @@ torque within half a second, though nothing moves. A velocity channel is ten tim
 
 
 class Motion(NamedTuple):
-    """Angle [rad], velocity [rad/s], acceleration [rad/s²] of plate or foot, each of shape (n,)."""
+    """Holds angle [rad], velocity [rad/s] and acceleration [rad/s²] of plate or foot, each (n,)."""
 
     position: np.ndarray
     velocity: np.ndarray
