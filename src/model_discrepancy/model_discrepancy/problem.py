@@ -14,7 +14,8 @@ from scipy.signal import coherence, welch
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.fit.base_model import align, fit_base
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.rows import LOW_PASS_HZ

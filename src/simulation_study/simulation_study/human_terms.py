@@ -15,7 +15,8 @@ from pathlib import Path
 from ankle_physics.errors import ModelError
 from ankle_physics.term import term_library
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.search.null import Null

@@ -21,7 +21,8 @@ from ankle_physics.term import Place, term_library
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import fit_base
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.resimulation import simulated_torque

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.halves import STRETCH_S
 
 # History that shapes the torque: the movement, a reflex delay of 40 ms and a response of 0.3 s.

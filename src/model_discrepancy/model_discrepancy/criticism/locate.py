@@ -12,7 +12,7 @@ from scipy.signal import coherence, welch
 from scipy.stats import spearmanr
 
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, Onsets, find_onsets
 
 SIZES = ("small", "medium", "large")

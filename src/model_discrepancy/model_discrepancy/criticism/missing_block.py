@@ -23,7 +23,8 @@ from ankle_physics.terms.missing_block import INPUTS as TERM_INPUTS
 from ankle_physics.terms.missing_block import LAGS_S as TERM_LAGS_S
 from ankle_physics.terms.missing_block import LEVELS as TERM_LEVELS
 from model_discrepancy.criticism.rank_one import Products, predicted_share, rank_one, tuned_ridge
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import LAGS_S, lag_windows
 from model_discrepancy.fit.halves import STRETCH_S, interleaved
 from model_discrepancy.fit.least_squares import orthonormal

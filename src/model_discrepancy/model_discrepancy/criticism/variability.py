@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import welch
 
-from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
 from model_discrepancy.fit.reflex_variation import (
     LEAST_ROWS,
     REST_S,

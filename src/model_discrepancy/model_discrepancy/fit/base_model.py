@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 
 # The term whose smallest values say no more than how well two channels are aligned.
 ALIGNMENT = "channel_skew"

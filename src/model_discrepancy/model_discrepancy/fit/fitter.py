@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,6 +16,7 @@ from scipy.optimize import least_squares
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import Column, Columns
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.least_squares import bounded
 from model_discrepancy.fit.parameter_scale import (
     UNIT_STEP,
@@ -51,54 +50,6 @@ _CONVERGED_SHARE = 1e-4
 # is below any instrument's own errors. In a loop whose command was recorded, torque that moved the
 # plate lets generic regressors predict up to a half of it.
 MATERIAL_SHARE = 1e-3
-
-
-@dataclass
-class Fit:
-    """Holds a fitted model.
-
-    Attributes
-    ----------
-    values
-        Every parameter by term and symbol.
-    errors
-        Standard errors of the fitted ones, likewise.
-    residual
-        Whitened residual, shape (rows.count,), of all rows whatever was fitted.
-    left
-        Spectrum of the residual torque, as `Rows.spectrum`.
-    rows
-        The operator that makes rows of it.
-    score
-        Sum of squares of the whitened residual over the fitted rows.
-    size
-        Number of fitted parameters.
-    at_bounds
-        "term.symbol" of parameters that ended at a bound.
-    draws
-        Change of each free parameter from draw to draw of the recording's stretches, by term and
-        symbol, each of shape (block_bootstrap.DRAWS,); empty without standard errors.
-    """
-
-    values: dict[str, dict[str, float]]
-    residual: np.ndarray
-    left: np.ndarray = field(repr=False)
-    rows: Rows = field(repr=False)
-    score: float
-    size: int
-    errors: dict[str, dict[str, float]] = field(default_factory=dict)
-    at_bounds: tuple[str, ...] = ()
-    draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
-
-    @cached_property
-    def plain(self) -> np.ndarray:
-        """Return the plain residual [N.m], shape (rows.count,)."""
-        return self.rows.plain(self.left)
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Return the names of the model's terms."""
-        return tuple(self.values)
 
 
 class Fitter:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import first_and_second
 from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, find_onsets
 

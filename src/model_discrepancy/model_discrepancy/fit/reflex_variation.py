@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 
 # After the plate's last movement the joint is at rest again.
 REST_S = 0.3

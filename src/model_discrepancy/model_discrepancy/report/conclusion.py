@@ -11,7 +11,8 @@ from model_discrepancy.criticism.criticism import Criticism
 from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.base_model import ALIGNMENT, is_alignment
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_physics.term import Values, term_library
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import Onsets, peak_after
 
 

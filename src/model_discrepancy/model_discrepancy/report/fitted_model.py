@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ankle_physics.model import Model
 from ankle_physics.term import term_library
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 
 
 def to_model(values: Mapping[str, Mapping[str, float]], title: str) -> Model:

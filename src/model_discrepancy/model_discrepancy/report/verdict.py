@@ -13,7 +13,7 @@ import numpy as np
 
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.report.effect_size import Size, sentence_of
 from model_discrepancy.search.exchange import ODDS_SCALE

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import MATERIAL_SHARE
 
 # Of the torque's variance: a named term is less than generic regressors, by which torque that moved
 # the plate may be predicted. Two engines' equations of one joint differ by a half of this.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.search.screening import Point, Screened, candidates, grid
 
 # Grids are halved from step to step down to so many points.

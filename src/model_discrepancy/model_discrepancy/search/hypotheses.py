@@ -16,7 +16,8 @@ import numpy as np
 
 from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import align, bic_change
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null

@@ -18,7 +18,8 @@ import numpy as np
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
 from model_discrepancy.search.null import Null

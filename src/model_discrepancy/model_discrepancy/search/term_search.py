@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.search.exchange import exchange
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids

@@ -10,7 +10,8 @@ import numpy as np
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import Start

@@ -20,7 +20,8 @@ from model_discrepancy.criticism.locate import residual_map
 from model_discrepancy.criticism.missing_block import missing_block
 from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.fit.columns import Columns
-from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import vaf

@@ -12,7 +12,8 @@ import numpy as np
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.locate import ResidualMap
 from model_discrepancy.criticism.missing_block import MissingBlock
-from model_discrepancy.fit.fitter import Fit, Fitter
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.channel_quality import FollowingResponse
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.recording.recording import Recording

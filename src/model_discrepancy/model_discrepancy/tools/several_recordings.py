@@ -20,7 +20,7 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Owner, term_library
 from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted

@@ -10,7 +10,7 @@ from typing import Any
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import Owner, term_library
 from model_discrepancy.criticism.remainder import Remainder
-from model_discrepancy.fit.fitter import Fit
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.problem import Problem
 from model_discrepancy.report.fitted_model import fitted_model

@@ -1,0 +1,59 @@
+"""What a fit of a list of terms to a recording gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from model_discrepancy.fit.columns import Column
+from model_discrepancy.fit.rows import Rows
+
+
+@dataclass
+class Fit:
+    """Holds a fitted model.
+
+    Attributes
+    ----------
+    values
+        Every parameter by term and symbol.
+    errors
+        Standard errors of the fitted ones, likewise.
+    residual
+        Whitened residual, shape (rows.count,), of all rows whatever was fitted.
+    left
+        Spectrum of the residual torque, as `Rows.spectrum`.
+    rows
+        The operator that makes rows of it.
+    score
+        Sum of squares of the whitened residual over the fitted rows.
+    size
+        Number of fitted parameters.
+    at_bounds
+        "term.symbol" of parameters that ended at a bound.
+    draws
+        Change of each free parameter from draw to draw of the recording's stretches, by term and
+        symbol, each of shape (block_bootstrap.DRAWS,); empty without standard errors.
+    """
+
+    values: dict[str, dict[str, float]]
+    residual: np.ndarray
+    left: np.ndarray = field(repr=False)
+    rows: Rows = field(repr=False)
+    score: float
+    size: int
+    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    at_bounds: tuple[str, ...] = ()
+    draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def plain(self) -> np.ndarray:
+        """Return the plain residual [N.m], shape (rows.count,)."""
+        return self.rows.plain(self.left)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Return the names of the model's terms."""
+        return tuple(self.values)
