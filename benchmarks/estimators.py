@@ -19,10 +19,8 @@ from pathlib import Path
 import numpy as np
 import padasip
 
-from ankle_physics.model import Model
 from ankle_physics.virtual_rig import Recording, simulate
 from impedance_estimator.algorithms import ALGORITHMS, make_estimator
-from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.settings import Settings as CorrelationSettings
 from impedance_estimator.simultaneous.regression import INTRINSIC
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
@@ -31,6 +29,7 @@ from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
 sys.path.insert(0, str(Path(__file__).parent))
+from calibrated_subject import ADDITIONAL_TERMS, subject
 from scipy_estimators import ScipyCE, ScipySimultaneous
 
 RATE, BLOCK = 2048.0, 32
@@ -38,25 +37,6 @@ SECONDS, SETTLED = 60.0, 20.0
 """[s] simulated, and from when on times count: memories are full."""
 FORGETTING = 0.9998
 """Per sample at 256 Hz: a memory of 20 s, as the simultaneous estimator's."""
-
-
-ADDITIONAL_TERMS = (
-    "maxwell_relaxation",
-    "coulomb_friction",
-    "short_range_stiffness",
-    "hardening_stiffness",
-    "asymmetric_damping",
-    "long_latency_reflex",
-)
-"""A calibrated subject has these terms beside inertia, viscosity, stiffness and reflex."""
-
-
-def subject() -> KnownPhysics:
-    """A calibrated subject with `ADDITIONAL_TERMS`, whose reflex is followed in size alone."""
-    core = ("inertia", "viscosity", "stiffness", "reflex")
-    model = Model.of({name: {} for name in (*core, *ADDITIONAL_TERMS)})
-    model.entry("reflex").standard_errors = {"G": 0.5}
-    return KnownPhysics(subject=model)
 
 
 def recording(rate: float) -> Recording:

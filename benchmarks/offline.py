@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -29,6 +30,9 @@ from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
+
+sys.path.insert(0, str(Path(__file__).parent))
+from calibrated_subject import ADDITIONAL_TERMS, subject
 
 RATE, BLOCK, PASSES = 2048.0, 32, 5
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
@@ -111,6 +115,14 @@ def main() -> None:
                 f"{'estimate ' + name + ' from arrays':44s} {spent:7.3f} s = "
                 f"{seconds / spent:6.0f} x real time"
             )
+        known = subject()
+        spent = median_time(
+            lambda: estimate_signal(t, position, velocity, torque, reference=position, known=known)
+        )
+        print(
+            f"{f'simultaneous with {len(ADDITIONAL_TERMS)} additional terms':44s} {spent:7.3f} s = "
+            f"{seconds / spent:6.0f} x real time"
+        )
         reading, samples, peer = (
             median_time(work) for work in (read_and_unpack, read_samples, read_with_mcap)
         )

@@ -90,8 +90,9 @@ def require_gain(model: Model, recording: Recording, rig: RigFile | None = None)
 
     Terms that share what they explain leave K and G open. The standard errors that the diagnosis
     states of the whole joint say so, and those of the online estimate without the model, which hold
-    what a doubted estimate usually is off by, are what they are compared with. A model whose
-    estimates would not be doubted is never refused.
+    what a doubted estimate usually is off by, are what they are compared with: in N.m/rad and
+    N.m.s/rad, as both know the same joint. A model whose estimates would not be doubted is never
+    refused.
 
     Parameters
     ----------
@@ -124,9 +125,12 @@ def require_gain(model: Model, recording: Recording, rig: RigFile | None = None)
         float(plain[-1, ESTIMATE_COLUMNS.index(name)])
         for name in ("K[N.m/rad]", "G[N.m.s/rad]", "se_K[N.m/rad]", "se_G[N.m.s/rad]")
     )
-    without = relative_errors(K, error_K, G, error_G)
-    stiffness, gain = model.stated["K"], model.stated.get("G")
-    found = relative_errors(*stiffness, *(gain if gain is not None else (1.0, 0.0)))
+    stiffness, gain = model.stated["K"], model.stated.get("G", StatedValue(0.0, 0.0))
+    # Relative to its own value, the estimate that is too high would seem the better known one.
+    larger_K = max(abs(K), abs(stiffness.value), LEAST_STIFFNESS)
+    larger_G = max(abs(G), abs(gain.value), LEAST_GAIN)
+    found = stiffness.standard_error / larger_K, gain.standard_error / larger_G
+    without = error_K / larger_K, error_G / larger_G
     if imprecision(*found) > imprecision(*without):
         raise CalibrationError(
             f"{recording.name} cannot calibrate a session: the terms that were found share what "
@@ -134,24 +138,6 @@ def require_gain(model: Model, recording: Recording, rig: RigFile | None = None)
             f"%; without them the estimator knows K to {100.0 * without[0]:.0f} % and G to "
             f"{100.0 * without[1]:.0f} % and goes on so"
         )
-
-
-def relative_errors(
-    stiffness: float, stiffness_error: float, gain: float, gain_error: float
-) -> tuple[float, float]:
-    """Return the relative standard errors of K and G [1], bounded for an ankle without them.
-
-    Parameters
-    ----------
-    stiffness, stiffness_error
-        K and its standard error [N.m/rad].
-    gain, gain_error
-        G and its standard error [N.m.s/rad].
-    """
-    return (
-        stiffness_error / max(abs(stiffness), LEAST_STIFFNESS),
-        gain_error / max(abs(gain), LEAST_GAIN),
-    )
 
 
 def subject_model(diagnosed: Model, title: str, rig: RigFile | None = None) -> Model:

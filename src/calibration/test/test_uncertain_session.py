@@ -57,3 +57,11 @@ def test_an_uncertain_model_is_kept_where_the_estimator_without_it_knows_less():
     require_gain(stated(15.0, 1.0), relaxing)
     with pytest.raises(CalibrationError):
         require_gain(stated(60.0, 1.0), relaxing)
+
+
+def test_a_stiffness_that_friction_raises_does_not_make_its_error_a_smaller_one():
+    """The estimate without the model is 40 % too high, and its error a smaller share of it."""
+    rubbing = recorded({"dahl_hysteresis": {"F": 2.0, "slide": 0.004}})
+    require_gain(stated(28.0, 1.0), rubbing)
+    with pytest.raises(CalibrationError):
+        require_gain(stated(60.0, 1.0), rubbing)
