@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 import padasip
 
-from ankle_physics.virtual_rig import Recording, simulate
+from ankle_physics.virtual_rig import simulate
 from impedance_estimator.algorithms import ALGORITHMS, make_estimator
+from impedance_estimator.estimator import Estimator
 from impedance_estimator.settings import Settings as CorrelationSettings
 from impedance_estimator.simultaneous.regression import INTRINSIC
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
@@ -39,14 +40,18 @@ FORGETTING = 0.9998
 """Per sample at 256 Hz: a memory of 20 s, as the simultaneous estimator's."""
 
 
-def recording(rate: float) -> Recording:
-    """The paper's CE condition."""
-    return simulate(PulseStep(Settings(rate=rate)).next(round(SECONDS * rate)), rate, seed=1)
+def samples_of(rate: float) -> np.ndarray:
+    """t, position, velocity and torque of the paper's CE condition, and the position of the
+    reference, shape (n, 5).
+    """
+    reference = PulseStep(Settings(rate=rate)).next(round(SECONDS * rate))
+    simulated = simulate(reference, rate, seed=1)
+    return np.column_stack([simulated.time, simulated.measured, reference[:, 0]])
 
 
-def samples_of(simulated: Recording) -> np.ndarray:
-    """t, position, velocity, torque, shape (n, 4)."""
-    return np.column_stack([simulated.time, simulated.measured])
+def times_of(estimator: Estimator, samples: np.ndarray, block: int, rate: float) -> np.ndarray:
+    """Processor time of an estimator's blocks, with the columns that it takes."""
+    return block_times(estimator.process, samples[:, : estimator.sample_columns], block, rate)
 
 
 def block_times(
@@ -95,29 +100,29 @@ def main() -> None:
     """Print the tables."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    samples = samples_of(recording(RATE))
+    samples = samples_of(RATE)
     print(f"Blocks of {BLOCK} samples at {RATE:.0f} Hz, {1e6 * BLOCK / RATE:.0f} us of signal each")
     ours = {}
     for name in ALGORITHMS:
         estimator = make_estimator(name, RATE, True)
-        times = block_times(estimator.process, samples, BLOCK, RATE)
+        times = times_of(estimator, samples, BLOCK, RATE)
         ours[name] = float(np.median(times))
         row(name, times)
     plain = ScipyCE(RATE)
     row(
         "peer: CE in plain SciPy, ratio to CE",
-        block_times(plain.process, samples, BLOCK, RATE),
+        block_times(plain.process, samples[:, :4], BLOCK, RATE),
         ours["CE"],
     )
     unbiased = make_estimator("CE", RATE, True, CorrelationSettings(highpass="all"))
-    rows = unbiased.process(samples)
+    rows = unbiased.process(samples[:, :4])
     print(
         f"  same numbers: K {plain.parameters[0]:.3f} and {rows[-1, 1]:.3f}, G {plain.G:.4f} and "
         f"{rows[-1, 4]:.4f}"
     )
     row(
         "peer: part of simultaneous in plain SciPy, ratio to simultaneous",
-        block_times(ScipySimultaneous(RATE).process, samples, BLOCK, RATE),
+        block_times(ScipySimultaneous(RATE).process, samples[:, :4], BLOCK, RATE),
         ours["simultaneous"],
     )
     row(
@@ -131,7 +136,7 @@ def main() -> None:
         (f"with {len(ADDITIONAL_TERMS)} additional terms", EstimateStream(known=subject())),
     ):
         times = block_times(
-            lambda piece, stream=stream: stream.feed_samples(piece, True, piece[:, 1]),  # type: ignore[misc]
+            lambda piece, stream=stream: stream.feed_samples(piece[:, :4], True, piece[:, 4]),  # type: ignore[misc]
             samples,
             BLOCK,
             RATE,
@@ -141,13 +146,13 @@ def main() -> None:
     print("Block size at 2048 Hz: median per block, and per sample")
     for block in (8, 32, 128, 512, 2048):
         for name in ("CE", "simultaneous"):
-            times = block_times(make_estimator(name, RATE, True).process, samples, block, RATE)
+            times = times_of(make_estimator(name, RATE, True), samples, block, RATE)
             row(f"{name}, {block} samples, {np.median(times) / block * 1e6:.2f} us a sample", times)
     print(f"Sampling rate, blocks of {BLOCK} samples; share of real time")
     for rate in (500.0, 1000.0, 2048.0, 5000.0, 10_000.0):
-        signal = samples_of(recording(rate))
+        signal = samples_of(rate)
         for name in ("CE", "simultaneous"):
-            times = block_times(make_estimator(name, rate, True).process, signal, BLOCK, rate)
+            times = times_of(make_estimator(name, rate, True), signal, BLOCK, rate)
             row(
                 f"{name}, {rate:.0f} Hz, {100.0 * np.mean(times) * rate / BLOCK:.2f} % of real "
                 "time",
@@ -158,7 +163,7 @@ def main() -> None:
         estimator = make_estimator(
             "simultaneous", RATE, True, SimultaneousSettings(basis_functions=float(count))
         )
-        times = block_times(estimator.process, samples, BLOCK, RATE)
+        times = times_of(estimator, samples, BLOCK, RATE)
         row(
             f"simultaneous, {count} functions, "
             f"{100.0 * np.mean(times) * RATE / BLOCK:.2f} % of real time",

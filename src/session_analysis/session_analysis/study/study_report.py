@@ -164,9 +164,9 @@ def _reliability_parts(rows: Sequence[Row]) -> list[str]:
         paragraph(
             "An ankle that has not changed differs by more than the minimal detectable change in "
             "about 3 of 100 cases; that neighbouring visits resemble each other is allowed for. A "
-            "subject is compared with the change that is detectable from the visits of "
-            "the others; where there are none, from the own earlier ones. Visits between which an "
-            "ankle was trained make it too large: it then hides what the training did. For ICC "
+            "subject is compared with the change that is detectable from the visits of the other "
+            "subjects; where there are none, from their own earlier visits. Visits between which "
+            "an ankle was trained make it too large: it then hides what the training did. For ICC "
             "and standard error only subjects with every visit count."
         ),
     ]
