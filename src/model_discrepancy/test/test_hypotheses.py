@@ -83,6 +83,22 @@ def test_a_hypothesis_that_stays_behind_is_given_up(monkeypatch):
     assert Scripted().best().current.score == 33.0
 
 
+@pytest.mark.parametrize(("alone", "names"), [(36.0, 1), (39.0, 3)])
+def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, names):
+    # The first choice is not the better one alone: it predicts the plain torque best.
+    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.setitem(SCORES, ("short_range_stiffness",), alone)
+    monkeypatch.setattr(
+        hypotheses,
+        "halves_errors",
+        lambda fitter, fit, plain: (float("maxwell_relaxation" not in fit.terms),) * 2,
+    )
+    found = Scripted().best().found.effects
+    assert len(found) == names
+    first = "short_range_stiffness" if names == 1 else "maxwell_relaxation"
+    assert found[0].trial.name == first
+
+
 @pytest.mark.parametrize(("gain", "accepted"), [(0.5, True), (0.5 * DISPLACING_GAIN, False)])
 def test_a_small_term_may_not_do_away_with_the_joints_viscosity(gain, accepted):
     trial = Trial("saturating_damping", None, gain, (gain, gain), -1.0, torque_share=1.0)

@@ -9,7 +9,9 @@ from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
+from model_discrepancy.search import term_search
 from model_discrepancy.search.exchange import exchange
+from model_discrepancy.search.found import Found
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import search
@@ -32,6 +34,29 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
     exchange(fitter, found, grids, null, rows.gain(), lambda _: None)
     assert [effect.trial.name for effect in found.effects] == ["maxwell_relaxation"]
     assert found.final.score < 0.9 * score
+
+
+def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model_are_removed(
+    monkeypatch,
+):
+    vaf = {(): 90.0, ("tendon", "backlash", "thixotropy"): 75.0, ("tendon", "backlash"): 96.0}
+    fits = {terms: SimpleNamespace(terms=terms, values={}) for terms in vaf}
+    monkeypatch.setattr(
+        term_search, "held_out", lambda fitter, fit: SimpleNamespace(vaf=vaf[fit.terms])
+    )
+    monkeypatch.setattr(
+        term_search, "without_term", lambda terms, name: tuple(t for t in terms if t != name)
+    )
+    fitter = SimpleNamespace(fit=lambda terms, values, evaluations: fits[terms])
+    found = Found(fits[()], fits["tendon", "backlash", "thixotropy"])
+    found.refinements = [
+        SimpleNamespace(trial=SimpleNamespace(name=name)) for name in ("backlash", "thixotropy")
+    ]
+    said = []
+    term_search._drop_harmful_refinements(fitter, found, said.append)
+    assert found.final.terms == ("tendon", "backlash")
+    assert [effect.trial.name for effect in found.refinements] == ["backlash"]
+    assert len(said) == 1
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import numpy as np
 from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.search.exchange import exchange
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
@@ -69,6 +70,7 @@ def search(
             evaluations=20,
         )
     exchange(fitter, found, grids, null, yardstick, progress)
+    _drop_harmful_refinements(fitter, found, progress)
     found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
@@ -83,6 +85,20 @@ def _unrefined(fitter: Fitter, found: Found) -> Fit | None:
     for effect in found.refinements:
         names = without_term(names, effect.trial.name)
     return fitter.fit(names, found.final.values, evaluations=20)
+
+
+def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) -> None:
+    """Remove refinements, the last one first, as long as the model predicts unseen data worse than
+    the base model does: fitted to a half of the recording, one of them runs away.
+    """
+    if not found.refinements:
+        return
+    least = held_out(fitter, found.base).vaf
+    while found.refinements and held_out(fitter, found.final).vaf < least:
+        name = found.refinements.pop().trial.name
+        progress(f"{name} lets unseen data be predicted worse")
+        terms = without_term(found.final.terms, name)
+        found.final = fitter.fit(terms, found.final.values, evaluations=20)
 
 
 def _settle_alignment(
