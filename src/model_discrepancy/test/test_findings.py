@@ -89,7 +89,7 @@ def test_responses_that_vary_at_random_are_seen(equal_steps):
     burst = np.zeros(len(equal_steps.torque))
     for time in times[random.random(len(times)) < 0.3]:
         start = int(time * equal_steps.rate)
-        burst[start : start + int(0.06 * equal_steps.rate)] += random.choice([-3.0, 3.0])
+        burst[start : start + int(0.06 * equal_steps.rate)] += random.choice([-2.0, 2.0])
     found = found_in(replace(equal_steps, torque=equal_steps.torque + burst))
     assert found.variation > LEAST_VARIATION
     assert found.window[0] < 0.12

@@ -43,8 +43,8 @@ _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
 WINDOWS_S = ((0.0, 0.04), (0.04, 0.12), (0.12, 0.25))
 # Whitened power after movements over that at rest, the reflex' variation taken out. Recordings
 # without mismatch: 0.94 to 1.9, up to 3.5 where the reflex changes in the course of a response, and
-# 4.6 where responses overlap; those with effects that change from movement to movement: 8 and more.
-LEAST_VARIATION = 6.0
+# once 4.6 where the responses to a binary movement overlap.
+LEAST_VARIATION = 4.0
 # A subject's reflex comes at the same time after every stretch: two human trials show 0.0 +- 1.5
 # and 0.0 +- 0.5 ms, simulated recordings without mismatch up to 0.8 ms.
 USUAL_REFLEX_JITTER = 0.004
