@@ -38,8 +38,8 @@ LEAST_PEAK = 4.0
 SEGMENT_S = 2.0
 # Width of a tremor's peak, and of the surroundings that it is compared with.
 _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
-# After the plate's last movement: intrinsic torque, and the short-latency reflex. Its tail, in which
-# the reflex' own variation is not known well where responses overlap, is not judged.
+# After the plate's last movement: intrinsic torque, and the short-latency reflex. Its tail is not
+# judged, in which the reflex' own variation is not known well where responses overlap.
 WINDOWS_S = ((0.0, 0.04), (0.04, 0.12))
 # Whitened power after movements over that at rest, the reflex' variation taken out. Recordings
 # without mismatch: 0.94 to 1.9, and up to 3.5 where the reflex changes in the course of a response.
