@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 from impedance_estimator.algorithms import DEFAULT
 from session_analysis.correlation import LEAST_PAIRS
@@ -68,11 +69,22 @@ def report_validation(
             f"{LEAST_PAIRS} of one torque target"
         )
     else:
-        head, *rows = correlation_rows(found)
-        table = Table(*head)
-        for row in rows:
-            table.add_row(*(cell.replace("[", "\\[") for cell in row))
-        console.print(table)
+        console.print(correlation_table(correlation_rows(found)))
     for one in found.excluded:
         console.print(f"left out: {one.what}: {one.reason}", markup=False)
     console.print(f"report: {report.resolve()}", markup=False)
+
+
+def correlation_table(rows: Sequence[Sequence[str]]) -> Table:
+    """Return Table III for a terminal.
+
+    Parameters
+    ----------
+    rows
+        Of `report.correlation_rows`, the heading first; the brackets of their intervals are text.
+    """
+    head, *rest = rows
+    table = Table(*(Column(Text(cell)) for cell in head))
+    for row in rest:
+        table.add_row(*map(Text, row))
+    return table
