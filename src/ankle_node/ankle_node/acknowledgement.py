@@ -1,7 +1,7 @@
 """Readers tell the publisher of a block topic that they are connected, and how far they are.
 
 DDS confirms that a message reached the reader's queue, not that the reader got to it: a replay at
-full speed would overrun the queue of 64. And a publisher may know a reader that does not know it
+full speed would overrun that queue. And a publisher may know a reader that does not know it
 yet (each end finds the other by itself, on a busy computer seconds apart): what it sends until then
 is lost. So a reader says on a topic of its own who it is, and when the message was sent that it got
 to [ns]; 0 says that it has found the publisher.

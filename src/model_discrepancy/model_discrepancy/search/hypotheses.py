@@ -141,7 +141,7 @@ class Hypotheses:
         self._activation_of = activation_of
 
     def best(self) -> Hypothesis:
-        """Return the hypothesis of the least BIC."""
+        """Return the hypothesis of the least BIC, or the one term that explains as much alone."""
         first = best = Hypothesis(Found(self._base, self._base), self._base)
         self._follow(first)
         forks = first.forks if len(first.found.effects) >= LEAST_TERMS_FORKED else []
