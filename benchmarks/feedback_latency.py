@@ -43,6 +43,7 @@ LEVELS = (0.2, 0.35, 0.5, 0.65, 0.8)  # parts of the step
 STEP, FIRST, SPACING, STEPS = (5.0, 15.0), 60.0, 20.0, 8  # N.m.s/rad, s
 LIMIT = 100.0  # ms beyond the estimator's rise
 LEAST_RATE = 25.0  # Hz
+TRIES = 20  # ten seconds; the rig needs a second to be known
 PROTOCOL = {
     "baseline[s]": 600,
     "reach[s]": 1,
@@ -98,36 +99,48 @@ async def watch(port: int, seconds: float) -> dict:
         await subject.goto(f"{url}/")
         async with session.ws_connect(f"{url}/ws?role=operator", max_msg_size=0) as page:
 
-            async def until(wanted: Callable[[dict], bool]) -> None:
+            async def until(wanted: Callable[[dict], bool]) -> dict:
                 while True:
                     message = json.loads((await page.receive(30.0)).data)
                     if message["type"] == "frame":
                         await page.send_str(SEEN)
                     if wanted(message):
-                        return
+                        return message
 
-            for number, command in enumerate(("claim", "arm", "start")):
-                await page.send_json({"id": number, "command": command})
-                await until(
-                    lambda message, number=number: (
-                        message["type"] == "answer" and message["id"] == number
+            number = 0
+            for command in ("claim", "arm", "start"):
+                # What is not ready yet refuses; an operator asks again.
+                for _ in range(TRIES):
+                    number += 1
+                    await page.send_json({"id": number, "command": command})
+                    answer = await until(
+                        lambda message, number=number: (
+                            message["type"] == "answer" and message["id"] == number
+                        )
                     )
-                )
+                    if answer["ok"]:
+                        break
+                    await asyncio.sleep(0.5)
+                else:
+                    raise SystemExit(f"'{command}' is refused: {answer['error']}")
             # The estimator compiles itself at its very first start; nothing moves before.
             await until(
                 lambda message: message["type"] == "frame" and message["torque_quality"] == "valid"
             )
-        left, wide, offset = await subject.evaluate(WATCH)
-        began = time.monotonic()
-        while (left := seconds - (time.monotonic() - began)) > 0:
-            await asyncio.sleep(min(left, 10.0))
-            print(
-                f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load "
-                f"{os.getloadavg()[0]:.1f}",
-                file=sys.stderr,
-                flush=True,
-            )
-        seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
+            # The session pauses where the page that commands does not answer.
+            alive = asyncio.create_task(until(lambda message: False))
+            left, wide, offset = await subject.evaluate(WATCH)
+            began = time.monotonic()
+            while (remaining := seconds - (time.monotonic() - began)) > 0:
+                await asyncio.sleep(min(remaining, 10.0))
+                print(
+                    f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load "
+                    f"{os.getloadavg()[0]:.1f}",
+                    file=sys.stderr,
+                    flush=True,
+                )
+            seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
+            alive.cancel()
         await browser.close()
     seen = np.array(seen).reshape(-1, 2)
     # The browser's clock is monotonic from its start; the difference to the system's clock is taken
