@@ -28,7 +28,7 @@ PROCESSES = {f"{one:g}": (one,) for one in (0.0, 0.4, 0.8)} | {"0.8 and 0": (0.8
 BETWEEN_SUBJECTS = 3.0
 """Standard deviation of the subjects' levels, in those of a visit."""
 CHANGE = 4.0
-"""Of the last visit, in standard deviations of a visit."""
+"""A change of the last visit that is there, in standard deviations of a visit."""
 
 
 def drawn(
@@ -47,7 +47,7 @@ def drawn(
 
 
 def stated(values: np.ndarray) -> tuple[bool, bool]:
-    """Whether the first subject's change is stated: by the report, and by 1.96 √2 SEM."""
+    """Tell whether the first subject's change is stated: by the report, and by 1.96 √2 SEM."""
     change = abs(values[0, -1] - values[0, 0])
     visits = range(1, values.shape[1] + 1)
     usual = 1.96 * math.sqrt(2.0) * reliability(values).sem

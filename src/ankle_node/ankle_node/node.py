@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -40,6 +41,9 @@ READERS_POLL_PERIOD = 0.05
 cost."""
 READERS_PATIENCE = 5.0
 """[s] Time after which a node says that it still waits for readers."""
+GREETING_PATIENCE = 5.0
+"""[s] Longest wait for the greetings of connected readers: Fast DDS announces again, after 3 s,
+what was lost on the way."""
 SIMULATION = "ankle_sim"
 """Name of the node that simulates rig and subject."""
 RIG_POLL_PERIOD = 0.5
@@ -200,7 +204,18 @@ class AnkleNode(NodeWithParameters):
         that greet have found it, too; at once for 0.
 
         A graph whose nodes start in any order loses no block at its beginning when each node takes
-        its input only after its own output is read.
+        its input only after its own output is read. A greeting may be lost where a reader still
+        has blocks of a former publisher to acknowledge: connected readers are not waited for longer
+        than `GREETING_PATIENCE`.
+
+        Parameters
+        ----------
+        topic
+            One that this node publishes by `block_publisher`.
+        readers
+            How many are needed.
+        begin
+            Called once, from the node's executor.
         """
         if readers <= 0:
             begin()
@@ -208,16 +223,18 @@ class AnkleNode(NodeWithParameters):
         publisher = self._block_publishers[topic.name]
         greetings = Greetings(self, self.resolve_topic_name(topic.name))
         asked_at = time.monotonic()
+        connected_at = math.inf
         reported = False
 
         def look() -> None:
-            nonlocal reported
-            connected = publisher.get_subscription_count() - greetings.missing
-            if connected >= readers:
+            nonlocal reported, connected_at
+            now, connected = time.monotonic(), publisher.get_subscription_count()
+            connected_at = min(connected_at, now) if connected >= readers else math.inf
+            if connected - greetings.missing >= readers or now - connected_at > GREETING_PATIENCE:
                 timer.cancel()
                 greetings.close()
                 begin()
-            elif time.monotonic() - asked_at > READERS_PATIENCE:
+            elif now - asked_at > READERS_PATIENCE:
                 waiting = f"waiting for {readers} readers, {connected} connected"
                 self.health(topic.name, WARN, waiting)
                 if not reported:

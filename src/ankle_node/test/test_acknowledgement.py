@@ -7,6 +7,7 @@ import rclpy
 from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.topics import IMPEDANCE_ESTIMATE
+from ankle_node import node
 from ankle_node.block_executor import BlockExecutor
 from ankle_node.node import AnkleNode
 from ankle_node.qos import BLOCK_QOS
@@ -23,9 +24,9 @@ class Bench:
         self.publisher = AnkleNode("publisher", ())
         self.reader = AnkleNode("reader", ())
         self.executors = {}
-        for node in (self.publisher, self.reader):
-            self.executors[node] = BlockExecutor()
-            self.executors[node].add_node(node)
+        for member in (self.publisher, self.reader):
+            self.executors[member] = BlockExecutor()
+            self.executors[member].add_node(member)
         self.begun = False
         self.publisher.block_publisher(IMPEDANCE_ESTIMATE)
         self.publisher.when_read(IMPEDANCE_ESTIMATE, 1, self._begin)
@@ -33,11 +34,11 @@ class Bench:
     def _begin(self):
         self.begun = True
 
-    def spin(self, nodes, seconds):
+    def spin(self, members, seconds):
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline and not self.begun:
-            for node in nodes:
-                self.executors[node].spin_once(timeout_sec=0.02)
+            for member in members:
+                self.executors[member].spin_once(timeout_sec=0.02)
 
 
 @pytest.fixture
@@ -59,6 +60,15 @@ def test_publisher_waits_until_its_reader_has_found_it(bench):
     assert bench.publisher.count_subscribers("impedance/estimate") == 1
     assert not bench.begun
     bench.spin([bench.publisher, bench.reader], PATIENCE)
+    assert bench.begun
+
+
+def test_a_greeting_that_never_comes_is_not_waited_for_for_ever(bench, monkeypatch):
+    monkeypatch.setattr(node, "GREETING_PATIENCE", 2.0 * A_WHILE)
+    bench.reader.block_subscription(IMPEDANCE_ESTIMATE, lambda block, findings: None)
+    bench.spin([bench.publisher], A_WHILE)
+    assert not bench.begun
+    bench.spin([bench.publisher], PATIENCE)
     assert bench.begun
 
 

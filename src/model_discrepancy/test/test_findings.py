@@ -80,6 +80,7 @@ def test_torque_in_coarse_steps_is_seen_and_nothing_else(equal_steps):
     assert coarse_step(equal_steps.torque) == 0.0
     assert coarse_step(equal_steps.position) == 0.0
     assert coarse_step(np.ones(100)) == 0.0
+    assert coarse_step(np.r_[np.zeros(10_000), 5.0]) == 0.0
 
 
 def test_responses_that_vary_at_random_are_seen(equal_steps):

@@ -39,7 +39,8 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
 def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model_are_removed(
     monkeypatch,
 ):
-    vaf = {(): 90.0, ("tendon", "backlash", "thixotropy"): 75.0, ("tendon", "backlash"): 96.0}
+    every = ("tendon", "backlash", "thixotropy")
+    vaf = {(): 90.0, every: 75.0, ("tendon", "backlash"): 96.0}
     fits = {terms: SimpleNamespace(terms=terms, values={}) for terms in vaf}
     monkeypatch.setattr(
         term_search, "held_out", lambda fitter, fit: SimpleNamespace(vaf=vaf[fit.terms])
@@ -48,13 +49,15 @@ def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model
         term_search, "without_term", lambda terms, name: tuple(t for t in terms if t != name)
     )
     fitter = SimpleNamespace(fit=lambda terms, values, evaluations: fits[terms])
-    found = Found(fits[()], fits["tendon", "backlash", "thixotropy"])
+    found = Found(fits[()], fits[every])
+    found.base_held_out, found.final_held_out = (SimpleNamespace(vaf=vaf[t]) for t in ((), every))
     found.refinements = [
         SimpleNamespace(trial=SimpleNamespace(name=name)) for name in ("backlash", "thixotropy")
     ]
     said = []
     term_search._drop_harmful_refinements(fitter, found, said.append)
     assert found.final.terms == ("tendon", "backlash")
+    assert found.final_held_out.vaf == 96.0
     assert [effect.trial.name for effect in found.refinements] == ["backlash"]
     assert len(said) == 1
 

@@ -11,7 +11,7 @@ from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
 from model_discrepancy.criticism.remainder import Remainder, remainder
 from model_discrepancy.criticism.variability import Variability, variability
-from model_discrepancy.fit.held_out import HeldOut, held_out
+from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.search.found import Found
@@ -77,7 +77,7 @@ def criticise(
     progress
         Called with one line for each step.
     """
-    progress("scoring on unseen data")
+    progress("asking what is still predictable")
     fitter, final = problem.fitter, found.final
     before, after = (
         remainder(problem.bank, fitter, fit.residual, fit.plain, problem.parts, surrogates)
@@ -85,8 +85,7 @@ def criticise(
     )
     gives_way = problem.compliance is not None and problem.compliance.significant
     after = replace(after, judged=not problem.in_a_loop, held=not gives_way)
-    base_scored = held_out(fitter, found.base)
-    final_scored = held_out(fitter, final) if found.effects else base_scored
+    base_scored, final_scored = found.base_held_out, found.final_held_out
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
     varies = variability(fitter, final, problem.recording.torque)

@@ -35,10 +35,10 @@ def coarse_step(values: np.ndarray) -> float:
         Of one channel, shape (n,), in any unit; the step is in the same one.
     """
     deviation = float(np.std(values))
-    if deviation == 0.0:
-        return 0.0
     low, high = np.percentile(values, [0.1, 99.9])
     width = deviation / _BINS
+    if high - low <= 2.0 * width:
+        return 0.0  # constant, but for a few values
     count, _ = np.histogram(values, np.arange(low, high, width))
     height = np.abs(np.fft.rfft(count / max(count.sum(), 1), _SPECTRUM))
     frequency = np.fft.rfftfreq(_SPECTRUM, width)

@@ -10,6 +10,7 @@ import numpy as np
 from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE
+from model_discrepancy.fit.held_out import HeldOut
 
 # Of the torque's variance: a named term is less than generic regressors, by which torque that moved
 # the plate may be predicted. Two engines' equations of one joint differ by a half of this.
@@ -141,6 +142,8 @@ class Found:
         Whitened sum of squares of the base model.
     by_chance
         Gain that the best candidate of the last step reaches by chance on this recording.
+    base_held_out, final_held_out
+        Scores of both models on unseen data, which a search leaves behind.
     """
 
     base: Fit
@@ -151,6 +154,8 @@ class Found:
     near: list[Trial] = field(default_factory=list)
     base_score: float = 0.0
     by_chance: float = 0.0
+    base_held_out: HeldOut = field(init=False, repr=False)
+    final_held_out: HeldOut = field(init=False, repr=False)
 
     @property
     def shape_corrected(self) -> bool:

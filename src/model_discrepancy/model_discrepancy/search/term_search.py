@@ -70,6 +70,9 @@ def search(
             evaluations=20,
         )
     exchange(fitter, found, grids, null, yardstick, progress)
+    progress("scoring on unseen data")
+    found.base_held_out = held_out(fitter, found.base)
+    found.final_held_out = held_out(fitter, found.final) if found.effects else found.base_held_out
     _drop_harmful_refinements(fitter, found, progress)
     found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
@@ -91,14 +94,12 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
     """Remove refinements, the last one first, as long as the model predicts unseen data worse than
     the base model does: fitted to a half of the recording, one of them runs away.
     """
-    if not found.refinements:
-        return
-    least = held_out(fitter, found.base).vaf
-    while found.refinements and held_out(fitter, found.final).vaf < least:
+    while found.refinements and found.final_held_out.vaf < found.base_held_out.vaf:
         name = found.refinements.pop().trial.name
         progress(f"{name} lets unseen data be predicted worse")
         terms = without_term(found.final.terms, name)
         found.final = fitter.fit(terms, found.final.values, evaluations=20)
+        found.final_held_out = held_out(fitter, found.final)
 
 
 def _settle_alignment(
