@@ -18,24 +18,21 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
-import aiohttp
 import numpy as np
 import yaml
+from stop_latency import Commander
 
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
 from ankle_node.domain import take_free_domain
-from biofeedback.web.server import SEEN
 from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
 from session_recorder.bag_reader import BagReader
 
@@ -43,7 +40,8 @@ LEVELS = (0.2, 0.35, 0.5, 0.65, 0.8)  # parts of the step
 STEP, FIRST, SPACING, STEPS = (5.0, 15.0), 60.0, 20.0, 8  # N.m.s/rad, s
 LIMIT = 100.0  # ms beyond the estimator's rise
 LEAST_RATE = 25.0  # Hz
-TRIES = 20  # ten seconds; the rig needs a second to be known
+# s: longest wait for a session that runs, how long it must run, and between two commands.
+PATIENCE, SETTLED, LOOK = 60.0, 3.0, 0.5
 PROTOCOL = {
     "baseline[s]": 600,
     "reach[s]": 1,
@@ -81,6 +79,24 @@ WATCH = """() => {
 }"""
 
 
+async def set_going(commander: Commander) -> None:
+    """Arm and start by the page's own commands, until the session goes on by itself.
+
+    A session that is armed before its rig is known stops when the rig appears.
+    """
+    deadline, running = time.monotonic() + PATIENCE, 0.0
+    while running < SETTLED:
+        if time.monotonic() > deadline:
+            raise SystemExit(
+                f"the session is {commander.state} after {PATIENCE:g} s: {commander.refusal}"
+            )
+        wanted = {"idle": "arm", "paused": "arm", "armed": "start"}.get(commander.state)
+        if wanted:
+            commander.command(wanted)
+        await asyncio.sleep(LOOK)
+        running = running + LOOK if commander.state == "running" else 0.0
+
+
 async def watch(port: int, seconds: float) -> dict:
     """Run the session with an operator's and a subject's page open, and give what the subject's
     page showed.
@@ -91,56 +107,24 @@ async def watch(port: int, seconds: float) -> dict:
     if path is None:
         raise SystemExit(MISSING)
     url = f"http://127.0.0.1:{port}"
-    async with async_playwright() as driver, aiohttp.ClientSession() as session:
+    async with async_playwright() as driver:
         browser = await driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
         operator = await browser.new_page(viewport={"width": 1600, "height": 950})
         await operator.goto(f"{url}/operator")
         subject = await browser.new_page(viewport={"width": 1280, "height": 720})
         await subject.goto(f"{url}/")
-        async with session.ws_connect(f"{url}/ws?role=operator", max_msg_size=0) as page:
-
-            async def until(wanted: Callable[[dict], bool]) -> dict:
-                while True:
-                    message = json.loads((await page.receive(30.0)).data)
-                    if message["type"] == "frame":
-                        await page.send_str(SEEN)
-                    if wanted(message):
-                        return message
-
-            number = 0
-            for command in ("claim", "arm", "start"):
-                # What is not ready yet refuses; an operator asks again.
-                for _ in range(TRIES):
-                    number += 1
-                    await page.send_json({"id": number, "command": command})
-                    answer = await until(
-                        lambda message, number=number: (
-                            message["type"] == "answer" and message["id"] == number
-                        )
-                    )
-                    if answer["ok"]:
-                        break
-                    await asyncio.sleep(0.5)
-                else:
-                    raise SystemExit(f"'{command}' is refused: {answer['error']}")
-            # The estimator compiles itself at its very first start; nothing moves before.
-            await until(
-                lambda message: message["type"] == "frame" and message["torque_quality"] == "valid"
+        await set_going(Commander(url))
+        left, wide, offset = await subject.evaluate(WATCH)
+        began = time.monotonic()
+        while (remaining := seconds - (time.monotonic() - began)) > 0:
+            await asyncio.sleep(min(remaining, 10.0))
+            print(
+                f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load "
+                f"{os.getloadavg()[0]:.1f}",
+                file=sys.stderr,
+                flush=True,
             )
-            # The session pauses where the page that commands does not answer.
-            alive = asyncio.create_task(until(lambda message: False))
-            left, wide, offset = await subject.evaluate(WATCH)
-            began = time.monotonic()
-            while (remaining := seconds - (time.monotonic() - began)) > 0:
-                await asyncio.sleep(min(remaining, 10.0))
-                print(
-                    f"{time.monotonic() - began:5.0f} s of {seconds:.0f}, load "
-                    f"{os.getloadavg()[0]:.1f}",
-                    file=sys.stderr,
-                    flush=True,
-                )
-            seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
-            alive.cancel()
+        seen, drawn, ways = await subject.evaluate("[window.seen, window.drawn, window.ways]")
         await browser.close()
     seen = np.array(seen).reshape(-1, 2)
     # The browser's clock is monotonic from its start; the difference to the system's clock is taken
