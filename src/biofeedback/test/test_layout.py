@@ -84,7 +84,9 @@ def test_the_check_finds_what_it_is_for(open_sized):
     # Words on a canvas count, too: the names of the signals in a panel that is too low for them.
     assert not any("Angle" in one for one in page.evaluate(CHECK))
     page.evaluate("document.querySelector('#traces').style.height = '150px'")
-    page.wait_for_function("document.querySelector('#traces').words.at(-1).top < 150")
+    # The page's own policy lets nobody evaluate text in it, as the browser's waiting would.
+    redrawn = "document.querySelector('#traces').words.at(-1).top < 150"
+    until(lambda: page.evaluate(redrawn), "the panel is drawn again")
     found = page.evaluate(CHECK)
     assert any("over one another" in one and "Angle" in one for one in found), found
 
