@@ -40,6 +40,9 @@ class ReferencePlayback:
         self.bridged = 0
         self._knots: deque[tuple[float, np.ndarray]] = deque()
         self._interval = 0.0
+        # Compiled here, where nothing waits: at the first movement it would keep the rig from the
+        # line for longer than the driver's watchdog allows.
+        quintic(np.zeros(3), np.zeros(3), 1.0, 0.5)
 
     def clear(self) -> None:
         """Forget all samples."""
@@ -52,8 +55,6 @@ class ReferencePlayback:
 
     def follows(self, first: float, interval: float) -> float | None:
         """Return the last position [rad] if a stretch from `first` [s] on follows without a gap.
-
-        Otherwise the result is None.
 
         Otherwise the result is None.
         """
@@ -75,7 +76,7 @@ class ReferencePlayback:
         """
         end = self.end
         self._interval = interval
-        for index, sample in enumerate(motion):
+        for index, sample in enumerate(np.array(motion, dtype=float)):
             time = first + index * interval
             if end is None or time > end + 0.5 * interval:
                 self._knots.append((time, sample))
