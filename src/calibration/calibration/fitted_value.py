@@ -1,4 +1,4 @@
-"""Values that least squares in the frequency domain find, with honest standard errors."""
+"""Values that least squares in the frequency domain find, with standard errors that hold."""
 
 from __future__ import annotations
 

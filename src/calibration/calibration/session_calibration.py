@@ -15,7 +15,7 @@ from calibration.errors import CalibrationError
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import LEAST_STIFFNESS, KnownPhysics
 from impedance_estimator.offline.recorded_estimates import estimate_signal
-from impedance_estimator.simultaneous.doubt import DOUBTFUL, imprecision
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD, imprecision
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.known_rig import SKEW
@@ -109,7 +109,7 @@ def require_gain(model: Model, recording: Recording, rig: RigFile | None = None)
         The estimator should go on without the model.
     """
     known = KnownPhysics(rig, model)
-    if known.calibration_doubt < DOUBTFUL:
+    if known.calibration_doubt < DOUBT_THRESHOLD:
         return
     plain = estimate_signal(
         recording.time,

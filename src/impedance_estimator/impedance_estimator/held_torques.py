@@ -142,7 +142,7 @@ def _is_reflex(entry: Entry) -> bool:
 
 
 def _is_held(entry: Entry) -> bool:
-    """Whether a term runs beside the regression and its torque is subtracted."""
+    """Return whether a term runs beside the regression and its torque is subtracted."""
     return not (
         entry.term.name in SUPPORTED_TERMS
         or entry.term.place is Place.TORQUE_SENSOR

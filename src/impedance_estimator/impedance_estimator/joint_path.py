@@ -296,7 +296,7 @@ class JointPath:
 
 
 class _Fusion:
-    """Position from two channels: the encoder where it is slow, the velocity where it is fast.
+    """Fuses position from two channels: the encoder at low, the velocity at high frequencies.
 
     ``y = (x + T v) / (1 + T s)`` is x itself where v is its derivative; the noise of x counts below
     1 / T and that of v above.

@@ -244,7 +244,7 @@ class KnownPhysics:
 
 
 def _can_be_tracked(entry: Entry) -> bool:
-    """Whether the size of a term is one more unknown of a linear regression."""
+    """Return whether the size of a term is one more unknown of a linear regression."""
     term = entry.term
     if term.name in PAPER_TERMS:
         return True

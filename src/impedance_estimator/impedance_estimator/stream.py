@@ -22,7 +22,7 @@ from impedance_estimator.known_physics_stream import KnownPhysicsStream
 from impedance_estimator.reference_track import ReferenceTrack
 from impedance_estimator.rig_watch import RigWatch
 from impedance_estimator.settings import EstimatorSettings
-from impedance_estimator.simultaneous.doubt import DOUBTFUL
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from impedance_estimator.validity import RATE_WINDOW
 
 TOPIC, REFERENCE_TOPIC = ANKLE_SAMPLES.absolute, PERTURBATION_REFERENCE.absolute
@@ -130,7 +130,7 @@ class EstimateStream:
         if self.estimator is None:
             return ""
         reasons = [self.estimator.doubts]
-        if self.known is not None and self.known.calibration_doubt >= DOUBTFUL:
+        if self.known is not None and self.known.calibration_doubt >= DOUBT_THRESHOLD:
             reasons.append(UNCERTAIN_CALIBRATION)
         return "; ".join(reason for reason in reasons if reason)
 

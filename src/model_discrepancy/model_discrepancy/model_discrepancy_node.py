@@ -23,7 +23,7 @@ from ankle_node.node import OK, WARN, AnkleNode, run
 from model_discrepancy.live_parameters import PARAMETERS, PERIOD, SHARE_RISE, VAF_FALL, WINDOW
 from model_discrepancy.session_watch import Indicators, RecentSamples, SessionWatch
 
-REQUIRED, OPTIONAL = ("position[rad]", "torque[N.m]"), ("velocity[rad/s]",)
+REQUIRED_COLUMNS, OPTIONAL = ("position[rad]", "torque[N.m]"), ("velocity[rad/s]",)
 # A hole of this length [s] cannot be bridged: a reflex response lasts about as long.
 LONGEST_GAP = 0.4
 # Lower priority of the fitting thread, so that estimator and recorder on the same machine come
@@ -57,7 +57,7 @@ class ModelDiscrepancy(AnkleNode):
         )
         threading.Thread(target=self._fit, daemon=True).start()
         self.count("state", "waiting for samples")
-        self.block_subscription(ANKLE_SAMPLES, self._receive, REQUIRED, OPTIONAL)
+        self.block_subscription(ANKLE_SAMPLES, self._receive, REQUIRED_COLUMNS, OPTIONAL)
         self.create_timer(0.2, self._show)
         self.create_timer(WARNING_PERIOD, self._remind)
 

@@ -105,8 +105,8 @@ def test_an_investigation_ends_with_the_planted_name_and_tells_its_story(tmp_pat
     assert story.sets
     assert asked == [r.title for r in story.rounds]
     assert "reflex_threshold" in story.names
-    told = json.loads((tmp_path / "investigation.json").read_text())
-    assert told["names"] == story.names
+    content = json.loads((tmp_path / "investigation.json").read_text())
+    assert content["names"] == story.names
     assert "Round 1" in (tmp_path / "report.html").read_text()
 
 

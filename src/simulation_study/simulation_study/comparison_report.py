@@ -18,9 +18,9 @@ drawn there.
 """
 CONFIDENCE_HALF_WIDTH = 1.96
 """Standard errors either side that hold 95 % of a normal distribution."""
-INDEX = {"K": 0, "G": 3}
+GAIN_INDICES = {"K": 0, "G": 3}
 BASELINES = ("CE", "CE all")
-DUELS = (
+COMPARISONS = (
     ("jump", "shorter rise time", "rise_time"),
     ("jump", "earlier arrival", "arrival"),
     ("fixed", "less variability", "variation"),
@@ -95,7 +95,7 @@ def speed_and_variability(
                     )
             else:
                 entry["variation"].append(
-                    [100.0 * numbers["sd"][i] / numbers["mean"][i] for i in INDEX.values()]
+                    [100.0 * numbers["sd"][i] / numbers["mean"][i] for i in GAIN_INDICES.values()]
                 )
     return {
         key: {name: np.array(values) for name, values in entry.items()}
@@ -139,7 +139,7 @@ def _bias_table(results: dict[str, dict[str, Any]]) -> str:
     for result in _part(results, "reflex").values():
         truth = np.array([result["trial"]["ankle"]["K"], result["trial"]["ankle"]["G"]])
         for estimator, numbers in result["estimates"].items():
-            mean = np.array([numbers["mean"][i] for i in INDEX.values()])
+            mean = np.array([numbers["mean"][i] for i in GAIN_INDICES.values()])
             bias.setdefault(estimator, []).append(list(100.0 * (mean / truth - 1.0)))
     lines = []
     for estimator, values in bias.items():
@@ -206,7 +206,7 @@ def _calibration_table(results: dict[str, dict[str, Any]]) -> str:
 def _duel_table(results: dict[str, dict[str, Any]], ours: str = "simultaneous") -> str:
     """Return in how many runs, each read by all estimators, ours is faster, or varies less."""
     lines = []
-    for part, quantity, number in DUELS:
+    for part, quantity, number in COMPARISONS:
         found = [
             speed_and_variability({name: result}) for name, result in _part(results, part).items()
         ]
@@ -238,7 +238,7 @@ def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) ->
         "simultaneous, fixed memory": ("tab:cyan", "v"),
     }
     for column, voluntary in enumerate(cases):
-        for row, parameter in enumerate(INDEX):
+        for row, parameter in enumerate(GAIN_INDICES):
             axis = axes[row, column]
             dots: dict[str, list[tuple[float, float]]] = {family: [] for family in families}
             for (other, estimator), entry in speed.items():
@@ -269,7 +269,7 @@ def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) ->
             axis.set_xscale("log")
             axis.set_yscale("log")
             axis.set_title(f"{parameter}, voluntary torque: {voluntary}", fontsize="medium")
-            if row == len(INDEX) - 1:
+            if row == len(GAIN_INDICES) - 1:
                 axis.set_xlabel("rise time 10-90 % (s)")
         axes[0, 0].set_ylabel("coefficient of variation of K (%)")
         axes[1, 0].set_ylabel("coefficient of variation of G (%)")

@@ -1,6 +1,5 @@
-"""Simulation halves of figures 6 and 7 of van 't Veld et al.
-
-2018, and the intrinsic VAF on a training and a validation set.
+"""The simulated parts of figures 6 and 7 of van 't Veld et al. 2018, and the intrinsic VAF on a
+training and a validation set.
 """
 
 from __future__ import annotations

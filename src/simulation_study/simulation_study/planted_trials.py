@@ -229,16 +229,16 @@ def summary(results: list[dict[str, Any]]) -> str:
             f"beside {alone}; overlooked {missed}"
         )
     if without:
-        honest = [r for r in without if r["verdict"] in ("unexplained", "no_mismatch")]
+        unnamed = [r for r in without if r["verdict"] in ("unexplained", "no_mismatch")]
         relative = [
             r
             for r in without
             if r["verdict"] == "explained"
             and _place(r["planted"]) in {_place(e[1]) for e in r["effects"]}
         ]
-        wrong = [r["planted"] for r in without if r not in honest and r not in relative]
+        wrong = [r["planted"] for r in without if r not in unnamed and r not in relative]
         said.append(
-            f"of {len(without)} left out of the library: unexplained or nothing {len(honest)}, a "
+            f"of {len(without)} left out of the library: unexplained or nothing {len(unnamed)}, a "
             f"relative of the place {len(relative)}, "
             f"a name from elsewhere {len(wrong)} ({', '.join(wrong)})"
         )

@@ -4,8 +4,7 @@ goes on where it stopped.
 Folder of a study::
 
     study.json            what was asked for
-    trials/NAME.json      result of each trial (`estimates.carry_out`), written once, whole or not
-    at all
+    trials/NAME.json      result of each trial (`estimates.carry_out`), complete or absent
 
 A trial is a function of its content alone: the same seed gives the same study on any number of
 workers.

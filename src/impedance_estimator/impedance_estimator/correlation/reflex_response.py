@@ -1,11 +1,12 @@
 """The reflex impulse response: least squares of reflex torque on past half-wave rectified velocity.
 
-    τ_R[n] = Δ Σ_k h_k v₊[n - k],   k Δ from 40 to 400 ms          Δ: decimated sample interval,
-    about 8 ms T h = r / Δ,   T_jk = φ_vv(j - k),   r_k = φ_vτ(k)
+    τ_R[n] = Δ Σ_k h_k v₊[n - k],   k Δ from 40 to 400 ms
+    T h = r / Δ,   T_jk = φ_vv(j - k),   r_k = φ_vτ(k)
     G = Δ Σ_k h_k
 
-φ are running correlations. T is a Toeplitz matrix and is solved by Levinson's recursion
-(Golub & Van Loan, Matrix Computations, algorithm 4.7.2). van 't Veld et al. 2018, section II-A.
+Δ is the interval of decimated samples, about 8 ms. φ are running correlations. T is a Toeplitz
+matrix and is solved by Levinson's recursion (Golub & Van Loan, Matrix Computations, algorithm
+4.7.2). van 't Veld et al. 2018, section II-A.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from impedance_estimator.offline.torque_prediction import (
 LEAD = 1.0
 """[s] An estimate predicts torque that is at least this much newer: more than two reflex responses,
 so that nothing which it has seen is among what it predicts."""
-IGNORED = 1.0
+SETTLING_TIME = 1.0
 """[s] Left out at both ends, where filters and delays still settle."""
 SKEW, SPONTANEOUS = "channel_skew", "voluntary_torque"
 """Undone in the frequency domain, for either sign; and left out, as no movement causes it."""
@@ -111,7 +111,7 @@ def predict_with_model(
         skew = float(known.model.entry(SKEW).values["skew"])
         predicted = _shifted(predicted, skew * rate)
     # The ends go first: derivatives that are held there would ring in the high-pass for seconds.
-    inside = slice(round(IGNORED * rate), -round(IGNORED * rate))
+    inside = slice(round(SETTLING_TIME * rate), -round(SETTLING_TIME * rate))
     lowpass = signal.butter(FILTER_ORDER, LOWPASS, fs=rate, output="sos")
     highpass = signal.butter(FILTER_ORDER, HIGHPASS, "highpass", fs=rate, output="sos")
     every = decimation(rate)

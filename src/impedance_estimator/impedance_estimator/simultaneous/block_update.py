@@ -166,8 +166,8 @@ def linearise(p: Plan, s: State) -> None:
 
 @part
 def _combine_unknowns(s: State) -> None:
-    """Signals of the unknowns as combinations of the recorded ones, and what is subtracted from the
-    torque.
+    """Set how the signals of the unknowns, and what is subtracted from the torque, are combined
+    from the recorded ones.
     """
     combine, unknowns = s.nuisance.combine, s.nuisance.unknowns
     unknowns[:INTRINSIC] = combine[:INTRINSIC]
@@ -348,8 +348,8 @@ def _watch_scatter(
     variance: float,
     weight: float,
 ) -> None:
-    """Scores of the last batch against what white noise would give; what the standard errors are
-    widened by.
+    """Update the factors that widen the standard errors: the squared scores of the last batch over
+    what white noise would give.
     """
     influence, fitted = np.empty(PARAMETERS), np.empty(PARAMETERS)
     normal = normal_matrix(s, model, BATCH_DURATION * p.second, 0)

@@ -5,13 +5,13 @@ It compares the recent part of the memory with the older one.
 For every candidate window at the end of the memory, are K, B, I and G the same within it as before
 it?
 
-    D = min_θ [Q_old(θ) + Q_recent(θ)] - min_θ Q_old(θ) - min_θ Q_recent(θ),   Q: squared residual /
-    noise variance
+    D = min_θ [Q_old(θ) + Q_recent(θ)] - min_θ Q_old(θ) - min_θ Q_recent(θ)
 
-Without a change D is chi-square distributed with four degrees of freedom. Where the largest D of
-all windows passes a threshold, everything before that window is forgotten (Willsky & Jones, IEEE
-Trans. Autom. Control 21 (1976) 108-112). Between changes the memory grows to its full length, so
-precision and speed are not traded against each other.
+Q is the squared residual over the noise variance. Without a change D is chi-square distributed with
+four degrees of freedom. Where the largest D of all windows passes a threshold, everything before
+that window is forgotten (Willsky & Jones, IEEE Trans. Autom. Control 21 (1976) 108-112). Between
+changes the memory grows to its full length, so precision and speed are not traded against each
+other.
 
 A change is found from few data, and may so be placed a little early. While the memory grows again,
 the test is therefore also made for its first few blocks alone, with the noise of all that came

@@ -17,9 +17,9 @@ SIGNS = ("breadth", "disagreement", "structure", "imprecision")
 LIMITS = np.array([15.0, 4.0, 1.0, 1.0])
 """Each of `SIGNS` has a limit: ln L by which a wider intrinsic response than that of inertia,
 viscosity and stiffness behind a delay makes the memory more likely (without a mismatch up to 12);
-difference of K or G between
-both halves of the memory over its standard error [1]; ln L that relaxation, yielding or powers of
-position gain, over `STRUCTURE_GAINS`; relative standard error of K or G over `LARGEST_ERRORS`.
+difference of K or G between both halves of the memory over its standard error [1]; ln L that
+relaxation, yielding or powers of position gain, over `STRUCTURE_GAINS`; relative standard error of
+K or G over `LARGEST_ERRORS`.
 """
 STRUCTURE_GAINS = np.array([110.0, 80.0, 50.0])
 """ln L that relaxation, yielding, and powers of position must gain. Without a mismatch the
@@ -28,7 +28,7 @@ LARGEST_ERRORS = (0.14, 0.12)
 """Relative standard errors of K and G from which an estimate is doubted. Without a mismatch the
 independent rig gave up to 9 and 7 %; a reflex with a threshold or one that saturates scatters more
 from stretch to stretch than one that is proportional to velocity."""
-DOUBTFUL = 0.5
+DOUBT_THRESHOLD = 0.5
 """From this doubt on, a sign at its limit, an estimate is called doubtful."""
 MODEL_ERROR = np.array([0.012, 0.03, 0.02, 0.025])
 """K, B, I and G have this relative error beyond the scatter within a recording: a joint is never

@@ -3,8 +3,8 @@ stay in step.
 
 With a kernel h, its derivative h' and * for convolution:
 
-    h * τ = K (h * x) + B (h * v) + I (h * a)      and      h * a = h' * v,   h * v = h' * x,   h *
-    a = h'' * x
+    h * τ = K (h * x) + B (h * v) + I (h * a)
+    h * a = h' * v,   h * v = h' * x,   h * a = h'' * x
 
 A linear equation between signals holds unchanged between the smoothed ones, and the derivatives are
 exact for the smoothed signals (Shinbrot, Trans. ASME 79 (1957) 741-746: modulating functions). The

@@ -7,11 +7,12 @@ predict the torque of the half second that follows, and the running likelihoods 
 are compared (prequential choice of a model: Dawid, J. R. Stat. Soc. A 147 (1984) 278-292). The
 memories, in the order of preference:
 
-    the full memory, but not from before a change; a half, a quarter, ... of it; the full memory
-    whatever was taken for a change
+- the full memory, but not from before a change;
+- a half, a quarter, ... of it;
+- the full memory across every change that was detected.
 
-They are asked one block after the other, each for its state at the begin of the half second, so
-that no block has all the work.
+Their parameters at the beginning of the half second are computed one memory a block, so that no
+block has all the work.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from impedance_estimator.simultaneous.state import Plan, State
 SHORTEST_MEMORY = 1.25
 """The shortest memory [s] holds about two perturbations: fewer do not tell stiffness from reflex.
 """
-HORIZON = 0.5
+PREDICTION_TIME = 0.5
 """Torque is predicted over so long [s]: most of a response to a perturbation.
 
 With 1 s, an ankle that swings at 0.2 Hz is no longer followed.

@@ -22,16 +22,13 @@ from impedance_estimator.compilation import part
 SHAPES = 3
 """Parameters of a shape: ln ω [ln rad/s], ln z [1], delay [s]."""
 LOWEST_SHAPE = np.array([math.log(6.0), math.log(0.35), 0.020])
-"""Slower: reflexes of spastic muscles and the real trials come to 8 rad/s.
-
-Earlier than 20 ms nothing returns from the spine.
-"""
+"""The slowest shape: reflexes of spastic muscles and the real trials come down to 8 rad/s. Nothing
+returns from the spine earlier than after 20 ms."""
 HIGHEST_SHAPE = np.array([math.log(45.0), math.log(2.0), 0.080])
-"""Long-latency responses begin at 60-80 ms."""
+"""The fastest and latest shape: long-latency responses begin at 60 to 80 ms."""
 PRIOR_MEAN = np.array([math.log(20.0), math.log(0.85), 0.043])
-"""Middle of what is reported: 21 rad/s, 0.8, 40 ms (van 't Veld et al.
-
-2018), short-latency delays of the calf 35-50 ms.
+"""Middle of what is reported: 21 rad/s, 0.8, 40 ms (van 't Veld et al. 2018); short-latency
+delays of the calf are 35 to 50 ms.
 """
 PRIOR_DEVIATION = np.array([0.5, 0.35, 0.008])
 """Wide: ω 7-54 rad/s and z 0.4-1.7 lie within two standard deviations.
@@ -39,7 +36,7 @@ PRIOR_DEVIATION = np.array([0.5, 0.35, 0.008])
 It decides only while there is no data.
 """
 BASIS = 12
-"""Functions.
+"""Number of basis functions.
 
 With 12 every shape of ω 15-30 rad/s, z 0.6-1.0 and D 35-55 ms is met to 0.03 % of its energy, ω 8
 rad/s to 0.02 %.

@@ -21,7 +21,7 @@ from impedance_estimator.simultaneous.block_update import BATCH_DURATION, INITIA
 from impedance_estimator.simultaneous.change_detection import candidate_windows
 from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
-from impedance_estimator.simultaneous.memory_length import HORIZON, memory_lengths
+from impedance_estimator.simultaneous.memory_length import PREDICTION_TIME, memory_lengths
 from impedance_estimator.simultaneous.reflex_deviation import reflex_deviation
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance, finish_block
@@ -132,7 +132,7 @@ class Simultaneous(Estimator):
             block_samples=block_samples,
             memory_blocks=int(lengths[0]),
             lengths=lengths,
-            horizon=round(HORIZON * slow / block_samples),
+            horizon=round(PREDICTION_TIME * slow / block_samples),
             windows=candidate_windows(int(lengths[0]))
             if s.change_detection == "on"
             else np.zeros(0, dtype=np.int64),

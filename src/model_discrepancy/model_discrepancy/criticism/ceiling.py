@@ -25,7 +25,7 @@ _NEIGHBOURS = 12
 def ceiling_vaf(
     columns: Columns, final: Fit, held_out_vaf: float, remainder: Remainder
 ) -> tuple[float, float]:
-    """Lower and upper end of the VAF [%] that is explainable.
+    """Return lower and upper end of the VAF [%] that is explainable.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, Onsets, find_on
 
 SIZES = ("small", "medium", "large")
 # What a recording says where it holds too few movements, or no response that differs from chance.
-NOT_SEEN = "not seen"
+NO_LOCATION = "not seen"
 _DIRECTIONS = {"up": "dorsiflexion", "down": "plantarflexion", "both": "both"}
 _RESAMPLINGS = 200
 
@@ -84,7 +84,9 @@ class ResidualMap:
         main = [c for c in strong if abs(c.mean) > 0.5 * peak]
         seen = bool(main)
         window = (
-            [min(c.window[0] for c in main), max(c.window[1] for c in main)] if seen else NOT_SEEN
+            [min(c.window[0] for c in main), max(c.window[1] for c in main)]
+            if seen
+            else NO_LOCATION
         )
         by_direction = {
             d: sum(c.mean**2 for c in strong if c.direction == d) for d in ("up", "down")
@@ -98,11 +100,11 @@ class ResidualMap:
             "path": place,
             "window_s": window,
             "band_hz": [min(b[0] for b in bands), max(b[1] for b in bands)],
-            "direction": _DIRECTIONS[direction] if seen else NOT_SEEN,
-            "symmetry": self._symmetry if seen else NOT_SEEN,
+            "direction": _DIRECTIONS[direction] if seen else NO_LOCATION,
+            "symmetry": self._symmetry if seen else NO_LOCATION,
             "depends_on": (", ".join(causes) if causes else "nothing else that was tested")
             if self.dependence
-            else NOT_SEEN,
+            else NO_LOCATION,
         }
 
     @property
@@ -110,7 +112,7 @@ class ResidualMap:
         """Return how the mean residual responses of the two directions compare."""
         compared = {c.direction for c in self.cells}
         if compared != {"up", "down"}:
-            return NOT_SEEN
+            return NO_LOCATION
         return "odd" if self.odd_share > 0.7 else "even" if self.odd_share < 0.3 else "mixed"
 
 

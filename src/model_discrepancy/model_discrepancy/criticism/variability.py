@@ -212,7 +212,7 @@ def variability(fitter: Fitter, fit: Fit, torque: np.ndarray) -> Variability:
 def _peaks(
     fitter: Fitter, fit: Fit
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]] | None, float | None]:
-    """Tremor, as `Variability.tremor`, and the frequency of a narrow line."""
+    """Return tremor, as `Variability.tremor`, and the frequency of a narrow line."""
     rows = fitter.rows
     segments = int(rows.used.sum() / (SEGMENT_S * rows.rate))
     frequency, power = welch(fit.plain[rows.used], rows.rate, nperseg=int(SEGMENT_S * rows.rate))

@@ -5,10 +5,9 @@ The terms are those of the simulation, walked in the order of the signal path. T
 filters on spectra. Those at the torque sensor filter the sum of all torques. A compliant fixation
 with ``S = k_s + b_s s`` lets the foot, of impedance ``Z = I s^2 + B s + K``, move as
 ``x_foot = H x_plate`` and passes ``H (Z x_plate + other torques)`` on to the plate, ``H = S / (S +
-Z)``; Z is taken from the values that are passed in. (What the other torques push the foot aside is
-left
-out: it is their stiffness over k_s, some per cent of themselves. The measured torque must not be
-used for the foot's motion: near the resonance its noise would predict itself.)
+Z)``; Z is taken from the values that are passed in. How far the other torques move the foot is left
+out: some per cent of themselves, their stiffness over k_s. The measured torque must not be used for
+the foot's motion: near the resonance its noise would predict itself.
 """
 
 from __future__ import annotations

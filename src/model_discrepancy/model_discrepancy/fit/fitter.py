@@ -42,7 +42,7 @@ _CACHE_SIZE = 24
 _DERIVATIVES_KEPT = 4
 # Evaluations after which a fit is asked whether it may still do what it is for. Its steps shrink
 # like a geometric series, by a third and more from stage to stage.
-STAGE = 4
+STAGE_EVALUATIONS = 4
 STAGES_AHEAD = 2.0
 # The tolerance of a single fit.
 _CONVERGED_SHARE = 1e-4
@@ -207,17 +207,18 @@ class Fitter:
         names, start, evaluations
             As `fit` takes them.
         limit
-            Of the score. The fit ends early where two more stages of `STAGE` evaluations, each of
-            which lowers the score as much as the last one did, would not reach it.
+            Of the score. The fit ends early where two more stages of `STAGE_EVALUATIONS`
+            evaluations, each of which lowers the score as much as the last one did, would not
+            reach it.
         """
         last = self.solve(self.start_values(names, start)).score
-        fit = self.fit(names, start, evaluations=STAGE)
-        for _ in range(STAGE, evaluations, STAGE):
+        fit = self.fit(names, start, evaluations=STAGE_EVALUATIONS)
+        for _ in range(STAGE_EVALUATIONS, evaluations, STAGE_EVALUATIONS):
             fell = last - fit.score
             if fell < _CONVERGED_SHARE * fit.score or fit.score - STAGES_AHEAD * fell > limit:
                 break
             last = fit.score
-            fit = self.fit(names, fit.values, evaluations=STAGE)
+            fit = self.fit(names, fit.values, evaluations=STAGE_EVALUATIONS)
         return fit
 
     def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:

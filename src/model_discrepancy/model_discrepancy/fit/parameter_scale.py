@@ -61,7 +61,7 @@ def from_unit(parameter: Parameter, unit: float) -> float:
 
 
 def ranges(columns: Iterable[Column]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper ends of the linear parameters of these columns."""
+    """Return lower and upper ends of the linear parameters of these columns."""
     parameters = [term_library()[name].parameter(symbol) for name, symbol in columns]
     return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
 

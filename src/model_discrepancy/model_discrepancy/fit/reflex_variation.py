@@ -174,7 +174,7 @@ def since_movement(fitter: Fitter) -> np.ndarray:
 
 
 def _level_at_rest(fitter: Fitter, residual: np.ndarray) -> float:
-    """Power of the whitened residual at rest, or everywhere where the joint is never at rest."""
+    """Return the power of the whitened residual at rest; of all of it without any rest."""
     used = fitter.rows.used
     rest = used & (since_movement(fitter) > REST_S)
     return float(np.mean(residual[rest if rest.sum() >= LEAST_ROWS else used] ** 2))

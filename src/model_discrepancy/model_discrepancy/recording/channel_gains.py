@@ -99,8 +99,8 @@ def trusted(recording: Recording, findings: list[Finding]) -> Recording:
 
 
 def _disagreement(gain: float, error: float, servo: Servo | None) -> Finding:
-    """Which of position and velocity is wrong where velocity reads `gain` times the derivative of
-    position.
+    """Return which of position and velocity is wrong where velocity reads `gain` times the
+    derivative of position.
     """
     if servo is not None:
         follows, spread = servo.following

@@ -76,7 +76,7 @@ def emg_activation(
 
 
 def _quiet(velocity: np.ndarray, rate: float) -> np.ndarray:
-    """1 where no movement has just evoked a response, else 0, shape (n,)."""
+    """Return 1 where no movement has just evoked a response, else 0, shape (n,)."""
     speed = np.abs(velocity)
     moving = speed > MOVING_SHARE * np.percentile(speed, 99.0)
     held = np.convolve(moving, np.ones(max(1, round(RESPONSE_S * rate))))[: len(speed)]

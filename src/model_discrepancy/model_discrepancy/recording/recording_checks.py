@@ -32,7 +32,7 @@ _WINDOW_S = 2.0
 _LAGS_S = (0.005, 0.01, 0.015, 0.02)
 _LONGEST_FLAT_S = 0.5
 # Share of the VAF at the best skew: a recording of which as much is explained without one has none.
-NEARLY_AS_MUCH = 0.8
+UNSKEWED_VAF_RATIO = 0.8
 _SHIFTS_S = np.arange(-0.15, 0.1501, 0.001)
 # Reflexes of short and long latency, and a muscle's own time.
 _REFLEX_DELAYS_S = (0.04, 0.09)
@@ -142,7 +142,7 @@ def _movement_faults(recording: Recording) -> list[str]:
 
 
 def _lost_torque(recording: Recording) -> list[str]:
-    """Windows in which the foot moves and the torque does not follow any more."""
+    """Return a sentence on windows in which the foot moves and the torque no longer follows."""
     size = int(_WINDOW_S * recording.rate)
     moved, measured = (
         np.std(
@@ -209,7 +209,7 @@ def _relation_faults(recording: Recording) -> list[str]:
         [_passive_vaf(columns, sign * t, inner, rate, skew) for sign in (1.0, -1.0)]
         for skew in (0.0, _SHIFTS_S[inside])
     ]
-    right, mirrored = signs[0] if max(signs[0]) > NEARLY_AS_MUCH * vafs[inside] else signs[1]
+    right, mirrored = signs[0] if max(signs[0]) > UNSKEWED_VAF_RATIO * vafs[inside] else signs[1]
     if mirrored > right + 0.05:
         return [
             "torque or position has the wrong sign: torque falls as the foot is moved upwards; "
@@ -297,8 +297,8 @@ def _resonating(signals: np.ndarray, frequency: float, damping: float, rate: flo
 def _viscoelastic_inertia(
     columns: np.ndarray, moved: np.ndarray, inner: slice, rate: float
 ) -> float:
-    """Inertia [kg.m^2] where a tendon or tissue that relaxes would hide it from inertia, viscosity
-    and stiffness alone.
+    """Return the inertia [kg.m^2] where a tendon or tissue that relaxes would hide it from inertia,
+    viscosity and stiffness alone.
     """
     position = columns[:, 2:]
     wide = np.hstack(
@@ -319,7 +319,7 @@ def band(signal: np.ndarray, rate: float, low: float, high: float) -> np.ndarray
 
 
 def _best_lag(later: np.ndarray, earlier: np.ndarray, rate: float) -> tuple[float, float]:
-    """Lag [s] of `later` behind `earlier` at the strongest correlation, and that correlation."""
+    """Return the lag [s] of `later` behind `earlier` at their strongest correlation, with it."""
     shifts = np.round(_SHIFTS_S * rate).astype(int)
     values = np.array([np.corrcoef(np.roll(later, -s), earlier)[0, 1] for s in shifts])
     best = int(np.argmax(np.abs(values)))

@@ -22,7 +22,7 @@ FINEST_STEP, COARSEST_STEP = 1.0 / 30.0, 0.5
 # to 2.5 times what lies below.
 LEAST_PEAK, LEAST_RATIO = 0.3, 1.15
 # The peak's own first subharmonic, and its foot, do not count as what lies below.
-_BELOW = (0.35, 0.85)
+_LOWER_FREQUENCY_RANGE = (0.35, 0.85)
 
 
 def coarse_step(values: np.ndarray) -> float:
@@ -46,6 +46,8 @@ def coarse_step(values: np.ndarray) -> float:
         frequency < 1.0 / (FINEST_STEP * deviation)
     )
     peak = int(np.argmax(np.where(inside, height, 0.0)))
-    below = (frequency > _BELOW[0] * frequency[peak]) & (frequency < _BELOW[1] * frequency[peak])
+    below = (frequency > _LOWER_FREQUENCY_RANGE[0] * frequency[peak]) & (
+        frequency < _LOWER_FREQUENCY_RANGE[1] * frequency[peak]
+    )
     clear = height[peak] > max(LEAST_PEAK, LEAST_RATIO * float(height[below].max()))
     return float(1.0 / frequency[peak]) if clear else 0.0

@@ -192,7 +192,7 @@ def _fitted(x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: floa
 
 
 def _fade(inner: np.ndarray, rate: float) -> np.ndarray:
-    """1 inside and 0 outside, with edges that do not ring."""
+    """Return a window: 1 inside and 0 outside, with edges that do not ring."""
     edge = np.hanning(2 * int(0.5 * _FADE_S * rate) + 1)
     return np.asarray(np.convolve(inner, edge / edge.sum(), mode="same"))
 

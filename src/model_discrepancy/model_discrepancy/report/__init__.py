@@ -1,1 +1,1 @@
-"""The verdict, and its report for people."""
+"""The verdict, and its report as a page."""

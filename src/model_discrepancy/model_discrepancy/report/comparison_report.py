@@ -1,4 +1,4 @@
-"""``compare`` for people: two bags in, ``compare.json`` and a report of one file out."""
+"""The result of ``compare`` as files: ``compare.json``, and a report as one HTML file."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _sections(result: Comparison, sides: tuple[Side, Side]) -> list[str]:
                 "place",
                 "torque that changes [N.m rms]",
                 "simulated, recorded (standard errors apart)",
-                "told",
+                "significant",
             ],
             _terms(result),
         ),

@@ -1,4 +1,4 @@
-"""``report.html``: the diagnosis for people, one file without network."""
+"""The diagnosis as a page, ``report.html``: one file that needs no network."""
 
 from __future__ import annotations
 

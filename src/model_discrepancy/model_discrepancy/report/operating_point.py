@@ -48,7 +48,7 @@ UNEXPLAINED_SHARE = {"K": 0.15, "G": 0.25}
 # Probability that a refinement stands in for something else.
 _REFINEMENT_ODDS = 0.5
 # Odds of a term that gains on unseen rows, but too little torque to be accepted.
-_NEAR_ODDS = 0.5
+_REJECTED_TERM_ODDS = 0.5
 
 
 def operating_point(motion: Motion, onsets: Onsets) -> OperatingPoint:
@@ -134,7 +134,7 @@ def with_model_error(
         (float(np.exp(-max(t.fit.score / found.final.score - 1.0, 0.0) / ODDS_SCALE)), t)
         for effect in found.effects
         for t in effect.rivals
-    ] + [(_NEAR_ODDS, t) for t in found.near if t.criticises]
+    ] + [(_REJECTED_TERM_ODDS, t) for t in found.near if t.criticises]
     moved = [(odds, _values(t.fit.values, at)) for odds, t in others]
     total = 1.0 + sum(odds for odds, _ in moved)
     shares = _model_shares(found, unexplained)

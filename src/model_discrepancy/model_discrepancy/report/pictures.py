@@ -29,7 +29,7 @@ _BLOCKS = (
     "torque sensor",
     "position sensor",
 )
-_WORDS = {"up": "dorsiflexion", "down": "plantarflexion"}
+_DIRECTION_NAMES = {"up": "dorsiflexion", "down": "plantarflexion"}
 _GREY, _BLUE, _RED = "0.35", "#1f6fb4", "#c8372d"
 
 
@@ -211,7 +211,7 @@ def cells_picture(base: ResidualMap, final: ResidualMap | None, label: str = "ba
             [f"{1000 * low:.0f} to {1000 * high:.0f}" for low, high in windows],
             fontsize=7,
         )
-        names = [f"{_WORDS[direction]}, {size}" for direction, size in groups]
+        names = [f"{_DIRECTION_NAMES[direction]}, {size}" for direction, size in groups]
         axes.set_yticks(
             range(len(groups)), names if number == 0 else [""] * len(groups), fontsize=8
         )

@@ -68,7 +68,7 @@ class Verdict:
     rig: dict[str, Any] = field(default_factory=dict)
 
     def content(self) -> dict[str, Any]:
-        """Plain data for JSON, in the units of the joint in force."""
+        """Return plain data for JSON, in the units of the joint in force."""
         found: dict[str, Any] = _in_units(self._content())
         return found
 
@@ -93,7 +93,7 @@ class Verdict:
 
 
 def _in_units(found: Any) -> Any:
-    """Texts and keys with the units of the joint in force."""
+    """Return texts and keys with the units of the joint in force."""
     joint = joint_in_force()
     if not joint.linear:
         return found
@@ -182,8 +182,8 @@ def finding_entry(finding: Finding) -> dict[str, Any]:
 
 
 def alternatives(found: Found) -> list[dict[str, Any]]:
-    """Rivals that could not be excluded, and near misses; delta_score is the change of BIC against
-    the chosen model.
+    """Return rivals that could not be excluded, and terms that were nearly accepted;
+    ``delta_score`` is the change of BIC against the chosen model.
     """
     listed = []
     n = len(found.final.residual)

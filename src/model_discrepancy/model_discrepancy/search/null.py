@@ -131,8 +131,8 @@ class Null:
         return bool(self.gains)
 
     def threshold(self, name: str) -> float:
-        """Gain that a candidate must exceed so that the whole library does not in 1 - `FALSE_ALARM`
-        of recordings like this one.
+        """Return the gain that a candidate must exceed: by chance, no term of the library does so
+        in 1 - `FALSE_ALARM` of recordings like this one.
 
         Parameters
         ----------

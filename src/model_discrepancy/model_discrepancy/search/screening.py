@@ -111,7 +111,7 @@ def screen(
 
 
 def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
-    """Terms that may be added to the model."""
+    """Return the terms that may be added to the model."""
     terms = term_library()
     names = library if library is not None else list(terms)
     coupled = any(moves_foot(n) for n in fit.terms)
@@ -169,7 +169,7 @@ def grid(name: str, duration: float) -> list[Point]:
 
 
 def _resolved(parameter: Parameter, duration: float) -> list[float]:
-    """Frequencies half a resolution apart, so that a refit finds the one in between."""
+    """Return frequencies half a resolution apart, so that a refit finds the one in between."""
     count = math.ceil(2.0 * duration * (parameter.upper - parameter.lower))
     return np.linspace(
         parameter.lower, parameter.upper, min(count, _MOST_FREQUENCIES), dtype=float
@@ -233,7 +233,7 @@ def _shaping(
 def _left(
     fitter: Fitter, values: dict[str, dict[str, float]]
 ) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Fitted rows that are left with all amplitudes solved for but those of held terms, and the
+    """Return the residual rows with all amplitudes solved for but those of held terms, and the
     values with these amplitudes.
     """
     used = fitter.rows.used

@@ -104,7 +104,7 @@ class Candidate:
 
 
 def candidates_for(movement: float, levels: bool) -> list[Candidate]:
-    """Candidates that the generator accepts.
+    """Return the candidates that the generator accepts.
 
     Parameters
     ----------

@@ -281,7 +281,7 @@ def _actuator_differences(
 
 
 def _conclude(result: Comparison, second: Side) -> None:
-    """Verdict, place and, where no term makes the difference, the missing block."""
+    """Set verdict, place and, where no term makes the difference, the missing block."""
     significant = [c for c in result.contributions if c.significant]
     final = second.found.final
     left = remainder(

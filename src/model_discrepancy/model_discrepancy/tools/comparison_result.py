@@ -157,7 +157,7 @@ class Comparison:
                 "torque[N.m]": c.torque,
                 "share_of_torque": c.share,
                 "only": c.only or None,
-                "told": c.significant,
+                "significant": c.significant,
                 "parameters": {
                     key: [_number(v) for v in values] for key, values in c.parameters.items()
                 },

@@ -336,8 +336,8 @@ def _fitter(columns: Columns, true: Values) -> Fitter:
 
 
 def _misfit(fitter: Fitter, wrong: Values, refit: bool) -> float:
-    """Whitened sum of squares that the wrong model leaves after its refit, or after one linear step
-    towards it.
+    """Return the whitened sum of squares that the wrong model leaves after its refit, or after one
+    linear step towards it.
     """
     if refit:
         return fitter.fit(list(wrong), wrong, evaluations=20).score

@@ -98,11 +98,11 @@ def _require_usable(recordings: Sequence[Recording]) -> None:
 
 
 def _member(recording: Recording, rig: RigFile | None, progress: Progress) -> Member:
-    def told(line: str) -> None:
+    def report_progress(line: str) -> None:
         progress(f"{recording.name}: {line}")
 
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
-    problem = prepare(trusted(recording, findings), joint_in_force().terms, told, rig)
+    problem = prepare(trusted(recording, findings), joint_in_force().terms, report_progress, rig)
     rows = problem.fitter.rows
     return Member(problem, Null.of(problem.noise, rows.time, rows.used), problem.base)
 
@@ -139,8 +139,8 @@ def _screened(member: Member, library: Sequence[str] | None, first: bool) -> dic
 
 
 def _joint_chance(members: Sequence[Member]) -> dict[str, float]:
-    """Joint gain that each term must exceed: its best in each recording, added up draw by draw,
-    which no single point of it can do better.
+    """Return the joint gain that each term must exceed: its best in each recording, added up draw
+    by draw, which no single point of its grid can exceed.
     """
     scores = np.array([m.fit.score for m in members])
     names = set.intersection(*(set(m.null.gains) for m in members))
@@ -197,7 +197,7 @@ def _best_step(
 
 
 def _starts(name: str, screened: list[dict[str, Screened]]) -> list[dict[str, float]]:
-    """Where a refit begins: for a rig's term at the one point that suits all recordings."""
+    """Return where a refit begins: for a rig's term at the one point that suits all recordings."""
     starts = [dict(s[name].start) for s in screened]
     if term_library()[name].belongs_to is not Owner.RIG:
         return starts
@@ -211,7 +211,7 @@ def _starts(name: str, screened: list[dict[str, Screened]]) -> list[dict[str, fl
 def _accepted(
     members: Sequence[Member], fits: Sequence[Fit], name: str, gain: float, by_chance: float
 ) -> bool:
-    """Whether the joint gain exceeds chance and holds on unseen rows in both directions."""
+    """Return whether the joint gain exceeds chance and holds on unseen rows in both directions."""
     margin = FOLLOWING_MARGIN if term_library()[name].follows_torque else 1.0
     if gain <= margin * by_chance:
         return False

@@ -45,7 +45,7 @@ ANSWERS: dict[str, Answer] = {
     ),
     "strap_play": Answer(
         ("fixation_compliance", "backlash"),
-        "a soft pad inside the play, stops outside: both halves are true",
+        "a soft pad inside the gap, stops outside: both halves are true",
     ),
     "bearing_friction": Answer(
         ("coulomb_friction", "dahl_hysteresis"),

@@ -1,4 +1,4 @@
-"""The opened study for people: Markdown, JSON, and a picture of the confusion matrix."""
+"""The result of an opened study as files: Markdown, JSON, and the confusion matrix as a picture."""
 
 from __future__ import annotations
 

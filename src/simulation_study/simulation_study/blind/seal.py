@@ -4,8 +4,8 @@ key can read it until then.
 For each case a random salt is drawn; ``SHA-256(salt + canonical JSON of the truth)`` is its
 commitment, and the root, SHA-256 over all commitments by name, is printed before any diagnosis
 starts. Truth and salt lie encrypted (Fernet: AES-128-CBC with HMAC-SHA-256) in the truth folder.
-Opening decrypts, hashes again and
-compares: a truth that was changed, exchanged or removed does not open.
+Opening decrypts, hashes again and compares: a truth that was changed, exchanged or removed does not
+open.
 """
 
 from __future__ import annotations

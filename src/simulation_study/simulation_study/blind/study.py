@@ -4,13 +4,14 @@ open, verify, score.
 Folder of a study::
 
     study.json            what was asked for
-    commitments.json      hash of each case's truth and the root over them, written before the first
-    diagnosis bags/CASE/            what the diagnosis sees
+    commitments.json      hash of each case's truth, and the root over them
+    bags/CASE/            what the diagnosis sees
     verdicts/CASE/        log, time, and what the diagnosis wrote
     result.md, result.json, confusion.png
 
-The truths lie in another folder (`seal`). A finished step is never done twice: an interrupted study
-goes on when it is started again with the same arguments.
+The commitments are written before the first diagnosis. The truths lie in another folder (`seal`). A
+finished step is never done twice: an interrupted study goes on when it is started again with the
+same arguments.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def estimate_condition(folder: Path) -> Callable[[Condition], dict[str, Any]]:
 
 
 class _Estimation:
-    """Picklable for Dask."""
+    """Estimates one condition; a class and no closure, because Dask pickles it."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -98,7 +98,7 @@ def _offline(made: Recorded, condition: Condition) -> dict[str, Any]:
 
 
 def _first(condition: Condition) -> float:
-    """Begin of the stretch that is judged [s]."""
+    """Return the beginning of the stretch that is judged [s]."""
     return min(IGNORED_DURATION, 0.5 * condition.seconds)
 
 

@@ -42,7 +42,7 @@ def write_report(results: Results, out: Path, command: str) -> str:
     out
         Folder to write the report to.
     command
-        Told in the table, so that anyone can run it again.
+        Stated in the table, so that anyone can run it again.
 
     Returns
     -------
