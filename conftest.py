@@ -123,12 +123,12 @@ def browser():
     open.
     """
     # Here, as a package whose tests only compute needs no browser.
-    from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+    from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = find_browser()
     if path is None:
-        pytest.skip(MISSING)
+        pytest.skip(NO_BROWSER)
     with playwright.sync_playwright() as driver:
         found = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
         yield found
@@ -144,7 +144,7 @@ def pytest_terminal_summary(terminalreporter):
     reasons = Counter()
     for report in terminalreporter.stats.get("skipped", []):
         where = report.nodeid.partition("::")[0]
-        told = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
-        reasons[where, str(told).removeprefix("Skipped: ")] += 1
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        reasons[where, str(reason).removeprefix("Skipped: ")] += 1
     for (where, reason), number in sorted(reasons.items()):
         terminalreporter.write_line(f"NOT TESTED: {number} of {where}: {reason}")

@@ -22,7 +22,7 @@ from biofeedback.session.course_trend import comparisons, trend
 
 DAY_SPREAD = 0.08
 """Standard deviation of a reflex' logarithm from session to session, as the simulated subject's."""
-LEARNT = 0.02
+LEARNING_PER_SESSION = 0.02
 """Part of the reflex that is lost in a session of learning."""
 
 PROCESSES = {f"{one:g}": (one,) for one in (0.0, 0.2, 0.4, 0.6, 0.7, 0.8)} | {
@@ -66,7 +66,7 @@ def main() -> None:
     random = np.random.default_rng(given.seed)
     course = load_course("down_training")
     after = np.maximum(np.arange(1, course.sessions + 1) - course.baseline_sessions, 0)
-    slow = math.log1p(-LEARNT) * after
+    slow = math.log1p(-LEARNING_PER_SESSION) * after
     changes = (np.zeros(course.sessions), slow, slow[-1] * (after > 0))
     print("correlation | trend stated without a change | learning found | change at once found")
     for name, parts in PROCESSES.items():

@@ -28,7 +28,9 @@ from ankle_node.domain import take_free_domain
 from session_recorder.bag_reader import BagReader
 
 SIMULATED, BRIDGED = "/emg/simulated", "/emg/samples"
-SAME = 1e-10  # V; the amplifier sends microvolts as 32-bit numbers, good to 1e-11 V here
+VOLTAGE_TOLERANCE = (
+    1e-10  # V; the amplifier sends microvolts as 32-bit numbers, good to 1e-11 V here
+)
 
 
 def time_errors(sent: np.ndarray, received: np.ndarray) -> tuple[np.ndarray, int]:
@@ -44,10 +46,15 @@ def time_errors(sent: np.ndarray, received: np.ndarray) -> tuple[np.ndarray, int
     # Three muscles together: one value alone comes again within ten minutes.
     key = {
         values: index
-        for index, values in enumerate(map(tuple, np.round(sent[:, 1:4] / SAME).tolist()))
+        for index, values in enumerate(
+            map(tuple, np.round(sent[:, 1:4] / VOLTAGE_TOLERANCE).tolist())
+        )
     }
     found = np.array(
-        [key.get(values, -1) for values in map(tuple, np.round(wanted[:, 1:4] / SAME).tolist())]
+        [
+            key.get(values, -1)
+            for values in map(tuple, np.round(wanted[:, 1:4] / VOLTAGE_TOLERANCE).tolist())
+        ]
     )
     ok = found >= 0
     pairs = found[ok]

@@ -33,7 +33,7 @@ from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
 from ankle_node.domain import take_free_domain
-from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_recorder.bag_reader import BagReader
 
 LEVELS = (0.2, 0.35, 0.5, 0.65, 0.8)  # parts of the step
@@ -105,7 +105,7 @@ async def watch(port: int, seconds: float) -> dict:
 
     path = find_browser()
     if path is None:
-        raise SystemExit(MISSING)
+        raise SystemExit(NO_BROWSER)
     url = f"http://127.0.0.1:{port}"
     async with async_playwright() as driver:
         browser = await driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))

@@ -53,8 +53,8 @@ from fault_table import HEAD, Case, Outcome, verdict  # noqa: E402
 
 PAGE = ROOT / "docs" / "reliability.md"
 TITLE = "\n## Live"
-NOTICED = 1.5  # s after a fault has ended until the state is read
-REPORTED = 10.0  # s; for the recorder to state what is missing: it reports once a second
+NOTICE_TIME = 1.5  # s after a fault has ended until the state is read
+REPORT_TIME = 10.0  # s; for the recorder to state what is missing: it reports once a second
 LARGEST_ANGLE, LARGEST_VELOCITY = 0.175 + 0.02, 1.1 * 5.0  # rad, rad/s: limit and overshoot
 LAST_SECONDS = 2.5  # s of a bag that the recorder may have had in memory when it was killed
 
@@ -150,7 +150,7 @@ def one_case(rig: RunningRig, fault: Fault, random: np.random.Generator) -> Case
     fault.begin(rig, fault.node)
     time.sleep(fault.lasts)
     fault.end(rig, fault.node)
-    time.sleep(NOTICED)
+    time.sleep(NOTICE_TIME)
     if fault.promise != "goes on":
         operator.until_news(first)
     entered = [state for _, state, _ in operator.states[first:]]
@@ -178,7 +178,7 @@ def count_samples(rig: RunningRig, since: float, before: int, case: Case) -> Non
     What another reader lacks is its own: a rig that was held up sends more blocks at once than a
     reader's queue has room for.
     """
-    deadline = time.monotonic() + REPORTED
+    deadline = time.monotonic() + REPORT_TIME
     while True:
         case.lost = missing(times_in(rig.bag), since)
         case.reported = reported_by(rig.operator) - before

@@ -1,9 +1,8 @@
 """Real trials, split in halves: what each estimator learnt from one half predicts the torque of the
 other.
 
-    .venv/bin/python benchmarks/real_trials.py                       # the recordings beside the
-    repository .venv/bin/python benchmarks/real_trials.py FOLDER                # NPZ files with
-    time, position, torque
+    .venv/bin/python benchmarks/real_trials.py             # the recordings beside the repository
+    .venv/bin/python benchmarks/real_trials.py FOLDER      # NPZ files with time, position, torque
 
 The online estimators give K, B, I and the reflex response that they hold at the end of the half.
 The parallel cascade is fitted to the whole half and knows no parametric form: the offline
@@ -59,7 +58,7 @@ TORQUE_NOISE = 0.05
 """[N.m] White, at every sample: a tenth of that of the paper's rig."""
 VOLUNTARY = ((0.0, 1.0), (0.5, 0.3), (1.0, 1.0))
 """Root mean square [N.m] and cut-off [Hz]."""
-COMPARED = {
+COMPARED_ESTIMATORS = {
     "CE": ("CE", Settings()),
     "CE, all high-passed": ("CE", Settings(highpass="all")),
     "simultaneous": ("simultaneous", SimultaneousSettings()),
@@ -89,7 +88,7 @@ def print_known_joint(name: str, rate: float, time: np.ndarray, position: np.nda
     """Print mean and standard deviation within the trial, by voluntary torque and estimator."""
     for rms, cutoff in VOLUNTARY:
         x, torque = known_joint(rate, position, rms, cutoff)
-        for method, (algorithm, settings) in COMPARED.items():
+        for method, (algorithm, settings) in COMPARED_ESTIMATORS.items():
             rows = estimate_signal(time, x, None, torque, algorithm, settings).valid
             values = [
                 f"{rows[:, column].mean():.2f} ± {rows[:, column].std():.2f}" for column in (1, 4)

@@ -32,9 +32,9 @@ from ankle_interfaces.continuity import Continuity
 from ankle_node.domain import take_free_domain
 from ankle_node.node import BLOCK_QOS, LATEST_QOS
 
-STILL = 0.02  # rad/s
-AFTERWARDS = 0.6  # s; samples that are looked at behind a stop
-NEXT = {"fault": "reset_fault", "ready": "arm", "armed": "start"}
+REST_VELOCITY = 0.02  # rad/s
+OBSERVATION_TIME = 0.6  # s; samples that are looked at behind a stop
+NEXT_COMMANDS = {"fault": "reset_fault", "ready": "arm", "armed": "start"}
 
 
 class Operator:
@@ -82,8 +82,8 @@ class Operator:
     def bring_up(self) -> None:
         """Until the rig runs and moves."""
         while not self.states or self.states[-1][0] != "running":
-            if self.states and self.states[-1][0] in NEXT:
-                self.call(NEXT[self.states[-1][0]])
+            if self.states and self.states[-1][0] in NEXT_COMMANDS:
+                self.call(NEXT_COMMANDS[self.states[-1][0]])
             self.spin(0.1)
         self.spin(1.5)
 
@@ -97,9 +97,9 @@ class Operator:
         asked = time.time()
         self.call("stop")
         answered = time.time()
-        self.spin(AFTERWARDS)
+        self.spin(OBSERVATION_TIME)
         data = np.concatenate(self.blocks[-200:])
-        moving = data[(np.abs(data[:, 2]) > STILL) & (data[:, 0] > asked), 0]
+        moving = data[(np.abs(data[:, 2]) > REST_VELOCITY) & (data[:, 0] > asked), 0]
         ready = [when for state, when in self.states[first:] if state == "ready"]
         return (
             answered - asked,
@@ -145,7 +145,7 @@ def main() -> int:
         operator.spin(5.0)
     answered, rested, confirmed = np.array(found).T
     print(f"{line('stop called to answer', answered)}")
-    print(line(f"stop called to plate below {STILL:g} rad/s", rested))
+    print(line(f"stop called to plate below {REST_VELOCITY:g} rad/s", rested))
     print(line("stop called to 'ready' (drive off, confirmed by the rig)", confirmed))
     for name in (
         "drift of the rig's clock [ppm]",

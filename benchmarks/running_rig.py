@@ -24,20 +24,20 @@ from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
 from ankle_interfaces.topics import ANKLE_SAMPLES, DIAGNOSTICS, RIG_STATE
 from ankle_node.qos import LATEST_QOS, reader_qos
-from biofeedback.web.server import SEEN
+from biofeedback.web.server import FRAME_ANSWER
 
 DRIVER, GENERATOR, RIG = "ankle_actuator_driver", "perturbation_generator", "rig_emulator"
 PAGES, RECORDER = "biofeedback", "record"
 HEARTBEATS = "heartbeats"
-KEPT = (RECORDER, PAGES, DRIVER, GENERATOR, RIG)
-NEXT = {"fault": "reset_fault", "ready": "arm", "armed": "start"}
+KEPT_NODES = (RECORDER, PAGES, DRIVER, GENERATOR, RIG)
+NEXT_COMMANDS = {"fault": "reset_fault", "ready": "arm", "armed": "start"}
 PATIENCE = 90.0  # s; to be running again: DDS lists a killed node for up to 20 s
-SETTLED = 1.5  # s of running before a fault: beyond the soft start
+SETTLING_TIME = 1.5  # s of running before a fault: beyond the soft start
 LONGEST_START = 20.0  # s; for a new process to say anything
-LOOK = 0.05  # s
+LOOK_PERIOD = 0.05  # s
 LEAST_BAG = 100_000  # bytes; of a bag that has samples: two seconds
 LONGEST_FRAME = 0.5  # s; between two pictures of a page that is connected
-REST = re.compile(r"\[(\d+\.\d+)\] \[rig_emulator\]: (\w+), fault")
+STATE_LINE = re.compile(r"\[(\d+\.\d+)\] \[rig_emulator\]: (\w+), fault")
 
 
 class NotRunningError(Exception):
@@ -58,7 +58,7 @@ class Operator:
         node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 50)
         self._clients = {
             name: node.create_client(Trigger, f"{DRIVER}/{name}")
-            for name in (*NEXT.values(), "stop")
+            for name in (*NEXT_COMMANDS.values(), "stop")
         }
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -101,16 +101,16 @@ class Operator:
         while self.state != "running":
             if time.monotonic() - began > PATIENCE:
                 return np.nan
-            if self.state in NEXT:
-                self.call(NEXT[self.state])
-            time.sleep(LOOK)
+            if self.state in NEXT_COMMANDS:
+                self.call(NEXT_COMMANDS[self.state])
+            time.sleep(LOOK_PERIOD)
         return time.monotonic() - began
 
     def until_news(self, seen: int) -> None:
         """Wait until the driver has entered another state than the first `seen` ones."""
         deadline = time.monotonic() + LONGEST_START
         while len(self.states) == seen and time.monotonic() < deadline:
-            time.sleep(LOOK)
+            time.sleep(LOOK_PERIOD)
 
     def times(self) -> np.ndarray:
         """Return the times of the samples that were heard [s]."""
@@ -139,7 +139,7 @@ class OperatorPage:
                     async for message in page:
                         if json.loads(message.data)["type"] == "frame":
                             self._heard = time.monotonic()
-                            await page.send_str(SEEN)
+                            await page.send_str(FRAME_ANSWER)
             await asyncio.sleep(0.2)
 
 
@@ -179,7 +179,7 @@ class RunningRig:
 
         It is NaN where the drive was not off since then.
         """
-        found = REST.findall(self.processes.log(RIG).read_text(errors="replace"))
+        found = STATE_LINE.findall(self.processes.log(RIG).read_text(errors="replace"))
         off = [float(at) for at, state in found if state in ("off", "fault") and float(at) > since]
         return off[0] - since if off else np.nan
 
@@ -199,8 +199,8 @@ class RunningRig:
                     f"{operator.refusal}"
                 )
             while not self.complete:  # a node that was started again takes a few seconds
-                time.sleep(LOOK)
-            time.sleep(SETTLED + float(random.uniform(0.0, 0.6)))
+                time.sleep(LOOK_PERIOD)
+            time.sleep(SETTLING_TIME + float(random.uniform(0.0, 0.6)))
             if operator.state == "running" and self.complete:
                 return
 
@@ -227,4 +227,4 @@ def session_graph(folder: Path, port: int) -> Graph:
             f"{RECORDER}.out={folder}/bag0",
         ]
     )
-    return Graph(graph.description, tuple(node for node in graph.nodes if node.name in KEPT))
+    return Graph(graph.description, tuple(node for node in graph.nodes if node.name in KEPT_NODES))

@@ -42,20 +42,20 @@ from ankle_node.block_executor import BlockExecutor
 from ankle_node.domain import take_free_domain
 from ankle_node.qos import reader_qos
 from ankle_node.real_time import RECORDER_PRIORITY, take_priority
-from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_recorder.bag_reader import BagReader
 from session_recorder.loss import account_of_bag
 
 ROOT = Path(__file__).resolve().parents[1]
 AMPLIFIER = ROOT / "src" / "emg_driver" / "test" / "amplifier.py"
 STREAM = f"soak {os.getpid()}"
-LEFT_OUT = ("impedance_estimator",)
+NODES_LEFT_OUT = ("impedance_estimator",)
 EMG = ("emg_bridge", "emg_processor")
-LOOK = 30.0  # s
+LOOK_PERIOD = 30.0  # s
 COMMAND_PERIOD = 1.0  # s; between two commands of the page
 LONGEST_START = 120.0  # s; for everything to run
-NEXT = {"idle": "arm", "paused": "arm", "armed": "start", "finished": "restart"}
-ASKED = "stopped by the operator"
+NEXT_COMMANDS = {"idle": "arm", "paused": "arm", "armed": "start", "finished": "restart"}
+STOP_REASON = "stopped by the operator"
 PAGE = os.sysconf("SC_PAGE_SIZE")
 LARGEST_GROWTH = 1.0  # % of memory, from the middle to the end
 
@@ -93,7 +93,7 @@ class Reader:
 
     def _follow(self, message: String) -> None:
         state, _, reason = message.data.partition(": ")
-        if self.state == "running" and state != "running" and reason != ASKED:
+        if self.state == "running" and state != "running" and reason != STOP_REASON:
             self.unasked.append(reason)
         self.state = state
 
@@ -102,7 +102,7 @@ class Reader:
         end, next_command = time.monotonic() + seconds, 0.0
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
-            wanted = "reset_fault" if self.state == "fault" else NEXT.get(commander.state)
+            wanted = "reset_fault" if self.state == "fault" else NEXT_COMMANDS.get(commander.state)
             if wanted and time.monotonic() > next_command:
                 next_command = time.monotonic() + COMMAND_PERIOD
                 commander.command(wanted)
@@ -130,7 +130,7 @@ def session_graph(folder: Path, port: int) -> Graph:
     """Return the graph `rig` with its emulator and EMG, without the estimator."""
     rig = load_graph("rig").with_options(["emulator"])
     emg = [node for node in load_graph("simulated_emg").nodes if node.name in EMG]
-    nodes = [node for node in rig.nodes if node.name not in LEFT_OUT]
+    nodes = [node for node in rig.nodes if node.name not in NODES_LEFT_OUT]
     graph = Graph(rig.description, (*nodes, *emg))
     return graph.with_settings(
         [
@@ -202,7 +202,7 @@ def run(
     began, looks = time.monotonic(), []
     while time.monotonic() - began < 60 * minutes:
         left = 60 * minutes - (time.monotonic() - began)
-        reader.spin(min(LOOK, left), commander)
+        reader.spin(min(LOOK_PERIOD, left), commander)
         looks.append(look(reader, pids(), began))
     return report(reader, looks, minutes)
 
@@ -235,7 +235,7 @@ def both_pages(url: str, wanted: bool) -> Iterator[list[Page]]:
         return
     path = find_browser()
     if path is None:
-        raise SystemExit(MISSING)
+        raise SystemExit(NO_BROWSER)
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=path, args=list(ARGUMENTS))
         pages = [browser.new_page() for _ in range(2)]

@@ -41,10 +41,10 @@ from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
 from ankle_bringup.up import ending_by_signal
 from ankle_node.real_time import PAGES_PRIORITY, take_priority
-from biofeedback.web.server import SEEN
-from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+from biofeedback.web.server import FRAME_ANSWER
+from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 
-BUSY = "while True: sum(range(10**6))"
+BUSY_LOOP = "while True: sum(range(10**6))"
 WRITE = """
 import os, sys
 while True:
@@ -54,7 +54,7 @@ while True:
         os.fsync(stream.fileno())
 """
 PATIENCE = 60.0
-JUST_BEFORE = 0.3  # s; the perturbation does not rest for so long
+MOTION_WINDOW = 0.3  # s; the perturbation does not rest for so long
 
 
 class Listener(Operator):
@@ -98,7 +98,7 @@ class Commander:
             async for message in page:
                 content = json.loads(message.data)
                 if content["type"] == "frame":
-                    await page.send_str(SEEN)
+                    await page.send_str(FRAME_ANSWER)
                 if content["type"] == "state":
                     self.state = content["session"]["state"]
                 if content["type"] == "answer" and not content["ok"]:
@@ -151,7 +151,7 @@ def press_and_measure(rig: Operator, press: Callable[[], None]) -> float | None:
             return None
         rig.spin(0.05)
     data = np.concatenate(rig.blocks[-200:])
-    before = data[(data[:, 0] > pressed - JUST_BEFORE) & (data[:, 0] <= pressed), 2]
+    before = data[(data[:, 0] > pressed - MOTION_WINDOW) & (data[:, 0] <= pressed), 2]
     if not len(before) or np.abs(before).max() <= STILL:
         return None
     moving = data[(np.abs(data[:, 2]) > STILL) & (data[:, 0] > pressed), 0]
@@ -171,7 +171,7 @@ def main() -> int:
     given = options.parse_args()
     path = find_browser()
     if path is None and not given.without_browser:
-        raise SystemExit(MISSING)
+        raise SystemExit(NO_BROWSER)
     os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
     port = free_port()
     burden: list[subprocess.Popen] = []
@@ -210,7 +210,7 @@ def main() -> int:
             rig, commander = Listener(node), Commander(url)
             try:
                 if given.load:
-                    work = [[sys.executable, "-c", BUSY]] * 2
+                    work = [[sys.executable, "-c", BUSY_LOOP]] * 2
                     work.append([sys.executable, "-c", WRITE, f"{folder}/busy"])
                     burden = [subprocess.Popen(one, start_new_session=True) for one in work]
                 if given.without_browser:  # now, because a child inherits the priority

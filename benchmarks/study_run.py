@@ -15,11 +15,11 @@ from pathlib import Path
 
 from session_analysis.study.layout import Study, init_study
 from session_analysis.study.running import run_study
-from session_analysis.virtual_study import TAIL, VirtualSession, record_session
+from session_analysis.virtual_study import FINAL_PERTURBATION_TIME, VirtualSession, record_session
 
 VISITS = 5
 """Recordings of a subject: enough for a test-retest table."""
-REACH = 4.0
+APPROACH_TIME = 4.0
 """[s] Time on the way to the one hold of a recording."""
 
 
@@ -34,7 +34,12 @@ def make_study(folder: Path, recordings: int, seconds: float) -> Study:
         study.add(entry, {"body_mass[kg]": 75.0, "mvc_plantarflexion[N.m]": 100.0})
         record_session(
             VirtualSession(
-                subject + 1, (1, 0), False, visit + 1, hold=seconds - REACH - TAIL, reach=REACH
+                subject + 1,
+                (1, 0),
+                False,
+                visit + 1,
+                hold=seconds - APPROACH_TIME - FINAL_PERTURBATION_TIME,
+                reach=APPROACH_TIME,
             ),
             entry.source,
         )

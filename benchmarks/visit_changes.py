@@ -27,7 +27,7 @@ PROCESSES = {f"{one:g}": (one,) for one in (0.0, 0.4, 0.8)} | {"0.8 and 0": (0.8
 """Correlations of neighbouring visits; of several processes the mean is taken."""
 BETWEEN_SUBJECTS = 3.0
 """Standard deviation of the subjects' levels, in those of a visit."""
-CHANGE = 4.0
+TRUE_CHANGE = 4.0
 """A change of the last visit that is there, in standard deviations of a visit."""
 
 
@@ -77,7 +77,7 @@ def main() -> None:
             for _ in range(given.studies):
                 values = drawn(random, size, parts)
                 row[:2] += stated(values)
-                values[0, -1] += CHANGE
+                values[0, -1] += TRUE_CHANGE
                 row[2] += stated(values)[0]
         cells = [name]
         for column in counts.T[:2]:

@@ -37,7 +37,7 @@ def verb(number: float) -> dict[str, float]:
     """
     return {"twice[1]": 2 * number}
 '''
-EVERYWHERE = {
+OTHER_FILES = {
     "term": """
 import numpy as np
 from types import SimpleNamespace
@@ -156,7 +156,7 @@ def extend(what, workspace):
         file.write_text(text.replace(OPTIONAL, OPTIONAL.replace('",)', '", "knee[rad]")', 1)))
 
 
-@pytest.mark.parametrize("what", EVERYWHERE)
+@pytest.mark.parametrize("what", OTHER_FILES)
 def test_an_extension_is_one_file(what, workspace):
     """One file is changed; a column needs two more, publisher and reader, which others may add."""
     before = changed(workspace)
@@ -164,7 +164,7 @@ def test_an_extension_is_one_file(what, workspace):
     assert sum(before.get(path) != text for path, text in changed(workspace).items()) == 1
     packages = [str(path) for path in (workspace / "src").iterdir()]
     reference = f"import sys; sys.path.insert(0, {str(ROOT / 'docs')!r})\n"
-    program = EVERYWHERE[what].replace("docs_reference", "generated_reference")
+    program = OTHER_FILES[what].replace("docs_reference", "generated_reference")
     done = subprocess.run(
         [sys.executable, "-c", reference + program],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(packages)},

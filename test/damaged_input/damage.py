@@ -37,7 +37,7 @@ def damaged(data: bytes, random: np.random.Generator) -> bytes:
     return bytes(found)
 
 
-def strange(random: np.random.Generator, depth: int = 0) -> Any:
+def unexpected(random: np.random.Generator, depth: int = 0) -> Any:
     """A value that does not belong here."""
     what = int(random.integers(4 if depth < 3 else 2))
     if what == 0:
@@ -45,8 +45,8 @@ def strange(random: np.random.Generator, depth: int = 0) -> Any:
     if what == 1:
         return TEXTS[int(random.integers(len(TEXTS)))]
     if what == 2:
-        return [strange(random, depth + 1) for _ in range(int(random.integers(0, 3)))]
-    return {word(random): strange(random, depth + 1) for _ in range(int(random.integers(0, 3)))}
+        return [unexpected(random, depth + 1) for _ in range(int(random.integers(0, 3)))]
+    return {word(random): unexpected(random, depth + 1) for _ in range(int(random.integers(0, 3)))}
 
 
 def word(random: np.random.Generator) -> str:
@@ -57,7 +57,7 @@ def word(random: np.random.Generator) -> str:
 def altered(content: Any, random: np.random.Generator) -> Any:
     """Another value, key or length somewhere in lists and mappings."""
     if not isinstance(content, (dict, list)) or not content or random.random() < 0.15:
-        return strange(random)
+        return unexpected(random)
     if isinstance(content, list):
         place = int(random.integers(len(content)))
         if random.random() < 0.2:

@@ -104,7 +104,7 @@ def of_package(*parts: str) -> Any:
 
 
 def bags(folder: Path) -> Case:
-    """Bags whose data or metadata are damaged: what is missing is told."""
+    """Bags whose data or metadata are damaged: what is missing is reported."""
     good, bad, total = folder / "good", folder / "bad", 40 * 32
     with BagWriter(good, overwrite=True) as writer:
         writer.add_topic("/ankle/samples")

@@ -26,15 +26,15 @@ from ankle_node.session_event import SessionEvent
 
 POLL = 0.004
 """[s] Longest time between two looks at the line and the watchdogs."""
-FAREWELL = 1.0
+STOP_CONFIRMATION_TIMEOUT = 1.0
 """[s] Longest wait for the rig to confirm that it stopped before the driver falls silent."""
 STOP_PATIENCE = 0.05
 """[s] Longest wait of a stop for a thread that holds the bridge; then the line is cut, and the
 rig's own watchdog stops the plate."""
-SAME_MOMENT = 50e-6
+CLOCK_READING_TOLERANCE = 50e-6
 """[s] Longest time between two readings of clocks that count as one moment."""
 CLOCK_READINGS = 5
-HAS_CUT_THE_LINE = "this driver hung when it was told to stop, and has cut the line to the rig"
+LINE_CUT_REASON = "this driver hung when it was told to stop, and has cut the line to the rig"
 REPORT_PERIOD = 1.0
 """[s] Longest time between two pieces of news."""
 LONG_PAUSE = LOST_AFTER / 2
@@ -79,7 +79,7 @@ def both_clocks(ros_time: Callable[[], float]) -> tuple[float, float]:
         ros = ros_time()
         passed = time.monotonic() - before
         best = min(best, (passed, before, ros))
-        if passed < SAME_MOMENT:
+        if passed < CLOCK_READING_TOLERANCE:
             break
     return best[1], best[2]
 
@@ -152,7 +152,7 @@ class RigSession:
         if not threads:
             return
         self.operate("stop")
-        deadline = time.monotonic() + FAREWELL
+        deadline = time.monotonic() + STOP_CONFIRMATION_TIMEOUT
         while (
             threads[0].is_alive()
             and self.bridge.states.state in POWERED
@@ -160,9 +160,9 @@ class RigSession:
         ):
             time.sleep(POLL)
         self._ended.set()
-        threads[0].join(timeout=FAREWELL)
+        threads[0].join(timeout=STOP_CONFIRMATION_TIMEOUT)
         self._news.put(None)
-        threads[1].join(timeout=FAREWELL)
+        threads[1].join(timeout=STOP_CONFIRMATION_TIMEOUT)
 
     def close(self) -> None:
         """Give the line back."""
@@ -269,7 +269,7 @@ class RigSession:
         with self._busy:
             if self._line_was_cut:
                 self._line_was_cut = False
-                bridge.take(Interruption(HAS_CUT_THE_LINE), self._clocks()[0])
+                bridge.take(Interruption(LINE_CUT_REASON), self._clocks()[0])
             for arrival in arrivals:
                 bridge.take(arrival.event, arrival.now)
             now, ros = self._clocks()

@@ -22,7 +22,7 @@ from campaign_laboratory import Campaign, at_each_moment, at_moment
 from fault_table import HEAD as TABLE_HEAD
 from fault_table import Case, Outcome, verdict, write_section
 from faults_of_ends import COMMANDS_OF_THE_OPERATOR, DRIVER, GENERATOR, RIG
-from faults_of_signals import CLOCKS, SENSORS, STATES_OF_THE_LINE, TOGETHER
+from faults_of_signals import CLOCKS, FAULT_PAIRS, SENSORS, STATES_OF_THE_LINE
 from virtual_laboratory import RATE
 
 from ankle_actuator_driver.safety.rig import UNPOWERED
@@ -40,7 +40,7 @@ FAULTS = (
     *STATES_OF_THE_LINE,
     *CLOCKS,
     *SENSORS,
-    *TOGETHER,
+    *FAULT_PAIRS,
 )
 
 

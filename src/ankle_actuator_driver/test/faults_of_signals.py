@@ -196,7 +196,7 @@ SENSORS = (
     Fault("state packets without samples, armed", "faults", switch(no_samples=1.0), moment="armed"),
     *CHANNELS,
 )
-TOGETHER = (
+FAULT_PAIRS = (
     Fault(
         "rig's clock set by -30 s and driver killed",
         "ends off",

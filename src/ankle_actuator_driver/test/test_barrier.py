@@ -276,8 +276,8 @@ def test_a_stop_acts_at_once_though_the_reference_is_sent_long_before(laboratory
     else:
         lab.device.press_emergency_stop(True, lab.rig_time)
     lab.run(0.3)
-    told, real = lab.moves_until(at)
-    assert told < 0.05
+    commanded, real = lab.moves_until(at)
+    assert commanded < 0.05
     assert real < 0.1
 
 

@@ -11,7 +11,7 @@ import pytest
 from ankle_actuator_driver import link, settings
 from ankle_actuator_driver.link.rig_link import Clocks, link_names, open_link
 from ankle_actuator_driver.operator_commands import OperatorCommands
-from ankle_actuator_driver.rig_session import HAS_CUT_THE_LINE, RigSession, state_text
+from ankle_actuator_driver.rig_session import LINE_CUT_REASON, RigSession, state_text
 from ankle_actuator_driver.safety.bridge import Bridge
 from ankle_actuator_driver.safety.limits import Limits
 from ankle_actuator_driver.safety.rig import Order, Purpose, Wanted
@@ -132,7 +132,7 @@ def test_a_stop_that_finds_the_driver_hanging_cuts_the_line_until_the_fault_is_r
         assert not session.operate("reset_fault").done
     assert line.silent
     pass_time()
-    assert state_text(bridge.states.state, bridge.states.reason) == f"fault: {HAS_CUT_THE_LINE}"
+    assert state_text(bridge.states.state, bridge.states.reason) == f"fault: {LINE_CUT_REASON}"
     assert not session.operate("arm").done
     assert line.silent
     assert session.operate("reset_fault").done

@@ -203,13 +203,13 @@ def test_an_encoder_that_stands_still_while_the_plate_is_told_to_move_is_stuck()
     behind = np.concatenate([np.zeros(16), motion[:-16]])  # 8 ms of servo
     living, stuck = EncoderCheck(), EncoderCheck()
     at = [
-        (k / RATE, told, seen)
-        for k, (told, seen) in enumerate(zip(motion, behind, strict=True))
+        (k / RATE, commanded, seen)
+        for k, (commanded, seen) in enumerate(zip(motion, behind, strict=True))
         if not k % 8
     ]
     assert not any(living.stuck(*entry) for entry in at)
-    first = next(time for time, told, _ in at if stuck.stuck(time, told, 0.01))
-    onset = next(time for time, told, _ in at if told > 0.005)
+    first = next(time for time, commanded, _ in at if stuck.stuck(time, commanded, 0.01))
+    onset = next(time for time, commanded, _ in at if commanded > 0.005)
     assert first - onset < 0.05
 
 

@@ -89,8 +89,8 @@ def test_stop_works_from_every_state_within_50_ms(laboratory, state):
     assert lab.command("stop").done
     lab.run(0.3)
     assert lab.state == "ready"
-    told, real = lab.moves_until(at)
-    assert told < 0.05
+    commanded, real = lab.moves_until(at)
+    assert commanded < 0.05
     assert real < 0.1  # a 30 Hz servo comes to rest 40 ms after its command
     commands = lab.commands()
     assert np.abs(commands[:, 3]).max() <= 2000.0

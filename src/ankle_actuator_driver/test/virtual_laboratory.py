@@ -261,8 +261,11 @@ class VirtualLaboratory:
         """
         commands = self.commands(since)
         plate = np.array([entry for entry in self.device.velocities if entry[0] > since])
-        told, real = commands[np.abs(commands[:, 2]) > 0, 0], plate[np.abs(plate[:, 1]) > 1e-3, 0]
-        return np.array([times.max() - since if len(times) else 0.0 for times in (told, real)])
+        commanded, real = (
+            commands[np.abs(commands[:, 2]) > 0, 0],
+            plate[np.abs(plate[:, 1]) > 1e-3, 0],
+        )
+        return np.array([times.max() - since if len(times) else 0.0 for times in (commanded, real)])
 
 
 def unchecked(laboratory, **options):

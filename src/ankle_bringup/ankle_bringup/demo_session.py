@@ -16,16 +16,16 @@ from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
 from biofeedback.session.scripted_session import ScriptedSession
-from biofeedback.web.system_browser import ARGUMENTS, MISSING, find_browser
+from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_analysis.console import report_validation
 from session_analysis.errors import AnalysisError
 
 if TYPE_CHECKING:
     from playwright.async_api import Page
 
-LONGEST = 420.0  # s; the session lasts 150 s on an idle machine
+LONGEST_SESSION = 420.0  # s; the session lasts 150 s on an idle machine
 SCREENSHOT_AT = ("hold", 2)  # the hold at -5 N.m
-SETTLED = 3.0  # s in front before a page is photographed
+SETTLING_TIME = 3.0  # s in front before a page is photographed
 
 
 def run_session(out: Path, logs: Path, console: Console) -> tuple[dict, str, str]:
@@ -88,7 +88,7 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
         pages = {}
         path = find_browser()
         if path is None:
-            pictures = f"not made: {MISSING}"
+            pictures = f"not made: {NO_BROWSER}"
         else:
             from playwright.async_api import async_playwright
 
@@ -113,10 +113,11 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
             url, take_pictures, lambda sentence: console.print(f"  {sentence}")
         )
         try:
-            state = await session.run(LONGEST)
+            state = await session.run(LONGEST_SESSION)
         except (asyncio.TimeoutError, RuntimeError) as error:
             raise RunError(
-                f"the session did not come to its end: {error or f'longer than {LONGEST:g} s'}"
+                "the session did not come to its end: "
+                f"{error or f'longer than {LONGEST_SESSION:g} s'}"
             ) from None
         failed = [
             str(found).splitlines()[0]
@@ -130,7 +131,7 @@ async def _photograph(pages: dict[str, Page], out: Path) -> None:
     """Photograph one page after the other: a browser hardly serves one that is not in front."""
     for name, page in pages.items():
         await page.bring_to_front()
-        await page.wait_for_timeout(1000.0 * SETTLED)
+        await page.wait_for_timeout(1000.0 * SETTLING_TIME)
         await page.screenshot(path=out / f"{name}.png")
 
 

@@ -35,7 +35,7 @@ def become_node(package: str, executable: str, **parameters: object) -> None:
     become(node_command(package, executable) + description.ros_arguments())
 
 
-_LISTENING = {"biofeedback": "tcp", "rig_emulator": "udp"}
+_PORT_PROTOCOLS = {"biofeedback": "tcp", "rig_emulator": "udp"}
 """Protocol of the executables that listen at their parameter `port`."""
 
 
@@ -48,13 +48,13 @@ def require_free_ports(graph: Graph) -> None:
         A port is in use; names the process that holds it.
     """
     for node in graph.nodes:
-        if node.executable in _LISTENING:
+        if node.executable in _PORT_PROTOCOLS:
             declared = declared_parameters(
                 find_executable(node.package, node.executable), node.parameters
             )
             usual = declared["port"].default if declared else 0
             port = int(node.parameters.get("port", usual))
-            if holder := holder_of(_LISTENING[node.executable], port) if port else "":
+            if holder := holder_of(_PORT_PROTOCOLS[node.executable], port) if port else "":
                 raise RunError(f"{node.name} cannot listen{holder}")
 
 

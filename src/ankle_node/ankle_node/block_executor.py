@@ -32,7 +32,7 @@ command that waits behind a backlog of blocks waits for a few milliseconds only.
 COMPLETE_PERIOD = 2.0
 """[s] Time between two turns of rclpy's own executor, which handles events of the middleware, as
 the warning about readers whose quality of service does not fit."""
-FOREVER = -1
+WITHOUT_TIME_LIMIT = -1
 
 
 class BlockExecutor(SingleThreadedExecutor):
@@ -80,7 +80,7 @@ class BlockExecutor(SingleThreadedExecutor):
         self._end_with_context()
         if self._wait_set is None:
             self._collect()
-        self._wait(FOREVER if timeout_sec is None else max(round(1e9 * timeout_sec), 0))
+        self._wait(WITHOUT_TIME_LIMIT if timeout_sec is None else max(round(1e9 * timeout_sec), 0))
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """Stop executing callbacks; see `rclpy.executors.Executor.shutdown`."""

@@ -14,7 +14,7 @@ from ankle_node.qos import BLOCK_QOS
 
 pytestmark = [pytest.mark.live, pytest.mark.untimed]
 PATIENCE = 10.0  # s
-A_WHILE = 1.0  # s
+QUIET_TIME = 1.0  # s
 
 
 class Bench:
@@ -56,7 +56,7 @@ def bench():
 def test_publisher_waits_until_its_reader_has_found_it(bench):
     bench.reader.block_subscription(IMPEDANCE_ESTIMATE, lambda block, findings: None)
     # The reader's process does not run: it is connected, and does not say so.
-    bench.spin([bench.publisher], A_WHILE)
+    bench.spin([bench.publisher], QUIET_TIME)
     assert bench.publisher.count_subscribers("impedance/estimate") == 1
     assert not bench.begun
     bench.spin([bench.publisher, bench.reader], PATIENCE)
@@ -64,9 +64,9 @@ def test_publisher_waits_until_its_reader_has_found_it(bench):
 
 
 def test_a_greeting_that_never_comes_is_not_waited_for_for_ever(bench, monkeypatch):
-    monkeypatch.setattr(node, "GREETING_PATIENCE", 2.0 * A_WHILE)
+    monkeypatch.setattr(node, "GREETING_PATIENCE", 2.0 * QUIET_TIME)
     bench.reader.block_subscription(IMPEDANCE_ESTIMATE, lambda block, findings: None)
-    bench.spin([bench.publisher], A_WHILE)
+    bench.spin([bench.publisher], QUIET_TIME)
     assert not bench.begun
     bench.spin([bench.publisher], PATIENCE)
     assert bench.begun

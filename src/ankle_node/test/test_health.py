@@ -1,4 +1,4 @@
-"""The health of a node, told from several threads."""
+"""The health of a node, stated from several threads."""
 
 import sys
 import threading

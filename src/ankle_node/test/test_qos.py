@@ -13,7 +13,9 @@ from ankle_node.block_executor import BlockExecutor
 from ankle_node.qos import publisher_qos, reader_qos
 
 pytestmark = [pytest.mark.live, pytest.mark.untimed]
-HELD_UP = 3.0  # s; the longest for which the faults of `make faults` hold a process up, and more
+LONGEST_HOLD_UP = (
+    3.0  # s; the longest for which the faults of `make faults` hold a process up, and more
+)
 BLOCK, RATE = 32, 2048.0
 
 
@@ -42,7 +44,7 @@ def test_a_reader_that_did_not_get_to_run_has_all_blocks_of_a_publisher_that_was
     while not publisher.get_subscription_count():
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    first = np.arange(round(HELD_UP * RATE / BLOCK)) * BLOCK / RATE
+    first = np.arange(round(LONGEST_HOLD_UP * RATE / BLOCK)) * BLOCK / RATE
     for begin in first:
         time_of_samples = begin + np.arange(BLOCK) / RATE
         data = np.column_stack([time_of_samples, np.zeros((BLOCK, 3))])

@@ -4,8 +4,8 @@ its motion.
 Equation of the foot, with the strap's torque S and the torque T of every term that acts on the
 foot::
 
-    S(plate - foot, plate' - foot') = T(foot motion)      with  T = I foot'' + B foot' + K foot +
-    other
+    S(plate - foot, plate' - foot') = T(foot motion)
+    T = I foot'' + B foot' + K foot + other
 
 Solution: inertia, viscosity, stiffness and strap are one linear second-order system and are
 integrated exactly for inputs that are linear between samples. What remains, ``other`` (reflex,
@@ -79,7 +79,9 @@ class CompliantCoupling(Term):
 
 @dataclass(frozen=True)
 class _Linear:
-    """Inertia, viscosity and stiffness of the foot (I, B, K) and of the coupling (k, b)."""
+    """Holds inertia, viscosity and stiffness of the foot (I, B, K), and stiffness and damping of
+    the coupling (k, b).
+    """
 
     I: float
     B: float

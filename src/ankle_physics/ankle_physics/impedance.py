@@ -117,7 +117,8 @@ def impedance(
         The operating point; None: the middle of a minute at rest, with the paper's pulses.
     effective
         Effective stiffness [N.m/rad], where a model that differs in no term of
-        `shapes_effective_stiffness` has told it already; None: it is computed, which takes longest.
+        `shapes_effective_stiffness` has computed it already; None: it is computed here, which takes
+        longest.
 
     Returns
     -------

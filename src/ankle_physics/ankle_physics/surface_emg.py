@@ -38,7 +38,7 @@ LATENCY = 0.035
 """[s] Stretch to EMG: soleus 35 to 45 ms; 5 ms ahead of the paper's 40 ms for torque, which adds
 excitation-contraction coupling.
 """
-POTENTIAL = 0.003
+ACTION_POTENTIAL_TIME = 0.003
 """[s] Time constant that spreads a volley over the length of an action potential and of conduction.
 """
 MIN_STRETCH_VELOCITY = 0.05
@@ -216,7 +216,7 @@ class SurfaceEmg:
                 out[start:stop, members] = stretch[start:stop, None] * self._factors[members]
         for channel in range(4):
             delayed = self._delays[channel].run(out[:, channel], LATENCY)
-            out[:, channel] = self._spreads[channel].run(delayed, POTENTIAL)
+            out[:, channel] = self._spreads[channel].run(delayed, ACTION_POTENTIAL_TIME)
         return out
 
     def _draw(self, direction: float, muscles: int) -> np.ndarray:

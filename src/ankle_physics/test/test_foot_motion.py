@@ -9,7 +9,7 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
 
 RATE = 500.0
-FINE = 16
+FINE_STEPS = 16
 
 
 def _plate(rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -27,11 +27,11 @@ def test_the_foot_moves_as_in_the_simulation(curvature):
     fixation = {"k_s": 900.0, "b_s": 3.0, "curvature": curvature}
     impedance = {"inertia": {"I": 0.012}, "viscosity": {"B": 0.8}, "stiffness": {"K": 60.0}}
     model = Model.of({**impedance, "stiffening_fixation": fixation})
-    fine = _plate(RATE * FINE)
-    signals = Signals(RATE * FINE, *fine, np.zeros(fine[0].size))
-    model.start(RATE * FINE).torque(signals)
+    fine = _plate(RATE * FINE_STEPS)
+    signals = Signals(RATE * FINE_STEPS, *fine, np.zeros(fine[0].size))
+    model.start(RATE * FINE_STEPS).torque(signals)
     term = term_library()["stiffening_fixation"]()
-    plate = tuple(signal[::FINE] for signal in fine[:2])
+    plate = tuple(signal[::FINE_STEPS] for signal in fine[:2])
     x, v, a = foot_motion(term, fixation, (0.012, 0.8, 60.0), plate, RATE)
     later = slice(round(RATE), None)
     for own, simulated, least in (
@@ -39,7 +39,7 @@ def test_the_foot_moves_as_in_the_simulation(curvature):
         (v, signals.foot_velocity, 5e-3),
         (a, signals.foot_acceleration, 2e-2),
     ):
-        expected = simulated[::FINE][later]
+        expected = simulated[::FINE_STEPS][later]
         assert np.std(own[later] - expected) < least * np.std(expected)
         assert np.std(own[later] - expected) < 0.1 * np.std(expected - expected.mean())
 

@@ -56,7 +56,7 @@ from ankle_sim.subject_parameters import STATE_PARAMETERS, SUBJECT
 from ankle_sim.virtual_subject import draw_subject
 
 NAME = "ankle_sim"
-USUAL_RATE = 2048.0
+WARM_UP_RATE = 2048.0
 """The warm-up compiles and prepares for this rate [Hz]; any other rate works too."""
 declared_parameters = start_setup.declared_parameters
 
@@ -88,7 +88,7 @@ class AnkleSimNode(AnkleNode):
         self._joint = joint_states(self)
         self._simulated, self._busy = 0, 0.0
         self.get_logger().info("preparing (compiles the simulation at the first start, about 20 s)")
-        noise = self._rig.noise_deviations(USUAL_RATE)
+        noise = self._rig.noise_deviations(WARM_UP_RATE)
         self.when_read(ANKLE_SAMPLES, int(self.number("wait_for_readers")), self._begin)
         terms = ", ".join(entry.term.name for entry in model.entries)
         self.get_logger().info(

@@ -14,7 +14,7 @@ from ankle_sim.virtual_subject import State
 
 HOLD = 60.0
 """[s] Length of a hold (paper)."""
-REACH = 60.0
+APPROACH_TIME = 60.0
 """The next hold begins so long [s] after the end of the last: the estimates can follow (rise
 time of K 16 s), and with it 18 holds fill the paper's four blocks.
 """
@@ -59,7 +59,7 @@ def plan(
     seed: int,
     modulates: bool = True,
     hold: float = HOLD,
-    reach: float = REACH,
+    reach: float = APPROACH_TIME,
 ) -> list[PlannedHold]:
     """Return holds in random order, as many in a block as it has room for.
 

@@ -5,10 +5,12 @@ Calf and shin muscles act against each other. With the co-contraction c (0 to 1)
 F`` and the shin the same, so that the net torque does not change; a push P (plantarflexing, N.m) is
 added to the calf:
 
-    calf = c F + max(P, 0),  shin = c F + max(-P, 0)                           [N.m], F = largest
-    co-contraction K    = K_rest + K_range (1 - exp(-(calf + shin) / saturation))
-    stiffness saturates with muscle force G    = sum over SOL, GL, GM of G_range e (1 + calf /
-    compensation) share   reflex grows with the calf's activity
+    calf = c F + max(P, 0),  shin = c F + max(-P, 0)                                     [N.m]
+    K    = K_rest + K_range (1 - exp(-(calf + shin) / saturation))                   [N.m/rad]
+    G    = sum over SOL, GL, GM of G_range e (1 + calf / compensation) share       [N.m.s/rad]
+
+F is the torque of the largest co-contraction and e the excitability. Stiffness saturates with
+muscle force; the reflex grows with the calf's activity.
 
 Every hold draws how the muscles share force and reflex: the same joint torque comes from another
 mixture of SOL, GL and GM each time, so no single electrode tells K or G. Every subject has other

@@ -67,7 +67,7 @@ class Snapshot:
 
 
 class _Arrival:
-    """When something came last, and what time it was of."""
+    """Holds when a signal arrived last, and the time that its newest sample was taken."""
 
     def __init__(self) -> None:
         self._heard, self.time = -math.inf, math.nan

@@ -60,9 +60,9 @@ def test_cursor_stays_where_nothing_is_known():
 
 def test_subjects_torque_is_what_the_subject_pushes_not_what_the_perturbation_does():
     """Both with K and G of a real estimate's error: 5 %."""
-    person = draw_subject(1)
-    setup = Setup(subject_model(person, rms=0.0), Servo(), SignalToNoise(), Scenario([]), 0.04, 1)
-    live = LiveSubject(setup, person, [], lambda sentence: None)
+    subject = draw_subject(1)
+    setup = Setup(subject_model(subject, rms=0.0), Servo(), SignalToNoise(), Scenario([]), 0.04, 1)
+    live = LiveSubject(setup, subject, [], lambda sentence: None)
     live.command(State(cocontraction=0.6, excitability=0.6, push=5.0))
     signal = PulseStep(PerturbationSettings(seed=3))
     plain, ours = VoluntaryTorque(), VoluntaryTorque()

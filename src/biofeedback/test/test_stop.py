@@ -261,8 +261,8 @@ def test_nothing_is_armed_without_an_operators_page(virtual):
 
 def test_the_heartbeat_lasts_as_long_as_an_operators_page(virtual):
     virtual.pass_time(3.0)
-    beats = [when for when, _ in virtual.rig.heartbeats]
-    assert 25 <= len(beats) <= 35
+    heartbeats = [when for when, _ in virtual.rig.heartbeats]
+    assert 25 <= len(heartbeats) <= 35
     assert len({session_id for _, session_id in virtual.rig.heartbeats}) == 1
     virtual.operator = False
     virtual.pass_time(1.0)

@@ -149,7 +149,7 @@ class Rig(NamedTuple):
         Straps and pad between plate and foot [N.m/rad], [N.m.s/rad]; 0 is a foot bolted to the
         plate.
     strap_gap
-        Free play of the foot around its resting place before it meets hard stops [rad]; 0 is no
+        Backlash of the foot around its resting place before it meets hard stops [rad]; 0 is no
         stops.
     bearing_friction
         Coulomb friction of the plate's bearing, beyond the cell [N.m].

@@ -130,7 +130,7 @@ KNOWN_EFFECTS: tuple[Effect, ...] = (
         "position sensor",
         "sensors.encoder_play",
         ((0.0002, 0.015),),
-        source="play between shaft and encoder",
+        source="backlash between shaft and encoder",
     ),
     Effect(
         "maxwell",

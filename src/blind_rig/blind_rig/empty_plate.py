@@ -13,7 +13,7 @@ from blind_rig.sensors import read
 from blind_rig.trial import STEPS_PER_SAMPLE, Recording, Run, Trial, record
 
 # What is left of the foot: the solver needs a body of some inertia.
-NOTHING = 1e-6  # kg.m^2, kg
+NEGLIGIBLE_INERTIA = 1e-6  # kg.m^2, kg
 
 
 def empty_plate(setup: Setup) -> Setup:
@@ -22,19 +22,19 @@ def empty_plate(setup: Setup) -> Setup:
     The torque cell stays as it is; the mode of its load rises, because the load is less.
     """
     stiffness, damping = cell_stiffness(setup)
-    omega = math.sqrt(stiffness / (setup.rig.plate_inertia + NOTHING))
+    omega = math.sqrt(stiffness / (setup.rig.plate_inertia + NEGLIGIBLE_INERTIA))
     return setup._replace(
         muscle=Muscle(K=0.0, B=0.0),
         reflex=Reflex(G=0.0),
         interface=Interface(),
         rig=setup.rig._replace(
-            foot_inertia=NOTHING,
-            foot_mass=NOTHING,
+            foot_inertia=NEGLIGIBLE_INERTIA,
+            foot_mass=NEGLIGIBLE_INERTIA,
             strap_k=0.0,
             strap_b=0.0,
             strap_gap=0.0,
             cell_hz=omega / (2.0 * math.pi),
-            cell_zeta=damping / (2.0 * (setup.rig.plate_inertia + NOTHING) * omega),
+            cell_zeta=damping / (2.0 * (setup.rig.plate_inertia + NEGLIGIBLE_INERTIA) * omega),
         ),
         courses=Courses(torque_level=0.0, voluntary_rms=0.0),
     )

@@ -3,8 +3,8 @@ compiled loop.
 
 The bodies hang in a chain of coaxial hinges: motor - (torque cell) - plate - (straps) - foot. The
 cell is a stiff torsion spring, and its deflection is the measured torque, as in a real one.
-Friction acts between plate and frame, so the cell feels it; play is a pair of hard stops around the
-foot's resting place.
+Friction acts between plate and frame, so the cell feels it; backlash is a pair of hard stops around
+the foot's resting place.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class Reading(NamedTuple):
 
 
 @njit(cache=True)
-def _play(signal: np.ndarray, gap: float) -> np.ndarray:
+def _backlash(signal: np.ndarray, gap: float) -> np.ndarray:
     """Return the output of a backlash of width `gap` that a signal drives."""
     out = np.empty_like(signal)
     at = signal[0]
@@ -41,7 +41,7 @@ def _play(signal: np.ndarray, gap: float) -> np.ndarray:
 
 @njit(cache=True)
 def _coarse(signal: np.ndarray, step: float) -> np.ndarray:
-    """Quantisation that moves on only when the signal has left its step by half a step more."""
+    """Return a quantised signal, whose value changes only when the signal is a whole step away."""
     out = np.empty_like(signal)
     at = round(signal[0] / step) * step
     for i in range(len(signal)):
@@ -74,7 +74,7 @@ def read(motion: Motion, setup: Setup, rate: float, seed: int) -> Reading:
     position = motion.motor if on_motor else motion.plate
     velocity = motion.motor_velocity if on_motor else motion.plate_velocity
     if s.encoder_play > 0:
-        position = _play(position, s.encoder_play)
+        position = _backlash(position, s.encoder_play)
     position = position * (1.0 + s.position_gain)
     torque = motion.torque
     if s.mode_hz > 0:

@@ -100,10 +100,10 @@ def test_null_case_makes_a_bag_with_the_designs_topics_and_nothing_that_tells(
     assert ("/emg/samples|t[s],SOL[V],TA[V],GL[V],GM[V]" in streams) == truth["bag"]["emg"]
     assert np.diff(samples[:, 0]) == pytest.approx(1 / truth["rate[Hz]"], abs=1e-6)
     assert 60 <= samples[-1, 0] - samples[0, 0] <= 120
-    told = (tmp_path / "case_007" / "metadata.yaml").read_text() + "".join(
+    written = (tmp_path / "case_007" / "metadata.yaml").read_text() + "".join(
         p.name for p in (tmp_path / "case_007").iterdir()
     )
-    assert not any(word in told for word in ("effect", "seed", "blind", "known"))
+    assert not any(word in written for word in ("effect", "seed", "blind", "known"))
     assert truth["fingerprint"] == fingerprint(tmp_path / "case_007")
     assert truth["effects"] == []
 

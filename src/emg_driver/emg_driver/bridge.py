@@ -28,16 +28,17 @@ BLOCK_RATE = 64.0
 """[Hz] Blocks per second, as every sampled topic."""
 JUDGE_PERIOD = 0.25
 """[s] Time between two checks of the electrodes."""
-START = Window(length=2.0, tolerance=0.05)
+START_WINDOW = Window(length=2.0, tolerance=0.05)
 """Window over which the rate is judged before anything is published."""
 RATE_PATIENCE = 10.0
-"""[s] Time after which a stream that has not come at its declared rate for the window `START` is
-refused; until then a busy computer may be the reason."""
-RUNNING = Window(length=30.0, tolerance=0.003)
+"""[s] Time after which a stream that has not come at its declared rate over `START_WINDOW` is
+refused; until then a busy computer may be the reason.
+"""
+RUNNING_WINDOW = Window(length=30.0, tolerance=0.003)
 """Window over which the rate is judged once samples are published."""
 RATE_ERROR_TIME = 10.0
-"""[s] Time for which a wrong rate has to last: a third of the window `RUNNING`, after which the
-newest delays that it compares are all new. A computer that is busy for a few seconds refuses no
+"""[s] Time for which a wrong rate has to last: a third of `RUNNING_WINDOW`, after which the newest
+delays that it compares are all new. A computer that is busy for a few seconds refuses no
 amplifier."""
 
 
@@ -106,7 +107,7 @@ class EmgBridge:
         self._line = SampleLine(stream.rate, ros_minus_lsl)
         self._block = max(round(stream.rate / BLOCK_RATE), 1)
         self._waiting: deque[Chunk] | None = deque()
-        self._rate = RateCheck(stream.rate, START)
+        self._rate = RateCheck(stream.rate, START_WINDOW)
         self._received = 0
         self._odd_since: float | None = None
         self._pending: np.ndarray = np.empty((0, 1 + len(MUSCLES)))
@@ -166,7 +167,7 @@ class EmgBridge:
         if agrees:
             self._odd_since = None
             if starting:
-                self._rate = RateCheck(self.stream.rate, RUNNING)
+                self._rate = RateCheck(self.stream.rate, RUNNING_WINDOW)
             return True
         if starting and self._waiting and chunk.arrival - self._waiting[0].arrival < RATE_PATIENCE:
             return False

@@ -54,7 +54,7 @@ LOOP = 0.02
 of crystals.
 """
 DAMPING = 0.7
-FIRST = 0.1
+INITIAL_LOOP_SHARE = 0.1
 """Share of the time since the start within which the loop follows at first."""
 LARGEST_STEP = 0.3
 """Largest change of the sampling interval by the loop: readers take half an interval as a missing
@@ -62,10 +62,10 @@ sample.
 """
 JITTER = 1e-3
 """[s] Jitter of the stamps before it is known: one USB frame."""
-JUMP = 8.0
+JUMP_JITTER_RATIO = 8.0
 """Multiple of the jitter from which a chunk is off the line: samples are missing, or the clock was
 set."""
-SAME_DELAY = 0.2
+DELAY_TOLERANCE = 0.2
 """[s] Largest change of the delay with which a jump means missing samples; stamps and arrival moved
 together."""
 LARGEST_LATENCY = 1.0
@@ -75,7 +75,7 @@ LARGEST_LEAD = 5e-3
 """
 
 
-LOOKS = 3
+CLOCK_READINGS = 3
 """Number of readings of a pair of clocks; the one that took the shortest time counts."""
 LONGEST_READING_TIME = 0.2e-3
 """[s] Longest reading of two clocks: one that took longer was interrupted by another program."""
@@ -103,7 +103,7 @@ class ClockDifference:
         It is the last one while `READINGS` looks in a row are interrupted.
         """
         looks = []
-        for _ in range(LOOKS):
+        for _ in range(CLOCK_READINGS):
             before, now, after = self._second(), self._first(), self._second()
             looks.append((after - before, now - 0.5 * (before + after)))
         width, value = min(looks)
@@ -301,7 +301,7 @@ class SampleLine:
         expected = self._end + (1.0 + self._slope) * seconds
         jumps: list[Jump] = []
         step = stamped - self._stamped - seconds
-        if abs(step) > max(JUMP * self._jitter, 0.75 / self.rate):
+        if abs(step) > max(JUMP_JITTER_RATIO * self._jitter, 0.75 / self.rate):
             jump, stamped = self._explain(step, stamped, came)
             jumps.append(jump)
             expected += max(stamped - self._stamped - seconds, 0.0)
@@ -330,7 +330,7 @@ class SampleLine:
         # Stamps that LSL's clock can still have given are believed, however late a busy computer
         # reads them.
         believed = not self._foreign and -LARGEST_LEAD <= delay <= LARGEST_LATENCY
-        if step > 0 and (believed or abs(unexpected) < SAME_DELAY):
+        if step > 0 and (believed or abs(unexpected) < DELAY_TOLERANCE):
             missing = max(round(step * self.rate), 1)
             return Jump(
                 "gap",
@@ -367,7 +367,7 @@ class SampleLine:
         omega = 2.0 * math.pi * LOOP
         # The first chunks, also of a new clock, count more: the line starts at their mean and not
         # at the first one's jitter.
-        quick = max(omega, 2.0 * math.pi * FIRST / self._elapsed)
+        quick = max(omega, 2.0 * math.pi * INITIAL_LOOP_SHARE / self._elapsed)
         self._slope += omega**2 * seconds * error
         return float(
             np.clip(

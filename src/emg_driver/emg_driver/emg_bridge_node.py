@@ -32,7 +32,7 @@ from emg_driver.stream_description import parse_channels
 PARAMETERS = BRIDGE
 # Silent for so long, the stream is looked for anew: a sender that died without closing its
 # connection.
-GIVE_UP = 5.0  # s
+SILENCE_TIMEOUT = 5.0  # s
 LOOK_PERIOD = 0.1  # s; silence is seen after `silence` and this
 
 
@@ -160,7 +160,7 @@ class EmgBridgeNode(AnkleNode):
         if self._source is None or self._bridge is None or silent < self.number("silence"):
             return
         self._tell("stream", ERROR, f"{self._bridge.stream.title} sends nothing for {silent:.1f} s")
-        if silent > GIVE_UP and time.monotonic() - self._asked > GIVE_UP:
+        if silent > SILENCE_TIMEOUT and time.monotonic() - self._asked > SILENCE_TIMEOUT:
             self._asked = time.monotonic()
             self._bridge = None
             self._source.drop()

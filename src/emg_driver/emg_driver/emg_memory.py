@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 # Room for this many times the length that is kept: old samples are then moved out seldom.
-ROOM = 4
+CAPACITY_RATIO = 4
 
 
 class EmgMemory:
@@ -21,7 +21,7 @@ class EmgMemory:
 
     def __init__(self, kept: int, channels: int) -> None:
         self._kept = kept
-        self._data = np.empty((ROOM * kept, 1 + 2 * channels))
+        self._data = np.empty((CAPACITY_RATIO * kept, 1 + 2 * channels))
         self._channels = channels
         self._first = self._stop = 0
 
@@ -50,7 +50,7 @@ class EmgMemory:
             keep = min(len(self), self._kept)
             last = self._data[self._stop - keep : self._stop].copy()
             if keep + count > len(self._data):
-                self._data = np.empty((keep + ROOM * count, self._data.shape[1]))
+                self._data = np.empty((keep + CAPACITY_RATIO * count, self._data.shape[1]))
             self._data[:keep] = last
             self._first, self._stop = 0, keep
         new = self._data[self._stop : self._stop + count]

@@ -22,9 +22,9 @@ from emg_driver.stream_description import StreamDescription
 
 SEARCH = 1.0
 """[s] Length of one search; each ends with an event."""
-OPEN = 5.0
+OPENING_TIMEOUT = 5.0
 """[s] Longest wait for the stream's description and the first measurement of its clock."""
-WAIT = 0.2
+POLL_TIMEOUT = 0.2
 """[s] Longest wait for samples before looking whether to stop."""
 BUFFER = 10
 """[s] Length of the samples that the library keeps for us."""
@@ -32,7 +32,7 @@ CORRECTION_PERIOD = 1.0
 """[s] Time between two readings of the time correction; the library measures it every few seconds
 in the background."""
 LARGEST_CHUNK = 4096
-REST = 2.0
+RETRY_PERIOD = 2.0
 """[s] Time before a stream that was refused is looked at again."""
 
 
@@ -118,13 +118,13 @@ class LslSource:
         self._thread.start()
 
     def drop(self) -> None:
-        """Leave the present stream and look again after `REST`."""
+        """Leave the present stream and look again after `RETRY_PERIOD`."""
         self._dropped.set()
 
     def stop(self) -> None:
         """End the thread."""
         self._stopped.set()
-        self._thread.join(OPEN + SEARCH)
+        self._thread.join(OPENING_TIMEOUT + SEARCH)
 
     def _tell(self, event: object) -> None:
         self.events.put(event)
@@ -141,22 +141,22 @@ class LslSource:
             except RuntimeError as error:  # the base of all errors of pylsl
                 self._tell(Lost(f"{type(error).__name__} {error}".strip()))
             if self._dropped.is_set():
-                self._stopped.wait(REST)
+                self._stopped.wait(RETRY_PERIOD)
                 self._dropped.clear()
 
     def _read(self, info: Any) -> None:
         inlet = pylsl.StreamInlet(info, max_buflen=BUFFER, recover=False, as_numpy=True)
         try:
-            stream = describe(inlet.info(OPEN))
-            inlet.open_stream(OPEN)
-            correction = SteadyCorrection(inlet.time_correction(OPEN))
+            stream = describe(inlet.info(OPENING_TIMEOUT))
+            inlet.open_stream(OPENING_TIMEOUT)
+            correction = SteadyCorrection(inlet.time_correction(OPENING_TIMEOUT))
             corrected = time.monotonic()
             self._tell(Connected(stream))
             while not (self._stopped.is_set() or self._dropped.is_set()):
-                samples, stamps = inlet.pull_chunk(WAIT, LARGEST_CHUNK, min_samples=1)
+                samples, stamps = inlet.pull_chunk(POLL_TIMEOUT, LARGEST_CHUNK, min_samples=1)
                 arrival = pylsl.local_clock()
                 if time.monotonic() - corrected > CORRECTION_PERIOD:
-                    correction.measure(inlet.time_correction(OPEN))
+                    correction.measure(inlet.time_correction(OPENING_TIMEOUT))
                     corrected = time.monotonic()
                 if len(stamps):
                     self._tell(

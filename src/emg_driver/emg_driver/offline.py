@@ -136,9 +136,12 @@ def respond_bag(
         for note in due.notes:
             notes[note] = notes.get(note, 0) + 1
     rows.append(processor.finish().rows)
-    told = [f"{n} x {note}" if n > 1 else note for note, n in notes.items()]
+    counted = [f"{n} x {note}" if n > 1 else note for note, n in notes.items()]
     result = OfflineResponses(
-        np.concatenate(rows), processor.ensemble(), [*_lag_notes(processor), *told], processor.lag
+        np.concatenate(rows),
+        processor.ensemble(),
+        [*_lag_notes(processor), *counted],
+        processor.lag,
     )
     if out is not None:
         _write(result, bag, out, overwrite)

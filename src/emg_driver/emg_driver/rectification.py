@@ -14,7 +14,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 # Time constants of the cut-off after which a fresh filter counts as settled: exp(-6) = 0.2 % of a
 # step is left.
-SETTLED = 6.0
+SETTLING_TIME_CONSTANTS = 6.0
 
 
 class Rectifier:
@@ -50,7 +50,7 @@ class Rectifier:
         self._sections = butter(order, cutoff, "highpass", fs=rate, output="sos")
         self._rest = sosfilt_zi(self._sections)
         self._states = np.zeros((*self._rest.shape, channels))
-        self._to_settle = math.ceil(SETTLED * rate / (2 * math.pi * cutoff))
+        self._to_settle = math.ceil(SETTLING_TIME_CONSTANTS * rate / (2 * math.pi * cutoff))
         self._fresh = np.full(channels, True)
         self._unsettled = np.zeros(channels, dtype=int)
 

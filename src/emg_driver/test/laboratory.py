@@ -94,7 +94,7 @@ class Laboratory:
             (time.monotonic(), status.name.lstrip("/"), status.message) for status in message.status
         ]
 
-    def told(self, node, words, since=0.0):
+    def reported(self, node, words, since=0.0):
         """What a node first said with these words on /diagnostics after a time of the steady clock
         [s].
         """

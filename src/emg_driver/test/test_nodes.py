@@ -56,8 +56,8 @@ def test_the_processor_answers_every_onset_as_the_class_does(lab):
                     lambda: len(laboratory.blocks[RESPONSE_TOPIC]) >= len(expected), "responses"
                 )
         laboratory.until(
-            lambda: laboratory.told("emg_processor", "less than 0.5 s without a gap"),
-            "missing EMG is told",
+            lambda: laboratory.reported("emg_processor", "less than 0.5 s without a gap"),
+            "missing EMG is reported",
         )
     finally:
         codes = laboratory.close()
@@ -89,7 +89,7 @@ def laboratory(lab):
             "readers",
         )
         made.run(10.0)
-        made.until(lambda: made.told("emg_bridge", "sends nothing"), "silence is told")
+        made.until(lambda: made.reported("emg_bridge", "sends nothing"), "silence is reported")
         yield made
     finally:
         codes = made.close()
@@ -139,7 +139,7 @@ def test_responses_are_those_of_the_samples(laboratory):
 
 @chain
 def test_silence_is_on_diagnostics_within_a_second(laboratory):
-    text = laboratory.told("emg_bridge", "sends nothing")
+    text = laboratory.reported("emg_bridge", "sends nothing")
     assert float(re.search(r"sends nothing for ([0-9.]+) s", text)[1]) <= 1.0
 
 
@@ -151,10 +151,10 @@ def test_an_amplifier_that_dies_and_returns_is_named_and_its_samples_follow(lab,
     laboratory.nodes["emg_outlet"].wait(timeout=10)
     laboratory.until(
         lambda: (
-            laboratory.told("emg_bridge", "lost", since)
-            or laboratory.told("emg_bridge", "no stream", since)
+            laboratory.reported("emg_bridge", "lost", since)
+            or laboratory.reported("emg_bridge", "no stream", since)
         ),
-        "loss is told",
+        "loss is reported",
     )
     laboratory.until(lambda: not laboratory.emg.get_subscription_count(), "the end of the outlet")
     laboratory.start(
@@ -167,8 +167,8 @@ def test_an_amplifier_that_dies_and_returns_is_named_and_its_samples_follow(lab,
     laboratory.until(laboratory.emg.get_subscription_count, "the outlet")
     laboratory.run(8.0)
     laboratory.until(
-        lambda: laboratory.told("emg_bridge", "started anew, with a new clock", since),
-        "a new clock is told",
+        lambda: laboratory.reported("emg_bridge", "started anew, with a new clock", since),
+        "a new clock is reported",
     )
     data, rows = laboratory.data(SAMPLES_TOPIC), laboratory.data(RESPONSE_TOPIC)
     assert len(data) > len(before) + 3 * RATE

@@ -49,8 +49,8 @@ def test_a_channel_that_goes_bad_is_named_within_a_second_and_no_longer_given_ou
     heard, name, words
 ):
     listener = heard[name]
-    told = listener.first(words)
-    assert told is not None
+    time_and_words = listener.first(words)
+    assert time_and_words is not None
     assert all(sentence.startswith("TA: ") for _, sentence in listener.said)
     bad = np.isnan(listener.data[:, 2])
     began = listener.fault_at - 33 / RATE  # faults come with the chunk that ends then

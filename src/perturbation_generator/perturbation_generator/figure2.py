@@ -30,7 +30,7 @@ SHAPES: dict[str, Shape] = {
 }
 RATE = 2048.0  # Hz, paper
 DURATION = 240.0  # s, length of the paper's simulations
-SHOWN = 1.6  # s of the signals in the upper panel: at least three blocks
+SHOWN_DURATION = 1.6  # s of the signals in the upper panel: at least three blocks
 
 
 def signal_of(shape: Shape, duration: float = DURATION, seed: int = 4) -> np.ndarray:
@@ -77,11 +77,11 @@ def figure(duration: float = DURATION, seed: int = 4) -> Figure:
     picture = Figure(figsize=(8, 7), layout="constrained")
     FigureCanvasAgg(picture)
     above, below = picture.subplots(2, 1)
-    shown = round(SHOWN * RATE)
+    shown = round(SHOWN_DURATION * RATE)
     for name, shape in SHAPES.items():
         above.plot(
             1e3 * np.arange(shown) / RATE,
-            1e3 * signal_of(shape, SHOWN, seed)[:, 0],
+            1e3 * signal_of(shape, SHOWN_DURATION, seed)[:, 0],
             label=name,
             linewidth=1.2,
         )

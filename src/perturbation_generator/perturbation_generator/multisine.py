@@ -169,7 +169,8 @@ class Multisine(Signal):
 
     @staticmethod
     def _peak(wave: np.ndarray, highest: int) -> float:
-        """Bound of |x| between the points too: a trigonometric polynomial of degree n keeps within
-        max|x_j| / cos(π n / N) for N equally spaced points (Ehlich and Zeller 1964).
+        """Return a bound of |x| that holds between the points, too: a trigonometric polynomial of
+        degree n keeps within max|x_j| / cos(π n / N) for N equally spaced points (Ehlich and Zeller
+        1964).
         """
         return float(np.abs(wave).max()) / math.cos(math.pi * highest / len(wave))

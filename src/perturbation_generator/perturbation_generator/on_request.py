@@ -16,7 +16,7 @@ from perturbation_generator.edges import Extremes
 from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Onset, Signal
 
-REST = 0.2
+LEAST_REST = 0.2
 """[s] Least rest between two stretches: five times the 40 ms window of the background, so that no
 response stands in the background of the next one."""
 
@@ -69,7 +69,7 @@ class OnRequest(Signal):
             Onset(start, side, self.amplitude),
             Onset(start + self._hold, -side, self.amplitude),
         ]
-        self._free_at = over + REST
+        self._free_at = over + LEAST_REST
         return start
 
     def onsets(self) -> list[Onset]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ankle_interfaces.quantity import Quantity
 from perturbation_generator.edges import SHAPE_PARAMETERS
 from perturbation_generator.limits import LIMIT_PARAMETERS
-from perturbation_generator.settings import COMMON
+from perturbation_generator.settings import COMMON_PARAMETERS
 from perturbation_generator.signals import SIGNAL, SIGNALS
 
 # 32 samples at 2048 Hz are 64 blocks a second.
@@ -33,7 +33,7 @@ READERS = Quantity(
 
 PARAMETERS: tuple[Quantity, ...] = (
     SIGNAL,
-    *COMMON,
+    *COMMON_PARAMETERS,
     *SHAPE_PARAMETERS,
     *(parameter for signal in SIGNALS.values() for parameter in signal.parameters),
     *LIMIT_PARAMETERS,

@@ -14,7 +14,7 @@ from perturbation_generator.edges import Extremes, Polynomial
 from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Onset, Signal
 
-REST = 4.0
+INITIAL_REST = 4.0
 """[s] Rest at the start: 8192 samples give a zero to within a hundredth of the noise."""
 FAST_TIME = 60.0
 """[s] Duration of the fast edges, about 160: a delay is then known to 0.02 ms with 0.14 N.m of
@@ -29,7 +29,7 @@ velocity."""
 SWEEPS = 6
 HOLD_TIME = 1.0
 """[s] Rest at each end of a sweep."""
-DURATION = REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + REST
+DURATION = INITIAL_REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + INITIAL_REST
 """[s] Duration of the whole, after which the plate rests."""
 
 
@@ -47,8 +47,8 @@ class RigCalibration(Signal):
         self._plan(np.random.default_rng(settings.seed))
 
     def _plan(self, random: np.random.Generator) -> None:
-        time, level, amplitude = REST, 0.0, self.amplitude
-        end = min(REST + FAST_TIME, self.settings.end - REST)
+        time, level, amplitude = INITIAL_REST, 0.0, self.amplitude
+        end = min(INITIAL_REST + FAST_TIME, self.settings.end - INITIAL_REST)
         while time < end - 2.0 * PAUSES[1]:
             # No step is larger than the amplitude, which velocity and acceleration allow.
             near = [k * amplitude for k in LEVELS if 0.0 < abs(k * amplitude - level) <= amplitude]
@@ -60,7 +60,7 @@ class RigCalibration(Signal):
         if level:
             self._onsets.append(Onset(time, -1 if level > 0 else 1, abs(level)))
             self._fast.add(time, 0.0)
-        time = REST + FAST_TIME + HOLD_TIME
+        time = INITIAL_REST + FAST_TIME + HOLD_TIME
         targets = [amplitude * (-1.0) ** k for k in range(SWEEPS)]
         for target in targets:
             if time + 2.0 * (SWEEP_TIME + HOLD_TIME) > self.settings.end:

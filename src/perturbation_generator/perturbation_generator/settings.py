@@ -39,7 +39,7 @@ class Settings:
     Raises
     ------
     QuantityError
-        A value outside the range of `COMMON`.
+        A value outside the range of `COMMON_PARAMETERS`.
     """
 
     rate: float = 2048.0
@@ -51,7 +51,7 @@ class Settings:
     shape: Shape = field(default_factory=Polynomial)
 
     def __post_init__(self) -> None:
-        for parameter in COMMON:
+        for parameter in COMMON_PARAMETERS:
             parameter.check(getattr(self, parameter.name))
 
     @property
@@ -72,7 +72,7 @@ class Settings:
         return round(self.duration * self.rate) if self.duration > 0 else None
 
 
-COMMON = (
+COMMON_PARAMETERS = (
     Quantity(
         "rate",
         "Hz",

@@ -15,7 +15,7 @@ from perturbation_generator.prbs import Prbs
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.random_steps import RandomSteps
 from perturbation_generator.rig_calibration import RigCalibration
-from perturbation_generator.settings import COMMON, Settings
+from perturbation_generator.settings import COMMON_PARAMETERS, Settings
 from perturbation_generator.signal import Signal
 
 SIGNALS: dict[str, type[Signal]] = {
@@ -45,6 +45,8 @@ def signal_from(values: Mapping[str, Value]) -> Signal:
         Values out of range or that contradict each other.
     """
     kind = SIGNALS[str(SIGNAL.check(values[SIGNAL.name]))]
-    common = {parameter.name: parameter.check(values[parameter.name]) for parameter in COMMON}
+    common = {
+        parameter.name: parameter.check(values[parameter.name]) for parameter in COMMON_PARAMETERS
+    }
     own = {parameter.name.split(".")[1]: values[parameter.name] for parameter in kind.parameters}
     return kind(Settings(shape=shape_from(values), **common), **own)  # type: ignore[arg-type]

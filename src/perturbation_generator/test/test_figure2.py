@@ -108,4 +108,6 @@ def test_figure_shows_every_signal():
     assert len(above.lines) == 4
     assert len(below.lines) == 5
     block = above.lines[0].get_ydata()
-    np.testing.assert_allclose(block, 1e3 * figure2.signal_of(Block(), figure2.SHOWN)[:, 0])
+    np.testing.assert_allclose(
+        block, 1e3 * figure2.signal_of(Block(), figure2.SHOWN_DURATION)[:, 0]
+    )

@@ -69,7 +69,7 @@ class Plant(Protocol):
 
 @dataclass
 class _Host:
-    """The driver that is obeyed."""
+    """Holds the driver that is obeyed."""
 
     session: int = 0
     sequence: int = 0

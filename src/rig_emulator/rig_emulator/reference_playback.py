@@ -13,7 +13,7 @@ import numpy as np
 from ankle_actuator_driver.safety.continuation import LONGEST_BRIDGE
 from ankle_physics.quintic import quintic
 
-REST = 1e-6
+REST_VELOCITY = 1e-6
 """[rad/s], and [rad/s^2] times a second: a reference that ends slower than this has come to rest.
 """
 
@@ -104,6 +104,6 @@ class ReferencePlayback:
 
     @staticmethod
     def _at_rest(sample: np.ndarray) -> Union[Motion, Empty]:
-        if abs(sample[1]) < REST and abs(sample[2]) < REST:
+        if abs(sample[1]) < REST_VELOCITY and abs(sample[2]) < REST_VELOCITY:
             return float(sample[0]), 0.0, 0.0
         return Empty.OVER

@@ -18,7 +18,7 @@ from session_analysis.hold_measures import HoldMeasures
 from session_analysis.recorded_session import RecordedSession
 from session_recorder.bag_reader import BagReader
 
-MARGIN = 30.0
+SHOWN_MARGIN = 30.0
 """[s] Time that is shown before the first and after the second hold."""
 SMOOTHING = 0.1
 """[Hz] Cut-off frequency of the shown torque and EMG (the paper's figure 8 is low-pass filtered,
@@ -64,7 +64,7 @@ def read_excerpt(
     bag = BagReader(session.path)
     if not {SAMPLES_TOPIC, MOTION_TOPIC} <= set(bag.topics):
         return None
-    start, end = first.hold.start - MARGIN, second.hold.end + MARGIN
+    start, end = first.hold.start - SHOWN_MARGIN, second.hold.end + SHOWN_MARGIN
     processors = [EmgProcessor(Settings(ensemble_size=1000)) for _ in range(2)]
     torque: list[tuple[float, float]] = []
     topics = [

@@ -49,7 +49,7 @@ STEP = 256
 against the 2 s in which it is reached."""
 EPOCH = 1.7e9
 """[s] Arbitrary time of the first sample; a bag's times count from 1970."""
-TAIL = 2.0
+FINAL_PERTURBATION_TIME = 2.0
 """[s] Perturbation after the last hold, so that its last responses are complete."""
 REFERENCE_COLUMNS = PERTURBATION_REFERENCE.columns
 MOTION_COLUMNS = ANKLE_SAMPLES.columns_of(4)
@@ -168,7 +168,7 @@ def record_session(
     )
     live = LiveSubject(setup, subject, holds, lambda sentence: None, steady=not session.modulates)
     cycle = round((BLOCK + BREAK) * RATE)
-    end = holds[-1].end + TAIL
+    end = holds[-1].end + FINAL_PERTURBATION_TIME
     with BagWriter(bag) as writer:
         writer.custom_data = {SUBJECT_KEY: subject.name, DESCRIPTION_KEY: session.described()}
         recorder = _Recorder(writer)
@@ -193,7 +193,7 @@ def record_session(
 
 
 class _Recorder:
-    """Estimator and EMG processor behind the rig, and the bag behind all of them."""
+    """Passes samples through estimator and EMG processor, and writes everything into the bag."""
 
     def __init__(self, writer: BagWriter) -> None:
         self._writer = writer

@@ -20,7 +20,7 @@ from session_recorder.sample_account import Gap
 RATE = 512.0
 HOLDS = [Hold(1, 1000.0, 1050.0, 0.0), Hold(2, 1060.0, 1110.0, -5.0)]
 STIFFNESS = (60.0, 120.0)
-CHANGED = 1055.0
+CHANGE_TIME = 1055.0
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def session(tmp_path_factory):
     shape = np.hanning(16) / np.hanning(16).sum()
     position = np.convolve(steps, shape, "same")
     velocity = np.gradient(position, 1 / RATE)
-    stiffness = np.where(time < CHANGED, *STIFFNESS)
+    stiffness = np.where(time < CHANGE_TIME, *STIFFNESS)
     torque = 0.0137 * np.gradient(velocity, 1 / RATE) + 0.6 * velocity + stiffness * position
     torque += 0.05 * random.normal(size=len(time))
     path = tmp_path_factory.mktemp("session") / "bag"

@@ -19,7 +19,7 @@ from ankle_node.session_event import SessionEvent
 from session_analysis.errors import AnalysisError
 from session_analysis.study.bids_export import export_bids
 from session_analysis.study.detectable_change import (
-    NOTHING_KNOWN,
+    EMPTY_SCATTER,
     detectable_change,
     detectable_changes,
     scatter,
@@ -141,7 +141,7 @@ def test_a_detectable_change_grows_with_the_correlation_of_visits_and_with_ignor
     steps = random.normal(0, 1, (40, 8))
     wandering = np.cumsum(steps, axis=1)
     near, far = (
-        detectable_change(sum((scatter(np.arange(8), row) for row in wandering), NOTHING_KNOWN), d)
+        detectable_change(sum((scatter(np.arange(8), row) for row in wandering), EMPTY_SCATTER), d)
         for d in (1, 7)
     )
     # Between neighbours of a random walk lies one step, between the ends seven.

@@ -22,7 +22,7 @@ from ankle_node.sources import publishers, readers
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.flow_control import Flow
-from session_recorder.replaying import OWN_OF_ROS
+from session_recorder.replaying import ROS_TOPICS
 from session_recorder.ros_qos import to_replay
 
 POLL = 0.05
@@ -83,7 +83,7 @@ class GraphOutlet:
                 f"{name}: this installation cannot send '{package}/msg/{kind}': {error}"
             ) from None
         # In a namespace the laboratory's topics are those of the namespace.
-        in_graph = name if name in OWN_OF_ROS else name.lstrip("/")
+        in_graph = name if name in ROS_TOPICS else name.lstrip("/")
         return self._node.create_publisher(
             message_class, in_graph, to_replay(self._bag.topics[name].qos)
         )

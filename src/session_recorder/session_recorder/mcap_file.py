@@ -50,8 +50,8 @@ CRC_AND_MARK = 4 + 8  # bytes at the end that the footer's checksum leaves out
 
 @dataclass(frozen=True)
 class _Piece:
-    """A chunk (or a message outside chunks): where it is, its times [ns], and its message index by
-    channel.
+    """Describes a chunk, or a message outside chunks: its place, its times [ns], and its message
+    index by channel.
     """
 
     offset: int

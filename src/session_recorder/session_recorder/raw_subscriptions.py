@@ -15,7 +15,7 @@ from ankle_node.node import AnkleNode, MessageInfo
 from session_recorder.errors import BagError
 from session_recorder.message_definitions import definition
 
-REST = 0.005
+LOOK_PERIOD = 0.005
 """[s] Between two looks for messages. A wake-up costs rclpy about 0.4 ms with the topics of a
 laboratory, whatever comes with it; without a rest there would be one for each message, 1000 a
 second."""
@@ -92,4 +92,4 @@ class RawSubscriptions:
                     ) is None:
                         break
                     store(*taken)
-        time.sleep(REST)
+        time.sleep(LOOK_PERIOD)

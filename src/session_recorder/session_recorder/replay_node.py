@@ -38,7 +38,7 @@ SETTLING = 1.0
 # s; a reader that reports how far it is may not be known as such yet: Fast DDS announces again,
 # after 3 s, what was lost on the way.
 SILENT_SETTLING = 4.0
-LATE = 0.5  # s behind the asked rate before it is reported
+REPORTED_DELAY = 0.5  # s behind the asked rate before it is reported
 
 
 PARAMETERS = REPLAYER
@@ -112,7 +112,7 @@ class ReplayNode(AnkleNode):
 
     def _watch(self) -> None:
         self.count("messages sent", self._replay.sent)
-        if self._replay.behind > LATE:
+        if self._replay.behind > REPORTED_DELAY:
             self.health(
                 "pace",
                 WARN,

@@ -15,12 +15,12 @@ from session_recorder.flow_control import Flow
 # again.
 RECORDED_INPUTS = tuple(topic.absolute for topic in INPUTS)
 # Topics that ROS itself writes and that would mix with those of the running graph.
-OWN_OF_ROS = (CLOCK.name, "/rosout", "/parameter_events", DIAGNOSTICS.name)
-EVERYTHING = "all"
+ROS_TOPICS = (CLOCK.name, "/rosout", "/parameter_events", DIAGNOSTICS.name)
+ALL_TOPICS = "all"
 CLOCK_STEP = (
     5_000_000  # ns of bag time between two messages on /clock: finer than the blocks' 15.6 ms
 )
-LONGEST_NAP = 0.02  # s; /clock goes on at least this often while nothing is due
+LONGEST_CLOCK_PERIOD = 0.02  # s; /clock goes on at least this often while nothing is due
 
 
 def choose_topics(reader: BagReader, wanted: str) -> list[str]:
@@ -40,8 +40,8 @@ def choose_topics(reader: BagReader, wanted: str) -> list[str]:
         A named topic that is not there; nothing to replay.
     """
     names = [name.strip() for name in wanted.split(",") if name.strip()]
-    if names == [EVERYTHING]:
-        names = [name for name in reader.topics if name not in OWN_OF_ROS]
+    if names == [ALL_TOPICS]:
+        names = [name for name in reader.topics if name not in ROS_TOPICS]
     elif not names:
         names = [name for name in RECORDED_INPUTS if name in reader.topics]
         if not names:
@@ -168,7 +168,7 @@ class Replay:
             return
         due = self._began + (log_time - self._begin_ns) * 1e-9 / self._rate
         while (left := due - time.monotonic()) > 0 and self._going_on():
-            time.sleep(min(left, LONGEST_NAP))
+            time.sleep(min(left, LONGEST_CLOCK_PERIOD))
             passed = (time.monotonic() - self._began) * self._rate
             self._tick(min(self._begin_ns + round(passed * 1e9), log_time), CLOCK_STEP)
         self.behind = max(self.behind, time.monotonic() - due)

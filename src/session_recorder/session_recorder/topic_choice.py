@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from session_recorder.replaying import OWN_OF_ROS
+from session_recorder.replaying import ROS_TOPICS
 
-OF_EVERY_NAMESPACE = (*OWN_OF_ROS, "/tf", "/tf_static")
+OF_EVERY_NAMESPACE = (*ROS_TOPICS, "/tf", "/tf_static")
 """Topics that the laboratories of all namespaces share."""
 
 

@@ -21,7 +21,7 @@ from session_recorder.loss import LossAccount, account_of_bag
 
 MAX_TIME = 20.0
 """[s] Longest time of one case on a crowded machine; what takes longer hangs."""
-NASTY = [
+DAMAGED_VALUES = [
     "",
     "nan",
     "-",
@@ -48,7 +48,7 @@ def as_csv(path, random):
     rows = [["Time (s)", "Angle (deg)", "Torque (Nm)"], *table().tolist()]
     for _ in range(int(random.integers(0, 6))):
         row = rows[int(random.integers(len(rows)))]
-        row[int(random.integers(3))] = str(random.choice(NASTY))
+        row[int(random.integers(3))] = str(random.choice(DAMAGED_VALUES))
     with path.with_suffix(".csv").open("w", newline="") as stream:
         csv.writer(stream, delimiter=str(random.choice([",", ";", "\t", " "]))).writerows(rows)
     return path.with_suffix(".csv")
@@ -154,7 +154,7 @@ def damaged_bags(folder, seed, cases):
             continue
         samples = sum(one.samples for one in held.topics.values())
         assert samples <= 40 * 32
-        # What is not there is told.
+        # What is not there is reported.
         assert samples == 40 * 32 or held.sentences(), case
 
 

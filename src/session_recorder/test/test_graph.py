@@ -179,18 +179,18 @@ def replay_into(graph, tmp_path, bag, delay, rate):
     graph.wait_for_line(recorder, "ready")
     reader = graph.start("-c", READER, str(delay), "1")
     replayer = graph.node("replay_node", {"bag": bag, "rate": rate, "wait_for_readers": 2})
-    told, _ = replayer.communicate(timeout=120)
-    assert replayer.returncode == 0, told
+    output, _ = replayer.communicate(timeout=120)
+    assert replayer.returncode == 0, output
     time.sleep(0.5)
     heard = graph.stop(reader)
     graph.stop(recorder)
-    return told, heard, BagReader(tmp_path / "new")
+    return output, heard, BagReader(tmp_path / "new")
 
 
 def test_replay_as_fast_as_possible_loses_nothing_with_a_slow_reader(graph, make_bag, tmp_path):
     bag = make_bag(blocks=250)
-    told, heard, new = replay_into(graph, tmp_path, bag, 0.008, 0.0)
-    assert "replayed 500 messages" in told
+    output, heard, new = replay_into(graph, tmp_path, bag, 0.008, 0.0)
+    assert "replayed 500 messages" in output
     assert "reader: 250 blocks 0 findings 0 missing" in heard
     old = BagReader(bag)
     for topic in old.topics:
@@ -217,8 +217,8 @@ def test_replay_in_real_time_twice_into_the_same_reader(graph, make_bag, tmp_pat
     for _ in range(2):
         began = time.monotonic()
         replayer = graph.node("replay_node", {"bag": bag, "rate": 1.0, "topics": "/ankle/samples"})
-        told, _ = replayer.communicate(timeout=60)
-        assert replayer.returncode == 0, told
+        output, _ = replayer.communicate(timeout=60)
+        assert replayer.returncode == 0, output
         assert time.monotonic() - began > BagReader(bag).duration
     assert "reader: 80 blocks 1 findings 0 missing" in graph.stop(reader)
 
@@ -227,11 +227,11 @@ def test_replay_in_real_time_twice_into_the_same_reader(graph, make_bag, tmp_pat
 def test_a_reader_that_stands_still_is_named(graph, make_bag):
     reader = graph.start("-c", READER, "60.0", "0")
     replayer = graph.node("replay_node", {"bag": make_bag(), "rate": 0.0, "reader_timeout": 1.0})
-    told, _ = replayer.communicate(timeout=60)
+    output, _ = replayer.communicate(timeout=60)
     reader.kill()
     assert replayer.returncode == 1
-    assert "/ankle/samples: a reader made no progress for 1 s" in told
-    assert "Traceback" not in told
+    assert "/ankle/samples: a reader made no progress for 1 s" in output
+    assert "Traceback" not in output
 
 
 @pytest.mark.parametrize(
@@ -251,20 +251,20 @@ def test_replay_that_cannot_start_says_why(graph, make_bag, parameters, words):
         "replay_node",
         {name: bag if value == "BAG" else value for name, value in parameters.items()},
     )
-    told, _ = replayer.communicate(timeout=40)
+    output, _ = replayer.communicate(timeout=40)
     assert replayer.returncode == 1
-    assert words in told
-    assert "Traceback" not in told
+    assert words in output
+    assert "Traceback" not in output
 
 
 def test_replay_beside_another_source_is_refused(graph, make_bag):
     source = graph.start("-c", SOURCE, "1000", "-1")
     graph.wait_for_line(source, "source is up")
     replayer = graph.node("replay_node", {"bag": make_bag(blocks=1000), "wait_for_readers": 0})
-    told, _ = replayer.communicate(timeout=40)
+    output, _ = replayer.communicate(timeout=40)
     graph.stop(source)
     assert replayer.returncode == 1
-    assert "/ankle/samples has 2 publishers" in told
+    assert "/ankle/samples has 2 publishers" in output
 
 
 def test_recorded_type_hashes_are_those_of_the_graph(graph, tmp_path):
@@ -281,8 +281,8 @@ node = rclpy.create_node("probe")
 for number, kind in enumerate((Float64MultiArray, String, JointState, DiagnosticArray, Clock)):
     node.create_publisher(kind, f"/t{number}", 1)
 for topic, types in node.get_topic_names_and_types():
-    told = str(node.get_publishers_info_by_topic(topic)[0].topic_type_hash)
-    print(topic, told == definition(types[0]).type_hash)
+    stated = str(node.get_publishers_info_by_topic(topic)[0].topic_type_hash)
+    print(topic, stated == definition(types[0]).type_hash)
 """
     process = graph.start("-c", program)
     output, _ = process.communicate(timeout=30)

@@ -325,7 +325,7 @@ def test_negative_times_are_shifted_and_reported(write, tmp_path):
 @pytest.fixture
 def edf(tmp_path):
     """Two seconds of EMG at 2048 Hz as an amplifier stores them, in microvolts; names and further
-    signals as told.
+    signals as asked for.
     """
 
     def write(*labels, unit="uV", rate=2048.0, further=(), suffix=".edf"):

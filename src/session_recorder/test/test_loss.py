@@ -135,9 +135,9 @@ def test_a_killed_and_a_damaged_recording_say_so(make_bag):
     content[len(content) // 3] ^= 0xFF
     file.write_bytes(content[: len(content) // 2])
     (path / "metadata.yaml").unlink()
-    told = " ".join(account(path).sentences())
-    assert "metadata.yaml is missing" in told
-    assert "after a killed recorder" in told
+    sentences = " ".join(account(path).sentences())
+    assert "metadata.yaml is missing" in sentences
+    assert "after a killed recorder" in sentences
 
 
 def numbers_of(*given, publishers=("a",)):

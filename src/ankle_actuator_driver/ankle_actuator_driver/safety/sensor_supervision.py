@@ -120,7 +120,7 @@ def expectations_from(values: Mapping[str, Value]) -> Expectations:
 
 @dataclass(frozen=True)
 class _Window:
-    """The newest samples."""
+    """Holds the newest samples."""
 
     time: np.ndarray
     commanded: np.ndarray

@@ -3,9 +3,9 @@ pushing on.
 
     e = torque - limit (above the limit), torque + limit (below -limit), 0 between       [N.m]
     u = -e / b, at most `LARGEST_YIELD_VELOCITY`;  where e = 0: u = -y / `RETURN_TIME`
-             u is the velocity towards which y goes
     y'' = (u - y') / lag
-             y is added to the reference
+
+y is added to the reference, and u is the velocity that y approaches.
 
 Torque is what is needed to move the ankle: torque above the limit falls when the plate goes back,
 y' < 0.

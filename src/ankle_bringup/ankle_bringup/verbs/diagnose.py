@@ -57,14 +57,14 @@ def verb(
             with profile.in_force():
                 together.save(out)
                 write_several(together, out / "report.html")
-            return _told(out, [e.sentence for e in together.effects], together.verdict)
+            return _findings(out, [e.sentence for e in together.effects], together.verdict)
         found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=rig)
     lines = [f"- {effect['sentence']}" for effect in found.verdict.effects]
     lines += [f"  {reason}" for reason in found.verdict.reasons]
-    return _told(out, [profile.in_units(line) for line in lines], found.verdict.verdict)
+    return _findings(out, [profile.in_units(line) for line in lines], found.verdict.verdict)
 
 
-def _told(out: Path, lines: list[str], verdict: str) -> dict[str, Any]:
+def _findings(out: Path, lines: list[str], verdict: str) -> dict[str, Any]:
     """Print what was found; the answer of the verb."""
     import json
 

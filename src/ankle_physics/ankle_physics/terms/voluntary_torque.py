@@ -78,7 +78,7 @@ class VoluntaryTorque(Term):
 
 
 class _Drift:
-    """The process n(t) of variance 1, sample by sample."""
+    """Draws the process n(t) of variance 1, sample by sample."""
 
     def __init__(self, rate: float, seed: int) -> None:
         self._rate = rate

@@ -63,7 +63,7 @@ class CalibrationProgram:
 
     @property
     def running(self) -> bool:
-        """Tell whether the program was started and `ended` has not told its end yet."""
+        """Tell whether the program was started and `ended` has not reported its end yet."""
         return self._process is not None
 
     @property
@@ -73,7 +73,7 @@ class CalibrationProgram:
 
     @property
     def _recorded(self) -> float:
-        """Time since the recorder was ready [s]; 0 before."""
+        """Return the time since the recorder was ready [s]; 0 before."""
         if self._began is None and self._bag.exists():
             self._began = time.monotonic()
         return 0.0 if self._began is None else time.monotonic() - self._began

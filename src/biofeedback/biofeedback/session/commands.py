@@ -90,7 +90,7 @@ K in N.m/rad, G in N.m.s/rad.
 """
 FREE_COMMANDS = ("stop", "note", "subject")
 """Commands of any operator's page, also of one that is not in command."""
-_ALL_NEEDED = ("note", "check")
+_COMMANDS_WITH_ALL_FIELDS = ("note", "check")
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,9 @@ def parse(text: str) -> Command:
     if not isinstance(name, str) or name not in COMMANDS:
         raise MalformedMessageError("no such command")
     fields = COMMANDS[name]
-    if set(content) - set(fields) or (name in _ALL_NEEDED and set(content) != set(fields)):
+    if set(content) - set(fields) or (
+        name in _COMMANDS_WITH_ALL_FIELDS and set(content) != set(fields)
+    ):
         raise MalformedMessageError(f"'{name}' takes {', '.join(fields) or 'no fields'}")
     try:
         return Command(

@@ -14,7 +14,7 @@ from biofeedback.session.course_trend import comparisons, trend
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#777777"
 """Okabe and Ito's colours; control and conditioned trials differ in their marks, too."""
-DETECTABLE = 1.96 * math.sqrt(2.0)
+DETECTABLE_CHANGE_RATIO = 1.96 * math.sqrt(2.0)
 """Minimal detectable change over the standard error of measurement: the difference of two sessions
 of an unchanged reflex stays below it 19 times of 20."""
 MUSCLE_NAMES = {
@@ -64,7 +64,7 @@ def course_figure(record: CourseRecord, course: Course) -> Figure:
             100.0 - spread, 100.0 + spread, color=GREY, alpha=0.2, label="baseline ± 1 SD"
         )
         for sign, label in ((-1, "minimal detectable change of one session"), (1, None)):
-            edge = 100.0 + sign * DETECTABLE * spread
+            edge = 100.0 + sign * DETECTABLE_CHANGE_RATIO * spread
             sizes.axhline(edge, color=GREY, ls=":", lw=1.2, label=label)
     sizes.plot(
         number,

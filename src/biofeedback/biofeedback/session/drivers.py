@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-REQUIRED = frozenset(("arm", "start", "stop"))
-ACTIONS = (*sorted(REQUIRED), "reset_fault")
+REQUIRED_SERVICES = frozenset(("arm", "start", "stop"))
+ACTIONS = (*sorted(REQUIRED_SERVICES), "reset_fault")
 NO_DRIVER = "no rig driver in this graph: arm, start and stop concern the session only"
 
 
@@ -75,7 +75,7 @@ class Drivers:
                 if self._wanted
                 else NO_DRIVER
             )
-        missing = sorted(REQUIRED - present[candidates[0]])
+        missing = sorted(REQUIRED_SERVICES - present[candidates[0]])
         return (
             f"{candidates[0]} does not offer {', '.join(missing)} at the moment" if missing else ""
         )

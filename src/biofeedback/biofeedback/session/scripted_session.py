@@ -14,7 +14,7 @@ from typing import Any
 
 import aiohttp
 
-from biofeedback.web.server import SEEN
+from biofeedback.web.server import FRAME_ANSWER
 
 PUSH_CORRECTION = 0.5
 """Part of the torque's error that is corrected each second: the shown torque answers within one."""
@@ -113,7 +113,7 @@ class ScriptedSession:
                 return
             content = json.loads(message.data)
             if content["type"] == "frame":
-                await page.send_str(SEEN)
+                await page.send_str(FRAME_ANSWER)
             yield content
 
     async def _say(self, page: Any, name: str, **values: float | str) -> None:

@@ -132,7 +132,7 @@ class SimulatedLearner:
         return float(self._random.normal(0.0, self._learner.trial_spread))
 
     def _hold(self) -> tuple[float, float]:
-        """Torque [N.m] and activity [MVC] after one more time step."""
+        """Return torque [N.m] and activity [MVC] after one more time step."""
         window = self._course.background
         middle = 0.5 * (window.emg_lower + window.emg_upper)
         half = 0.5 * (window.emg_upper - window.emg_lower)

@@ -32,7 +32,7 @@ SUBJECT_TOKEN_LENGTH = 22
 """Number of characters of 6 bits in the subject's token: 132 bits, more than the shortest token of
 the operator."""
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
-_FOREIGN = ("cross-site", "same-site")
+_FOREIGN_SITES = ("cross-site", "same-site")
 """Values of ``Sec-Fetch-Site`` for what another web site has started."""
 
 
@@ -162,7 +162,7 @@ class Access:
             return f"the host name '{name[:80]}' is not this computer's"
         if not own:
             return "the request comes from another web site"
-        if fetch_site in _FOREIGN:
+        if fetch_site in _FOREIGN_SITES:
             return "another web site has opened this page; type its address or use a bookmark"
         return None
 

@@ -19,8 +19,8 @@ KEEP_ALIVE = 15.0
 """[s] Time for which a connection may stay without a request."""
 
 
-_SILENT = logging.getLogger(f"{__name__}.access")
-_SILENT.disabled = True
+_DISABLED_LOGGER = logging.getLogger(f"{__name__}.access")
+_DISABLED_LOGGER.disabled = True
 
 
 class ConnectionLimit:
@@ -73,13 +73,13 @@ class ConnectionLimit:
 
 
 class _Counted(web.RequestHandler):
-    """aiohttp's protocol, that says when its connection comes and goes."""
+    """Extends aiohttp's protocol: it reports when its connection opens and closes."""
 
     def __init__(self, limit: ConnectionLimit, server: web.Server) -> None:
         super().__init__(
             server,
             loop=asyncio.get_running_loop(),
-            access_log=_SILENT,
+            access_log=_DISABLED_LOGGER,
             keepalive_timeout=KEEP_ALIVE,
         )
         self._limit = limit

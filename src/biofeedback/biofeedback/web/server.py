@@ -57,13 +57,13 @@ TRACES_EVERY, STATE_EVERY = 3, 3
 MAX_UNANSWERED_FRAMES = 3
 """Largest number of frames without an answer: 100 ms at 30 Hz, more than a page on this computer
 takes for its answer unless it is busy."""
-SEEN = "seen"
+FRAME_ANSWER = "seen"
 """Word that a page answers to a frame."""
 STOP = "stop"
 """Word that a page sends to stop, besides the command of that name."""
 MESSAGE_TIMEOUT = 10.0
 """[s] Time in which a page must take a message and acknowledge it."""
-FAREWELL = 1.0
+PAGE_CLOSING_TIMEOUT = 1.0
 """[s] Time in which an open page must answer when the server ends: a node that is stopped must not
 wait for a browser."""
 PAGES = 20
@@ -163,7 +163,7 @@ class Server:
         """
         application = web.Application(client_max_size=LONGEST_MESSAGE)
         application.add_routes([*self._requests.routes(), web.get("/ws", self._talk)])
-        runner = web.AppRunner(application, access_log=None, shutdown_timeout=FAREWELL)
+        runner = web.AppRunner(application, access_log=None, shutdown_timeout=PAGE_CLOSING_TIMEOUT)
         await runner.setup()
         assert runner.server is not None
         self._limit = ConnectionLimit(runner.server)
@@ -179,7 +179,7 @@ class Server:
                 with contextlib.suppress(Exception):
                     await asyncio.wait_for(
                         page.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the node stops"),
-                        FAREWELL,
+                        PAGE_CLOSING_TIMEOUT,
                     )
             await runner.cleanup()
 
@@ -295,7 +295,11 @@ class Server:
                 continue
             if page.role == OPERATOR:
                 self._runner.hear_operator(time.monotonic())
-            if message.type == WSMsgType.TEXT and message.data == SEEN and page.in_flight > 0:
+            if (
+                message.type == WSMsgType.TEXT
+                and message.data == FRAME_ANSWER
+                and page.in_flight > 0
+            ):
                 page.in_flight -= 1
                 page.heard = time.monotonic()
                 page.wake.set()

@@ -8,7 +8,7 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 ARGUMENTS = ("--no-sandbox",)
 """Arguments of the browser: Chromium refuses to start as root with its sandbox, and shows nothing
 but our own pages here."""
-MISSING = "no Chromium on this machine (on Debian or Ubuntu: sudo apt-get install chromium)"
+NO_BROWSER = "no Chromium on this machine (on Debian or Ubuntu: sudo apt-get install chromium)"
 
 
 def find_browser() -> str | None:

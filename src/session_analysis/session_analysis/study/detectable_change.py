@@ -55,7 +55,7 @@ class Scatter:
         )
 
 
-NOTHING_KNOWN = Scatter(np.zeros(len(CORRELATIONS)), np.zeros(len(CORRELATIONS)), 0)
+EMPTY_SCATTER = Scatter(np.zeros(len(CORRELATIONS)), np.zeros(len(CORRELATIONS)), 0)
 """The scatter of no visits."""
 
 
@@ -72,7 +72,7 @@ def scatter(visits: np.ndarray, values: np.ndarray) -> Scatter:
     known = np.isfinite(values)
     number, value = np.asarray(visits, dtype=float)[known], values[known]
     if len(value) < 2:
-        return NOTHING_KNOWN
+        return EMPTY_SCATTER
     value = value - value.mean()
     covariance = CORRELATIONS[:, None, None] ** np.abs(np.subtract.outer(number, number))
     inverse = np.linalg.inv(covariance)
@@ -141,7 +141,7 @@ def detectable_changes(visits: Sequence[int], values: np.ndarray) -> np.ndarray:
         there = np.flatnonzero(np.isfinite(row))
         if len(there) < 2:
             continue
-        others = sum((one for place, one in enumerate(own) if place != k), NOTHING_KNOWN)
+        others = sum((one for place, one in enumerate(own) if place != k), EMPTY_SCATTER)
         earlier = there[:-1]
         known = others if others.freedom else scatter(numbers[earlier], row[earlier])
         changes[k] = detectable_change(known, float(numbers[there[-1]] - numbers[there[0]]))

@@ -20,7 +20,7 @@ from session_analysis.html_page import (
     table,
 )
 from session_analysis.study.detectable_change import (
-    NOTHING_KNOWN,
+    EMPTY_SCATTER,
     detectable_change,
     detectable_changes,
     scatter,
@@ -29,7 +29,7 @@ from session_analysis.study.recording_results import Row
 from session_analysis.study.reliability import Reliability, reliability
 from session_analysis.values import three_digits, with_error, with_unit
 
-SHOWN = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
+SHOWN_QUANTITIES = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
 QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")
 PAPER_ANKLE = {
     "K[N.m/rad]": "100 (0 to 200)",
@@ -88,7 +88,7 @@ def write_study_report(
     """
     subjects = [subject] if subject else sorted({row.subject for row in rows})
     parts = [paragraph(_overview(rows, subjects), "answer"), *_reliability_parts(rows)]
-    detectable = {quantity: _detectable(rows, quantity) for quantity in SHOWN[:2]}
+    detectable = {quantity: _detectable(rows, quantity) for quantity in SHOWN_QUANTITIES[:2]}
     for one in subjects:
         own = {quantity: found.get(one, np.nan) for quantity, found in detectable.items()}
         parts += _subject_parts([row for row in rows if row.subject == one], one, own)
@@ -149,11 +149,11 @@ def _reliability_parts(rows: Sequence[Row]) -> list[str]:
         "from",
     ]
     body = []
-    for quantity in SHOWN:
+    for quantity in SHOWN_QUANTITIES:
         _, visits, values = visit_table(rows, quantity)
         found = reliability(values)
         if found is not None:
-            all_of_them = sum((scatter(np.array(visits), row) for row in values), NOTHING_KNOWN)
+            all_of_them = sum((scatter(np.array(visits), row) for row in values), EMPTY_SCATTER)
             detectable = detectable_change(all_of_them, visits[-1] - visits[0])
             body.append([with_unit(quantity), *_reliability_cells(found, detectable)])
     if not body:
@@ -194,7 +194,9 @@ def _subject_parts(rows: Sequence[Row], subject: str, detectable: dict[str, floa
 
 
 def _visit_rows(rows: Sequence[Row]) -> list[list[str]]:
-    quantities = [q for q in (*SHOWN, *QUALITY) if any(row.quantity == q for row in rows)]
+    quantities = [
+        q for q in (*SHOWN_QUANTITIES, *QUALITY) if any(row.quantity == q for row in rows)
+    ]
     quantities += sorted({row.quantity for row in rows if "_of_mvc" in row.quantity})
     quantities += sorted({row.quantity for row in rows if "_by_mass" in row.quantity})
     out = [["visit, run", *map(with_unit, quantities), "doubtful"]]
@@ -306,7 +308,7 @@ def _torque_figure(rows: Sequence[Row]) -> Any:
     if len(at) < MIN_PAIRS or np.ptp(list(at.values())) == 0:
         return None
     drawn = make_subplots(cols=2)
-    for column, quantity in enumerate(SHOWN[:2], 1):
+    for column, quantity in enumerate(SHOWN_QUANTITIES[:2], 1):
         own = [row for row in rows if row.quantity == quantity and (row.visit, row.run) in at]
         trace = Scatter(
             x=[at[row.visit, row.run] for row in own],

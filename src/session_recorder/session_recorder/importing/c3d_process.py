@@ -23,7 +23,7 @@ LONGEST_READING = 5.0
 """[s] Processor time of the reading of a small file: its library takes one second to load."""
 LONGEST_READING_OF_A_BYTE = 1e-7
 """[s] Further processor time for each byte: ten times what a file of 100 MB takes."""
-LATEST = 12.0
+WALL_TIME_RATIO = 12.0
 """Multiple of the processor time after which a reading on a busy computer is given up."""
 MOST_MEMORY = 2**30
 """[bytes] Address space of the reading of a small file; a damaged header may ask for any number of
@@ -52,7 +52,7 @@ def read_c3d(source: Path) -> dict[str, np.ndarray]:
             capture_output=True,
             stdin=subprocess.DEVNULL,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-            timeout=LATEST * _longest_reading(source),
+            timeout=WALL_TIME_RATIO * _longest_reading(source),
             check=False,
         )
     except subprocess.TimeoutExpired:

@@ -13,7 +13,7 @@ from session_recorder.importing.laboratory_units import known_unit
 
 Cell = str | float | None
 # What programs write for a value that is not there.
-MISSING = frozenset(
+EMPTY_CELLS = frozenset(
     {"", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a", "#num!", "#div/0!", "#value!"}
 )
 COMMENTS = ("#", "%", "//")
@@ -76,7 +76,7 @@ def number(cell: Cell, decimal: str = ".") -> float | None:
     if isinstance(cell, (int, float)):
         return float(cell)
     text = cell.strip()
-    if text.lower() in MISSING:
+    if text.lower() in EMPTY_CELLS:
         return float("nan")
     if decimal == ",":
         text = text.replace(",", ".")

@@ -38,7 +38,7 @@ BAND = (5.0, 40.0)  # Hz
 SEGMENT = 2.0  # s; ten periods of the band's lower edge
 FEWEST_SEGMENTS = 4
 # Standard errors from zero before a sign counts as known.
-CERTAIN = 5.0
+MIN_SIGN_SIGNIFICANCE = 5.0
 # Less of the torque's variance explained says nothing about the ankle.
 LEAST_EXPLAINED = 0.05
 # A measured velocity may have its own filter and calibration, not another factor or no resemblance.
@@ -180,9 +180,9 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
     """
     values = f"inertia {found.inertia:.3g} ± {found.inertia_error:.1g} kg.m^2"
     values += f", stiffness {found.stiffness:.4g} ± {found.stiffness_error:.2g} N.m/rad"
-    if abs(found.inertia) > CERTAIN * found.inertia_error:
+    if abs(found.inertia) > MIN_SIGN_SIGNIFICANCE * found.inertia_error:
         value, (lowest, highest), unit = found.inertia, INERTIA_RANGE, "kg.m^2"
-    elif abs(found.stiffness) > CERTAIN * found.stiffness_error:
+    elif abs(found.stiffness) > MIN_SIGN_SIGNIFICANCE * found.stiffness_error:
         value, (lowest, highest), unit = found.stiffness, STIFFNESS_RANGE, "N.m/rad"
     else:
         return []

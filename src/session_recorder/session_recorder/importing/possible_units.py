@@ -8,11 +8,11 @@ import numpy as np
 
 from ankle_interfaces.units import to_si
 from session_recorder.importing.plausibility import (
-    CERTAIN,
     INERTIA_RANGE,
     LARGEST_POSITION,
     LARGEST_SPREAD,
     LARGEST_TORQUE,
+    MIN_SIGN_SIGNIFICANCE,
     Intrinsic,
     intrinsic,
 )
@@ -32,7 +32,7 @@ def readings(
 ) -> Iterator[tuple[Intrinsic, str, str]]:
     """Return units of position and torque in which an ankle is possible."""
     fit = intrinsic(rate, position, torque)
-    if fit is None or abs(fit.inertia) < CERTAIN * fit.inertia_error:
+    if fit is None or abs(fit.inertia) < MIN_SIGN_SIGNIFICANCE * fit.inertia_error:
         return
     for angle in (position_unit,) if position_unit else _POSITION_UNITS:
         for force in (torque_unit,) if torque_unit else TORQUE_UNITS:

@@ -38,7 +38,7 @@ MIN_NUMERIC_SHARE = 0.5
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines of a text with their numbers in the file; comments apart."""
+    """Holds the lines of a text with their numbers in the file; comments apart."""
 
     numbers: list[int]
     texts: list[str]

@@ -29,9 +29,9 @@ waited."""
 MEMORY = 120
 """Number of windows that the line is fitted to: a minute, in which the drift of a crystal changes
 by less than 1e-6."""
-FIRST = 2
+MIN_WINDOWS = 2
 """Number of windows after which times are converted."""
-FLOOR = 50e-6
+LEAST_UNCERTAINTY = 50e-6
 """[s] Uncertainty of a window whose delays are the shortest seen; it comes from the scheduling of
 the receiving processes."""
 LARGEST_DRIFT = 200e-6
@@ -44,7 +44,7 @@ SLEW_LIMIT = 200e-6
 """[1] ... changing the interval between samples by no more than this: a fifth of what readers take
 for another rate.
 """
-JUMP = 10e-3
+CLOCK_JUMP = 10e-3
 """[s] A window that contradicts the line by more: one of the clocks was set."""
 
 
@@ -88,7 +88,7 @@ class DeviceClock:
     @property
     def ready(self) -> bool:
         """Tell whether the clock is known well enough to convert times."""
-        return len(self._middles) >= FIRST
+        return len(self._middles) >= MIN_WINDOWS
 
     def exchange(
         self, sent: float, arrived: float, echo: float, echo_received: float
@@ -131,7 +131,7 @@ class DeviceClock:
         if self.ready:
             line = self._line(at)
             beyond = max(line - window.upper, window.lower - line)
-            if beyond > JUMP:
+            if beyond > CLOCK_JUMP:
                 self.restart()
                 return (
                     f"a clock was set: the rig's is off by {1e3 * beyond:.1f} ms from what it "
@@ -143,7 +143,7 @@ class DeviceClock:
         self.uncertainty = 0.5 * max(window.upper - window.lower, 0.0)
         self._fit(at)
         handed = self._anchor_offset + self._rate * (now - self._anchor)
-        if len(self._middles) <= FIRST:
+        if len(self._middles) <= MIN_WINDOWS:
             handed = self._line(now)
         correction = min(max((self._line(now) - handed) / SLEW_TIME, -SLEW_LIMIT), SLEW_LIMIT)
         self._anchor, self._anchor_offset, self._rate = now, handed, self.drift + correction
@@ -151,7 +151,7 @@ class DeviceClock:
 
     def _fit(self, origin: float) -> None:
         at, offset, trip = np.array(self._middles).T
-        weight = 1.0 / (FLOOR + trip - trip.min()) ** 2
+        weight = 1.0 / (LEAST_UNCERTAINTY + trip - trip.min()) ** 2
         base = offset[-1]
         x, y = at - origin, offset - base
         # Normal equations of a straight line; the drift is expected to be 0 +- LARGEST_DRIFT before

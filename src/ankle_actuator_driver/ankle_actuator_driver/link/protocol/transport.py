@@ -142,7 +142,7 @@ class UdpTransport:
 
 
 def _age(ancillary: list[tuple[int, int, bytes]]) -> float:
-    """For how long a packet has waited [s], by the kernel's time of its arrival."""
+    """Return how long a packet has waited [s], by the kernel's time of its arrival."""
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(data) >= _TIMESPEC.size:
             seconds, nanoseconds = _TIMESPEC.unpack_from(data)
