@@ -27,6 +27,12 @@ def test_manifest_and_set_up_script_say_the_same(package):
     assert 'extras_require={"test": ["pytest"]}' in script
 
 
+@pytest.mark.parametrize("package", PACKAGES)
+def test_colcon_has_tests_to_run_that_only_compute(package):
+    files = (ROOT / "src" / package / "test").glob("test_*.py")
+    assert any("\npytestmark = pytest.mark.live" not in file.read_text() for file in files)
+
+
 def test_what_rosdep_lacks_is_in_the_requirements():
     named = {
         re.split(r"[=<>~!\[; ]", line)[0].lower()

@@ -18,7 +18,6 @@ from ankle_actuator_driver.link.protocol.packet import (
     build,
     parse,
 )
-from ankle_interfaces.errors import QuantityError
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 from rig_emulator.faults import Faults
@@ -326,18 +325,3 @@ def test_limits_may_be_tightened_while_it_runs(laboratory):
     lab.bridge.limits = replace(lab.limits, angle=0.02)
     lab.until("fault")
     assert "limit of 0.02 rad" in lab.bridge.states.reason
-
-
-def test_fault_switches_are_read_and_every_mistake_is_named():
-    faults = Faults().with_switches("drop=0.1, freeze=1")
-    assert (faults.drop, faults.freeze, faults.line()) == (0.1, 1.0, "drop=0.1,freeze=1")
-    assert faults.with_switches("freeze=0").line() == "drop=0.1"
-    assert faults.with_switches("none").line() == "none"
-    for text, words in (
-        ("explode=1", "unknown"),
-        ("drop", "not 'drop=value'"),
-        ("drop=2", "allowed: 0 to 1"),
-        ("drop=nan", "refused"),
-    ):
-        with pytest.raises(QuantityError, match=words):
-            faults.with_switches(text)

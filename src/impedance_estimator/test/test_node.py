@@ -3,7 +3,6 @@ blocks.
 """
 
 import contextlib
-import os
 import subprocess
 import sys
 import time
@@ -40,12 +39,8 @@ class Laboratory:
     """A running node, and the topics around it."""
 
     def __init__(self, *parameters):
-        environment = {
-            **os.environ,
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
         arguments = [word for parameter in parameters for word in ("-p", parameter)]
-        self.process = subprocess.Popen([*COMMAND, "--ros-args", *arguments], env=environment)
+        self.process = subprocess.Popen([*COMMAND, "--ros-args", *arguments])
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = rclpy.create_node("probe", context=self.context)
@@ -112,8 +107,7 @@ class Laboratory:
 
 
 @pytest.fixture
-def start(monkeypatch):
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+def start():
     running = []
 
     def make(*parameters):

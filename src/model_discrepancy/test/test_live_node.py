@@ -2,7 +2,6 @@
 unchanged session is not.
 """
 
-import os
 import signal
 import subprocess
 import sys
@@ -30,7 +29,6 @@ WINDOW = 20.0  # s
 COLUMNS = ("t[s]", "position[rad]", "velocity[rad/s]", "torque[N.m]")
 PATIENCE = 90.0  # s
 BASE = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
 def session(soft, seconds=44.0):

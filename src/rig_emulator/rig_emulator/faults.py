@@ -30,7 +30,7 @@ SWITCHES = {
     "torque_spikes": "part of the samples whose torque is 50 N.m off",
     "torque_nan": "the measured torque is not a number",
     "torque_saturated": "the torque sensor is at the end of its range",
-    "torque_swings": "hundreds of N.m of a torque that swings 8 times a second",
+    "torque_swings": "part of 100 N.m, the amplitude of a torque that swings 8 times a second",
     "nan": "all samples are not a number",
     "no_samples": "the state is reported without samples",
     "ignore_off": "the rig stays powered though it is told to switch off",
