@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
-from ankle_node.domain import take_free_domain
+from ankle_node.domain import RANGE_VARIABLE, take_free_domain
 
 BESIDE = 19  # niceness: a computation must not make a graph late that runs in real time
 ROOT = Path(__file__).parent
@@ -43,7 +43,7 @@ def pytest_configure(config):
     if "PYTEST_XDIST_WORKER" not in os.environ and not config.getoption("--failed-live"):
         FAILED.unlink(missing_ok=True)
     take_free_domain()
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ[RANGE_VARIABLE] = "LOCALHOST"
     settings.register_profile("untimed", deadline=None)
     settings.load_profile("untimed")
 

@@ -32,7 +32,7 @@ from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.processes import Processes
 from ankle_interfaces.block import unpack
-from ankle_node.domain import take_free_domain
+from ankle_node.domain import stay_on_this_host, take_free_domain
 from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_recorder.bag_reader import BagReader
 
@@ -215,7 +215,7 @@ def main() -> int:
     )
     rate_seconds = options.parse_args().rate_seconds
     take_free_domain()
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_host()
     graph = load_graph("simulated_session")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

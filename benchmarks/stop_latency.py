@@ -40,6 +40,7 @@ from ankle_bringup.graph import Graph, load_graph
 from ankle_bringup.live_graph import observer
 from ankle_bringup.processes import Processes
 from ankle_bringup.up import ending_by_signal
+from ankle_node.domain import take_free_domain
 from ankle_node.real_time import PAGES_PRIORITY, take_priority
 from biofeedback.web.server import FRAME_ANSWER
 from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
@@ -172,7 +173,7 @@ def main() -> int:
     path = find_browser()
     if path is None and not given.without_browser:
         raise SystemExit(NO_BROWSER)
-    os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+    take_free_domain()
     port = free_port()
     burden: list[subprocess.Popen] = []
     found: list[float] = []

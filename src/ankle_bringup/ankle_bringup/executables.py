@@ -13,6 +13,7 @@ from typing import Any
 
 from ankle_bringup.errors import GraphError
 from ankle_bringup.suggestion import require_known
+from ankle_node.domain import stay_on_this_host
 
 NODE_MODULE = "_node"  # the end of the name of each module that wires a node
 
@@ -74,7 +75,7 @@ def become(command: list[str]) -> None:
     """Replace this process by a node; discovery stays on this host unless the environment says
     otherwise.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_host()
     os.execv(command[0], command)
 
 

@@ -22,6 +22,7 @@ from std_srvs.srv import Trigger
 from ankle_bringup.errors import RunError
 from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
+from ankle_node.domain import stay_on_this_host
 from ankle_node.node import BLOCK_QOS, LATEST_QOS
 
 # Discovery between processes of one host takes a few tenths of a second.
@@ -46,7 +47,7 @@ def observer(
     namespace
         Of the laboratory that it looks at.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_host()
     rclpy.init(
         signal_handler_options=SignalHandlerOptions.NO if own_signals else SignalHandlerOptions.ALL
     )

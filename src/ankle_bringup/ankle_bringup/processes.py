@@ -22,6 +22,7 @@ from ankle_bringup.executables import (
     node_command,
 )
 from ankle_bringup.graph import Graph, NodeDescription
+from ankle_node.domain import stay_on_this_host
 from ankle_node.parent_process import end_with_parent
 
 # A node closes its files on SIGINT. A recorder may have a second of chunks to write; after that
@@ -105,7 +106,7 @@ class Processes:
 
     def _start(self, node: NodeDescription, command: list[str], mode: str = "wb") -> None:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        stay_on_this_host(environment)
         with open(self._logs / f"{node.name}.log", mode) as log:
             # Its own session: Ctrl-C at the terminal reaches us alone, and we stop the nodes in
             # order.

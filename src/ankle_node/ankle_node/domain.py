@@ -1,6 +1,7 @@
-"""A ROS domain that no other process of this computer uses, for tests, demo and benchmarks.
+"""Where the nodes of this process look for others: on this computer alone unless the environment
+says otherwise, and, for tests, demo and benchmarks, in a ROS domain that no other process uses.
 
-A domain that somebody else uses would bring a second publisher of every topic.
+A domain that another process uses would bring a second publisher of every topic.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import fcntl
 import os
 import random
 import tempfile
+from collections.abc import MutableMapping
 from pathlib import Path
 from typing import TextIO
 
@@ -19,8 +21,20 @@ PORT_BASE, PORTS_PER_DOMAIN = 7400, 250
 """UDP ports of a domain (DDS-RTPS 2.3, section 9.6.1.1)."""
 SOCKET_TABLES = ("/proc/net/udp", "/proc/net/udp6")
 VARIABLE = "ROS_DOMAIN_ID"
+RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 _held: list[TextIO] = []
+
+
+def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Keep discovery on this host, unless the environment states another range.
+
+    Parameters
+    ----------
+    environment
+        Of this process, or of one that is to be started.
+    """
+    environment.setdefault(RANGE_VARIABLE, "LOCALHOST")
 
 
 def take_free_domain() -> int:

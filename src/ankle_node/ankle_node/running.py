@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -14,6 +13,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from ankle_node.block_executor import BlockExecutor
+from ankle_node.domain import stay_on_this_host
 from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
         Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one
         line on stderr.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_host()
     with unblocked_output():
         return _run(make, [*(sys.argv if arguments is None else arguments), *NO_LOG_FILES])
 

@@ -32,6 +32,15 @@ def test_two_processes_take_two_domains(monkeypatch):
             other.communicate("\n", timeout=20)
 
 
+def test_discovery_stays_on_this_host_unless_the_environment_says_otherwise():
+    environment = {}
+    domain.stay_on_this_host(environment)
+    assert environment == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    domain.stay_on_this_host(environment)
+    assert environment == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+
+
 def test_a_domain_whose_ports_are_open_is_used():
     port = domain.PORT_BASE + 96 * domain.PORTS_PER_DOMAIN + 10
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
