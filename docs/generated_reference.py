@@ -1,4 +1,4 @@
-"""The pages of reference that are made from the code: verbs, nodes, terms, functions."""
+"""The pages of reference that are made from the code: topics, verbs, nodes, terms, functions."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ def write_reference(folder: Path) -> None:
     """Write every generated page into a folder; pages that did not change are left alone."""
     folder.mkdir(exist_ok=True)
     pages = {
+        "topics": topics_page(),
         "verbs": verbs_page(),
         "nodes": nodes_page(),
         "terms": terms_page(),
@@ -35,6 +36,28 @@ def write_reference(folder: Path) -> None:
 def packages() -> list[str]:
     """The packages of this workspace."""
     return sorted(path.parent.name for path in ROOT.glob("src/*/package.xml"))
+
+
+def topics_page() -> str:
+    """Every topic with its message, its delivery and its columns."""
+    from ankle_interfaces.topics import TOPICS
+
+    parts = [
+        "# Topics\n\nNames are relative; a leading slash says that a namespace does not apply.\n"
+    ]
+    for topic in TOPICS:
+        rate = "at events" if topic.rate is None else f"{topic.rate:g} Hz"
+        parts.append(
+            f"## {topic.name}\n\n{topic.description}\n\n"
+            f"`{topic.message}`, {rate}; {topic.delivery.value}.\n"
+        )
+        rows = [
+            f"| `{column}` | {'no' if column in topic.optional else 'yes'} |"
+            for column in topic.columns
+        ]
+        if rows:
+            parts.append("| column | in every block |\n| --- | --- |\n" + "\n".join(rows) + "\n")
+    return "\n".join(parts)
 
 
 def verbs_page() -> str:

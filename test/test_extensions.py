@@ -1,9 +1,13 @@
 """An extension is as many files as CONTRIBUTING says.
 
-Each is made in a copy of the workspace, where everything else has to find it without a change.
+Each is made in a copy of the workspace, where everything else has to find it without a change, and
+where the test at the end of its recipe has to pass (for an estimator that takes a minute, and every
+estimator passes it in the same way).
 """
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -114,6 +118,22 @@ wanted, _ = select_columns(old, ("position[rad]",), "ankle/samples", ("knee[rad]
 }
 
 
+HEADINGS = {
+    "term": "A term",
+    "transport": "A line to a rig",
+    "verb": "A verb",
+    "column": "A column",
+}
+
+
+def recipes_test(what):
+    """Return the arguments of Python that run the test at the end of a recipe."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    (recipe,) = re.findall(rf"^## {HEADINGS[what]}\b.*?(?=^## |\Z)", text, re.M | re.S)
+    (line,) = re.findall(r"^    \.venv/bin/python -m pytest (.*)$", recipe, re.M)
+    return ["-m", "pytest", *shlex.split(line), "-m", "not live"]
+
+
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory):
     """The packages, without their tests, and with what is compiled of them."""
@@ -165,13 +185,18 @@ def test_an_extension_is_one_file(what, workspace):
     packages = [str(path) for path in (workspace / "src").iterdir()]
     reference = f"import sys; sys.path.insert(0, {str(ROOT / 'docs')!r})\n"
     program = OTHER_FILES[what].replace("docs_reference", "generated_reference")
-    done = subprocess.run(
-        [sys.executable, "-c", reference + program],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(packages)},
-        cwd=workspace,
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(packages)}
+    for arguments, folder in (
+        (["-c", reference + program], workspace),
+        *([(recipes_test(what), ROOT)] if what in HEADINGS else []),
+    ):
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            env=environment,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=280,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr

@@ -37,7 +37,6 @@ class RigCalibration(Signal):
     """Steps by random heights on both sides of rest, then sweeps slowly over the same range."""
 
     name = "rig_calibration"
-    parameters = ()
 
     def __init__(self, settings: Settings, **own: Value) -> None:
         super().__init__(settings, **own)

@@ -57,7 +57,7 @@ class Signal(ABC):
     name
         Value of the parameter ``signal``.
     parameters
-        The signal's own, named ``<signal>.<short name>``.
+        The signal's own, named ``<signal>.<short name>``; none unless it has some.
     own
         Their values.
     amplitude
@@ -65,7 +65,7 @@ class Signal(ABC):
     """
 
     name: ClassVar[str]
-    parameters: ClassVar[tuple[Quantity, ...]]
+    parameters: ClassVar[tuple[Quantity, ...]] = ()
 
     def __init__(self, settings: Settings, **own: Value) -> None:
         declared = {parameter.name.split(".")[1]: parameter for parameter in self.parameters}

@@ -149,11 +149,27 @@ def open_link(name: str, values: Mapping[str, Value], clocks: Clocks) -> RigLink
     OSError
         The line cannot be opened.
     """
+    return link_class(name)(values, clocks)
+
+
+def link_class(name: str) -> type[RigLink]:
+    """Return the class of a line by the name of its module.
+
+    Parameters
+    ----------
+    name
+        As `link_names` gives them.
+
+    Raises
+    ------
+    ValueError
+        No such line; names those that there are.
+    """
     if name not in link_names():
         raise ValueError(
             f"parameter 'link' = '{name}' is refused; allowed: {', '.join(link_names())}"
         )
     offered = _offered().get(name)
     kind = offered.load() if offered else importlib.import_module(f"{PACKAGE}.{name}").Link
-    link: RigLink = kind(values, clocks)
-    return link
+    found: type[RigLink] = kind
+    return found
