@@ -164,6 +164,18 @@ def test_a_section_of_parameters_has_the_names_of_the_signature(package):
     assert not wrong, "\n".join(wrong)
 
 
+def test_the_glossary_is_in_order_and_has_the_words_of_a_verdict():
+    text = (ROOT / "docs" / "glossary.md").read_text()
+    terms = re.findall(r"^(\w[^\n]*)\n  \w", text, re.M)
+    assert len(terms) == len(set(terms)) > 80
+    assert terms == sorted(terms, key=lambda term: term.lower().replace(".", " "))
+    source = (ROOT / "src/model_discrepancy/model_discrepancy/report/html_report.py").read_text()
+    shown = {"family", "rival", "ceiling", "BIC", "VAF", "residual", "tentative", "stated", "set"}
+    verdicts = set(re.findall(r'verdict\.verdict == "(\w+)"', source)) | {"explained"}
+    assert len(verdicts) == 4
+    assert shown | {word.replace("_", " ") for word in verdicts} <= set(terms)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=str)
 def test_links_between_pages_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
