@@ -4,7 +4,7 @@ it was made with, load.
     .venv/bin/python benchmarks/emg_graph.py --seconds 60      # the figures of docs/performance.md
     .venv/bin/python benchmarks/emg_graph.py --seconds 600     # a session
 
-Generator, simulated ankle with a virtual subject, an outlet of Lab Streaming Layer whose clock
+Generator, simulated ankle with a simulated subject, an outlet of Lab Streaming Layer whose clock
 drifts by 50 ppm, bridge, processor, estimator and recorder. The recorder also takes the EMG as the
 simulated ankle made it; the same samples are found again in what came through the bridge by their
 values, and their two times are compared.

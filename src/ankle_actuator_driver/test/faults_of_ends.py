@@ -217,7 +217,7 @@ RIG = (
         lasts=1.2,
     ),
     Fault(
-        "rig ignores OFF and is told to stop, starting",
+        "rig ignores OFF and is ordered to stop, starting",
         "faults",
         together(switch(ignore_off=1.0), commands("stop")),
         moment="starting",

@@ -87,7 +87,7 @@ def test_times_are_evenly_spaced_and_there_and_back_is_the_same():
         last = times[-1]
 
 
-def test_a_clock_that_was_set_is_told_and_learned_anew():
+def test_a_clock_that_was_set_is_reported_and_learned_anew():
     line = Line(20e-6)
     line.run(10.0)
     line.step = 0.5

@@ -161,7 +161,7 @@ def test_yielding_ends_where_the_torque_ends():
     assert yielding.step(1 / RATE) == (0.0, 0.0, 0.0)
 
 
-def test_an_encoder_that_stands_still_while_the_plate_is_told_to_move_is_stuck():
+def test_an_encoder_that_stands_still_while_the_plate_is_commanded_to_move_is_stuck():
     motion = paper_signal(5.0)[:, 0]
     behind = np.concatenate([np.zeros(16), motion[:-16]])  # 8 ms of servo
     living, stuck = EncoderCheck(), EncoderCheck()

@@ -302,7 +302,7 @@ def test_a_rig_that_starts_anew_has_to_be_armed_anew(laboratory):
     lab.running()
 
 
-def test_ros_time_that_is_set_stops_the_rig_and_is_told(laboratory):
+def test_ros_time_that_is_set_stops_the_rig_and_is_reported(laboratory):
     lab = laboratory().running()
     lab.epoch += 5.0
     lab.until("fault")
@@ -310,7 +310,7 @@ def test_ros_time_that_is_set_stops_the_rig_and_is_told(laboratory):
     rests(lab, lab.rig_time)
 
 
-def test_a_late_reference_is_told_with_the_parameter_that_helps(laboratory):
+def test_a_late_reference_is_reported_with_the_parameter_that_helps(laboratory):
     lab = laboratory(lead=-0.03)
     lab.armed()
     assert lab.command("start").done

@@ -80,7 +80,7 @@ def test_unknown_graph_names_the_known_ones():
         load_graph("nothing")
 
 
-def test_a_failing_node_is_told_with_its_last_line(tmp_path):
+def test_a_failing_node_is_reported_with_its_last_line(tmp_path):
     node = NodeDescription("ankle_sim", "ankle_sim", "ankle_sim", {"K": -5.0})
     with (
         Processes(Graph("", (node,)), tmp_path) as processes,

@@ -70,7 +70,7 @@ def test_noise_is_that_of_the_nominal_run_even_while_the_plate_rests():
     assert ratio == pytest.approx([52.7, 37.7, 24.1], abs=0.2)
 
 
-def test_a_gap_is_missing_in_the_samples_told_and_the_joint_lives_on():
+def test_a_gap_is_missing_in_the_samples_reported_and_the_joint_lives_on():
     time, samples = reference(3.0)
     reports = []
     rig = LiveRig(setup(), reports.append, noisy=False)
@@ -127,7 +127,7 @@ def test_another_rate_a_long_pause_and_time_running_back_start_again():
     assert rig.held == 0
 
 
-def test_a_block_that_does_not_tell_its_rate_and_a_rate_out_of_range_are_told():
+def test_a_block_that_does_not_tell_its_rate_and_a_rate_out_of_range_are_reported():
     reports = []
     rig = LiveRig(setup(), reports.append)
     assert rig.take(np.array([START]), np.zeros((1, 3))) == []

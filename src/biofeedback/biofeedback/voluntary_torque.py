@@ -3,7 +3,7 @@
     voluntary = low-pass( torque - K position - G max(velocity, 0) delayed )           [N.m]
 
 The paper shows low-pass filtered torque (van 't Veld et al. 2018, figure 8). Its perturbation of
-0.04 rad makes an ankle of K = 100 push back by 4 N.m, at random times. For a virtual subject who
+0.04 rad makes an ankle of K = 100 push back by 4 N.m, at random times. For a simulated subject who
 pushes 5 N.m, the low-pass alone shows 7.4 +- 1.8 N.m, more than the target band is wide; with what
 the present estimates of K and G (5 % wrong) explain taken off first, 4.9 +- 0.1 N.m. What B and I
 add is below 0.1 N.m after the low-pass: velocity and acceleration of a movement from rest to rest

@@ -145,7 +145,7 @@ def test_recorder_is_known_by_its_figures_and_a_silent_node_is_shown():
     assert health.nodes(20.0)[0]["level"] == "silent"
 
 
-def test_a_fault_is_told_once():
+def test_a_fault_is_reported_once():
     health = GraphHealth()
     for _ in range(3):
         health.feed("rig", 2, "emergency stop", {}, 1.0)

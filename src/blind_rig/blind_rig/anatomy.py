@@ -1,4 +1,4 @@
-"""A virtual subject on a virtual rig is described by these numbers, in SI.
+"""A simulated subject on a virtual rig is described by these numbers, in SI.
 
 Each group is a NamedTuple of floats, so that the compiled loop takes it as it is. The defaults are
 the paper's model and a faultless rig; an effect is a change of a few of these numbers (`effects`).

@@ -56,6 +56,32 @@ def test_from_the_software_only_wire_format_and_bag_writer() -> None:
                 assert node.module in allowed, f"{module.name} imports {node.module}"
 
 
+def test_the_product_imports_nothing_of_it() -> None:
+    """Only the studies, which are no part of a laboratory's graph, know the rig of the proofs."""
+    product = [
+        path
+        for path in PACKAGE.parents[1].glob("*/*/**/*.py")
+        if path.relative_to(PACKAGE.parents[1]).parts[0] not in ("blind_rig", "simulation_study")
+    ]
+    assert len(product) > 300
+    assert not [path for path in product if "blind_rig" in _imports(path)]
+
+
+def _imports(path: Path) -> set[str]:
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return {
+        name.split(".")[0]
+        for node in nodes
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+
+
 def test_runs_where_the_software_under_test_cannot_be_imported(tmp_path: Path) -> None:
     script = f"""
 import sys

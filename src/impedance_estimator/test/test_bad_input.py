@@ -180,7 +180,7 @@ def test_change_of_the_sampling_rate_starts_anew_at_the_new_rate(simulate):
     assert due.rows[-1, 3] == pytest.approx(0.0137, rel=0.05)
 
 
-def test_velocity_that_disappears_is_told(minute):
+def test_velocity_that_disappears_is_reported(minute):
     stream = EstimateStream()
     stream.feed_samples(minute.samples()[:2048], True)
     due = stream.feed_samples(minute.samples(velocity=False)[2048:4096], False)

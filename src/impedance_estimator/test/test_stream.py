@@ -209,7 +209,7 @@ def test_bags_without_samples_are_refused(samples, tmp_path):
         estimate_bag(write_bag(tmp_path / "short", blocks_of(samples[:100])))
 
 
-def test_cut_off_bag_is_estimated_up_to_the_cut_and_told(samples, tmp_path):
+def test_cut_off_bag_is_estimated_up_to_the_cut_and_reported(samples, tmp_path):
     bag = write_bag(tmp_path / "session", blocks_of(samples))
     file: Path = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: file.stat().st_size - 40])

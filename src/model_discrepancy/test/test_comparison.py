@@ -80,7 +80,7 @@ def test_another_stiffness_is_the_difference(tmp_path):
 
 
 @pytest.mark.slow
-def test_equal_joints_agree_and_another_actuator_is_told():
+def test_equal_joints_agree_and_another_actuator_is_named():
     assert compare(trial()[0], trial(seed=2)[0]).verdict == "agree"
     result = compare(trial()[0], trial(seed=2, bandwidth=20.0)[0])
     assert result.place == "actuator and reference"

@@ -98,7 +98,7 @@ def test_ranges_and_units_hold_while_a_profile_is_in_force(axis_file):
     assert term_library()["stiffness"].parameter("K") == ankle
 
 
-def test_a_model_file_states_its_joint_and_is_read_without_being_told(tmp_path, axis_file):
+def test_a_model_file_states_its_joint_and_is_read_without_a_further_option(tmp_path, axis_file):
     with JointProfile.load(axis_file).in_force():
         model = Model.of({"inertia": {"I": 12.0}, "stiffness": {"K": 90000.0}})
     model.save(tmp_path / "model.yaml")

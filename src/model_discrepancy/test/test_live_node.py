@@ -142,7 +142,7 @@ def test_an_unchanged_session_stays_ok(bench):
     assert bench.counters()["state"] == "watching"
 
 
-def test_a_broken_channel_is_no_reference_and_is_told():
+def test_a_broken_channel_is_no_reference_and_is_reported():
     watch = SessionWatch()
     samples = in_columns_of_the_watch(session(soft=False, seconds=WINDOW + 1.0))
     dead = samples.copy()

@@ -1,4 +1,4 @@
-"""Three virtual subjects through the paper's experiment, recorded as bags by the code of a real
+"""Three simulated subjects through the paper's experiment, recorded as bags by the code of a real
 session, faster than real time.
 
 Perturbation, rig, estimator and EMG processing are the classes behind the nodes; the bags hold what
@@ -64,7 +64,7 @@ class VirtualSession:
     Attributes
     ----------
     subject
-        Number of the virtual subject.
+        Number of the simulated subject.
     holds
         At each torque target.
     modulates

@@ -1,4 +1,4 @@
-"""Holds, measures, correlation and the whole way from bags of virtual subjects to the report."""
+"""Holds, measures, correlation and the whole way from bags of simulated subjects to the report."""
 
 from pathlib import Path
 
@@ -173,7 +173,7 @@ def test_unrelated_measures_do_not_correlate():
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A virtual subject with one minute-long hold on the way of half a minute, recorded."""
+    """A simulated subject with one minute-long hold on the way of half a minute, recorded."""
     folder = tmp_path_factory.mktemp("study")
     session = VirtualSession(1, (1, 0), hold=60.0, reach=35.0)
     record_session(session, folder / "subject_1")
@@ -213,7 +213,7 @@ def test_bags_that_cannot_be_used_are_refused(tmp_path):
         validate([tmp_path / "nowhere"])
 
 
-def test_samples_missing_from_a_bag_are_told_by_every_reader(tmp_path):
+def test_samples_missing_from_a_bag_are_reported_by_every_reader(tmp_path):
     # The bag of a session that lost 3968 samples of the ankle used to pass without a word.
     time = np.arange(1.0, 12.0, 1 / 2048)
     motion = np.column_stack([time, np.sin(time), np.cos(time), np.sin(2 * time)])

@@ -169,7 +169,7 @@ def test_damaged_blocks_do_not_end_a_recording():
     assert json.dumps(account.figures())
 
 
-def test_damaged_bags_are_read_or_refused_and_what_is_missing_is_told(tmp_path):
+def test_damaged_bags_are_read_or_refused_and_what_is_missing_is_reported(tmp_path):
     damaged_bags(tmp_path, 3, 300)
 
 
@@ -191,7 +191,7 @@ def test_a_c3d_file_that_its_library_does_not_survive_is_refused(tmp_path, monke
         read_table(path)
 
 
-def test_a_type_that_the_metadata_state_wrongly_is_told_and_read_by_the_file(tmp_path):
+def test_a_type_that_the_metadata_state_wrongly_is_reported_and_read_by_the_file(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/ankle/samples")
         time = 1e9 + np.arange(32) / 1000

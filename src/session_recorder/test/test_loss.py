@@ -98,7 +98,7 @@ def test_what_the_recorder_says_is_what_the_bag_shows(tmp_path, block):
     assert f"{missing} samples missing" in recording.summary()
 
 
-def test_places_are_told_in_seconds_of_the_recording(tmp_path, block):
+def test_places_are_stated_in_seconds_of_the_recording(tmp_path, block):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic(TOPIC)
         for number in (*range(64), *range(188, 200)):
@@ -109,7 +109,7 @@ def test_places_are_told_in_seconds_of_the_recording(tmp_path, block):
     )
 
 
-def test_a_measured_signal_that_ends_early_is_told(tmp_path, block):
+def test_a_measured_signal_that_ends_early_is_reported(tmp_path, block):
     with BagWriter(tmp_path / "bag") as writer:
         for topic, blocks in ((TOPIC, 64), ("/perturbation/reference", 400)):
             writer.add_topic(topic)

@@ -20,8 +20,8 @@ def verb(
     ] = False,
     seed: Annotated[int, typer.Option(help="Of states, noise and perturbation.")] = 1,
 ) -> dict[str, Any]:
-    """Lead three virtual subjects through the paper's experiment, record them as bags and validate
-    these like real ones (about 15 minutes).
+    """Lead three simulated subjects through the paper's experiment, record them as bags and
+    validate these like real ones (about 15 minutes).
 
     Writes subject_1 to subject_3 (bags of 45 minutes, together 1.2 GB) and validation/; bags that
     are there are used again.
