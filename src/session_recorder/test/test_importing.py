@@ -280,7 +280,7 @@ def test_missing_samples_are_reported_and_never_filled(write, tmp_path):
     source = write(**truth)
     kept = import_recording(source, tmp_path / "kept", STATED, torque_sign="rig")
     assert any(
-        "torque[N.m]: 3 samples are missing or not finite, first at t = 0.100000 s; kept as NaN"
+        "torque[N.m]: 3 samples are missing or not finite, from t = 0.100000 to 5.000000 s; kept"
         in w
         for w in kept.warnings
     )

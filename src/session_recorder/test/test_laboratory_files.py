@@ -18,6 +18,14 @@ from laboratory_files import (
     irregular,
     trial,
 )
+from program_files import (
+    HAVE_A_COMMAND,
+    HAVE_EMG,
+    PROGRAMS,
+    plantarflexion,
+    right_angle,
+    rows_written_twice,
+)
 
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import ImportRefused
@@ -25,8 +33,15 @@ from session_recorder.importing import import_recording, propose, read_table
 from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.sampling import judge_times, resample_columns
 
+# What the proposed line or the import says of a file, and what it must not say.
+SAID = {
+    right_angle: {"--neutral 90": True, "--positive": False},
+    plantarflexion: {"--positive plantarflexion": True, "--neutral": False},
+    rows_written_twice: {"16 of them hold the same numbers": True, "--resample": False},
+}
 
-@pytest.mark.parametrize("make", IMPORTED, ids=lambda make: make.__name__)
+
+@pytest.mark.parametrize("make", [*IMPORTED, *PROGRAMS], ids=lambda make: make.__name__)
 def test_laboratory_files_are_imported_by_the_proposed_line(make, tmp_path):
     make(tmp_path / "file")
     (source,) = tmp_path.iterdir()
@@ -39,6 +54,8 @@ def test_laboratory_files_are_imported_by_the_proposed_line(make, tmp_path):
         torque_sign=proposal.torque_sign,
         rate=proposal.rate,
         resample=proposal.resample,
+        neutral=proposal.neutral,
+        positive=proposal.positive,
     )
     made = trial(2048.0, 20_000) if "rounded" in make.__name__ else TRIAL
     assert report.rate == pytest.approx(2048.0 if "rounded" in make.__name__ else RATE)
@@ -55,11 +72,17 @@ def test_laboratory_files_are_imported_by_the_proposed_line(make, tmp_path):
         f"{name}={column}" in line.replace("'", "").replace('"', "")
         for name, column in proposal.columns.items()
     )
+    said = f"{line} {' '.join(report.warnings)}"
+    for option, expected in SAID.get(make, {}).items():
+        assert (option in said) is expected, said
+    if make in HAVE_EMG:
+        names, emg = BagReader(tmp_path / "bag").signal("/emg/samples")
+        np.testing.assert_allclose(emg[:, names.index("SOL[V]")], TRIAL["emg"], atol=1e-9)
     if make is csv_emg:
         names, emg = BagReader(tmp_path / "bag").signal("/emg/samples")
         assert names == ("t[s]", "SOL[V]", "TA[V]", "GL[V]", "GM[V]")
         np.testing.assert_allclose(emg[:, 1], TRIAL["emg"], atol=1e-12)
-    if make is csv_reference:
+    if make in (csv_reference, *HAVE_A_COMMAND):
         assert (
             BagReader(tmp_path / "bag").signal("/perturbation/reference")[0][1] == "position[rad]"
         )

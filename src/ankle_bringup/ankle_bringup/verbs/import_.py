@@ -52,6 +52,20 @@ def verb(
             "mean rate."
         ),
     ] = None,
+    neutral: Annotated[
+        float | None,
+        typer.Option(
+            help="The file's angle of the neutral ankle, in its own unit; it is taken off. 90 "
+            "where the file counts the angle between shank and foot."
+        ),
+    ] = None,
+    positive: Annotated[
+        str | None,
+        typer.Option(
+            help="The direction in which the file's angle rises: 'dorsiflexion', which is assumed, "
+            "or 'plantarflexion', with which angle, velocity and torque are turned round."
+        ),
+    ] = None,
     missing: Annotated[
         str,
         typer.Option(help="Samples that are not finite: 'nan' keeps them, 'gap' leaves them out."),
@@ -91,6 +105,8 @@ def verb(
         torque_sign = torque_sign or proposal.torque_sign
         rate = rate or proposal.rate
         resample = proposal.resample if resample is None else resample
+        neutral = proposal.neutral = proposal.neutral if neutral is None else neutral
+        positive = proposal.positive = positive or proposal.positive
         _show(proposal, source, target)
         if not accept and not _agreed():
             raise RunError("nothing is imported yet: type the line above, or add --yes")
@@ -102,6 +118,8 @@ def verb(
             torque_sign=torque_sign,
             rate=rate,
             resample=resample,
+            neutral=neutral or 0.0,
+            positive=positive or "dorsiflexion",
             missing=missing,
             force=force,
             rig=RigFile.load(rig) if rig is not None else None,

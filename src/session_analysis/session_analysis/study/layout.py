@@ -43,12 +43,16 @@ NUMBERS = (
              description="Largest voluntary torque in dorsiflexion."),
 )  # fmt: skip
 """Numbers of a sidecar file, by the key ``symbol[unit]``."""
-CHOICES = {"side": ("left", "right"), "torque_sign": ("rig", "subject")}
+CHOICES = {
+    "side": ("left", "right"),
+    "torque_sign": ("rig", "subject"),
+    "positive": ("dorsiflexion", "plantarflexion"),
+}
 TEXTS = (
     "posture", "electrode_placement", "rig_calibration", "subject_calibration",
     "software_version", "task", "recorded", "remarks",
 )  # fmt: skip
-IMPORT_KEYS = ("columns", "rate[Hz]", "resample[Hz]")
+IMPORT_KEYS = ("columns", "rate[Hz]", "resample[Hz]", "neutral")
 """Keys that say how a file of another system is imported."""
 
 
@@ -161,7 +165,16 @@ def check_stated(stated: object, where: Path | str) -> None:
         elif key in TEXTS:
             if not isinstance(value, str):
                 raise AnalysisError(f"{where}: {key} = {value!r} is refused; allowed: a text")
-        elif key not in IMPORT_KEYS:
+        elif key == "columns":
+            if not isinstance(value, Mapping):
+                raise AnalysisError(
+                    f"{where}: columns = {value!r} is refused; allowed: names with units and the "
+                    'file\'s columns, as {"position[deg]": "Ankle angle"}'
+                )
+        elif key in IMPORT_KEYS:
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise AnalysisError(f"{where}: {key} = {value!r} is refused; allowed: a number")
+        else:
             raise AnalysisError(f"{where}: unknown key '{key}'; known: {', '.join(known)}")
 
 

@@ -139,10 +139,13 @@ def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
     table.rate = stated.get("rate[Hz]") or table.rate
     columns, sign = stated.get("columns"), stated.get("torque_sign")
     resample = stated.get("resample[Hz]")
+    neutral, positive = stated.get("neutral"), stated.get("positive")
     if columns is None:
         proposal = propose(table)
         columns, sign = proposal.columns, sign or proposal.torque_sign
         resample = resample or proposal.resample
+        neutral = proposal.neutral if neutral is None else neutral
+        positive = positive or proposal.positive
     report = import_recording(
         table,
         imported_bag(derived),
@@ -150,6 +153,8 @@ def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
         torque_sign=sign,
         rate=None if any(name.startswith("t[") for name in columns) else table.rate,
         resample=resample,
+        neutral=neutral or 0.0,
+        positive=positive or "dorsiflexion",
         overwrite=True,
     )
     return report.bag

@@ -16,7 +16,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.laboratory_units import split_header
+from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.tables import Table, optional_library
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
@@ -105,10 +105,19 @@ def _hdf5(source: Path) -> dict[str, Any]:
     arrays: dict[str, Any] = {}
 
     def visit(name: str, item: Any) -> None:
-        if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "biuf":
+        if not isinstance(item, h5py.Dataset) or name.startswith("#refs#"):
+            return
+        if item.attrs.get("MATLAB_class") == b"cell" and item.dtype == h5py.ref_dtype:
+            cells = [file[reference] for reference in item[()].reshape(-1)]
+            if all(cell.attrs.get("MATLAB_class") == b"char" for cell in cells):
+                arrays[name.replace("/", ".")] = [
+                    "".join(map(chr, np.asarray(cell).reshape(-1))) for cell in cells
+                ]
+            return
+        if item.dtype.kind not in "biuf":
             return
         about = item.attrs
-        if about.get("MATLAB_class") in (b"char", b"cell") or about.get("MATLAB_empty"):
+        if about.get("MATLAB_class") == b"char" or about.get("MATLAB_empty"):
             return
         # Matlab stores columns first, HDF5 rows first.
         arrays[name.replace("/", ".")] = item[()].T if "MATLAB_class" in about else item[()]
@@ -116,6 +125,24 @@ def _hdf5(source: Path) -> dict[str, Any]:
     with h5py.File(source, "r") as file:
         file.visititems(visit)
     return arrays
+
+
+def _labels(arrays: dict[str, Any], matrix: str, columns: int) -> list[str]:
+    """Return the names of a matrix' columns, where a list of as many texts stands beside it.
+
+    One of the same structure counts before others; without any, columns are numbered.
+    """
+    beside = matrix.rpartition(".")[0]
+    found = []
+    for name, value in arrays.items():
+        texts = [] if isinstance(value, str) else list(np.asarray(value).reshape(-1))
+        stripped = [text.strip() for text in texts if isinstance(text, str)]
+        if len(texts) != columns or len(stripped) != columns or not all(stripped):
+            continue
+        is_units = any(known_unit(text) is not None for text in stripped)
+        if len(set(stripped)) == columns and not is_units:
+            found.append((name.rpartition(".")[0] != beside, stripped))
+    return min(found)[1] if found else [str(k + 1) for k in range(columns)]
 
 
 def _table(source: Path, arrays: dict[str, Any]) -> Table:
@@ -135,8 +162,9 @@ def _table(source: Path, arrays: dict[str, Any]) -> Table:
         if array.shape[1] > TRANSPOSED_BELOW * array.shape[0]:
             array = array.T
             table.notes.append(f"{name} holds its signals in rows; they are read as columns")
-        for k in range(array.shape[1]):
-            table.add(f"{name}:{k + 1}", np.ascontiguousarray(array[:, k], dtype=float), unit)
+        for k, label in enumerate(_labels(arrays, name, array.shape[1])):
+            own = unit or split_header(label)[1]
+            table.add(f"{name}:{label}", np.ascontiguousarray(array[:, k], dtype=float), own)
     return table
 
 

@@ -4,30 +4,19 @@ rate.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from session_recorder.importing.laboratory_units import known_unit
+from session_recorder.importing.cells import Cell, number
+from session_recorder.importing.header_lines import fits, names_and_units, stated_rate
 
-Cell = str | float | None
-# What programs write for a value that is not there.
-EMPTY_CELLS = frozenset(
-    {"", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a", "#num!", "#div/0!", "#value!"}
-)
 COMMENTS = ("#", "%", "//")
 MAX_HEADER_ROWS = 400
 """Number of rows from the start in which the numbers must begin."""
 CONFIRMING_ROWS = 4
 """Number of rows of the same kind after the first one, before it counts as the first row of
 numbers."""
-_CLOCK = re.compile(r"^(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)$")
-_RATE = re.compile(
-    r"(?:sampl\w*[\s_-]*(?:rate|freq\w*|frequenz)?|abtastrate|frame\s*rate|frequency|fs|rate)"
-    r"[\s_:=,;\t]*(?:\(?\[?hz\)?\]?)?[\s:=,;\t]*(\d+(?:[.,]\d+)?)\s*(k?)(?:hz|s/s|sps)?\b",
-    re.IGNORECASE,
-)
 
 
 @dataclass(frozen=True)
@@ -53,42 +42,6 @@ class Layout:
     units: dict[str, str]
     rate: float | None
     score: tuple[float, ...]
-
-
-def number(cell: Cell, decimal: str = ".") -> float | None:
-    """Return the number in a cell.
-
-    Parameters
-    ----------
-    cell
-        A text, a number, or None for an empty one.
-    decimal
-        Decimal mark: ``.`` or ``,``.
-
-    Returns
-    -------
-    float | None
-        NaN for what programs write for a missing value, seconds for a time of day
-        (``00:01:02.5``), None where it is no number.
-    """
-    if cell is None:
-        return float("nan")
-    if isinstance(cell, (int, float)):
-        return float(cell)
-    text = cell.strip()
-    if text.lower() in EMPTY_CELLS:
-        return float("nan")
-    if decimal == ",":
-        text = text.replace(",", ".")
-    try:
-        return float(text.replace("\u2212", "-")) if "_" not in text else None
-    except ValueError:
-        pass
-    match = _CLOCK.match(text)
-    if match is None:
-        return None
-    hours, minutes, seconds = match.groups()
-    return 3600.0 * float(hours or 0) + 60.0 * float(minutes) + float(seconds.replace(",", "."))
 
 
 def _is_data(row: Sequence[Cell], decimal: str) -> bool:
@@ -135,58 +88,13 @@ def understand(
     if first is None:
         return None
     above = [*comments, *looked[:first]]
-    names, units = _names(above, width)
+    names, units = names_and_units(above, width)
     body = looked[first:]
     cells = [number(cell, decimal) is not None for row in body for cell in row]
     score = (
         sum(good[first:]) / len(body),
         sum(cells) / max(1, len(cells)),
-        float(any(_fits(row, width) for row in above)),
+        float(any(fits(row, width) for row in above)),
         float(width),
     )
-    return Layout(first, names, units, _stated_rate(above), score)
-
-
-def _fits(row: Sequence[Cell], width: int) -> bool:
-    """Return whether a row can hold the names: a cell for each column, one more behind (LabVIEW's
-    comment), or one less (R's row names).
-    """
-    return abs(len(row) - width) <= (1 if width > 1 else 0) and bool(_texts(row))
-
-
-def _texts(row: Sequence[Cell]) -> list[str]:
-    return [cell.strip() for cell in row if isinstance(cell, str) and number(cell) is None]
-
-
-def _names(above: Sequence[Sequence[Cell]], width: int) -> tuple[tuple[str, ...], dict[str, str]]:
-    candidates = [row for row in above if _fits(row, width)]
-    units_row: Sequence[Cell] | None = None
-    if len(candidates) > 1 and _is_units(candidates[-1]):
-        units_row = candidates.pop()
-    texts = _stretched(candidates[-1], width) if candidates else [""] * width
-    names = tuple(text or str(k + 1) for k, text in enumerate(texts))
-    if units_row is None:
-        return names, {}
-    stated = [known_unit(text) for text in _stretched(units_row, width)]
-    return names, {name: unit for name, unit in zip(names, stated, strict=True) if unit}
-
-
-def _stretched(row: Sequence[Cell], width: int) -> list[str]:
-    texts = ["" if cell is None else str(cell).strip() for cell in row]
-    return ["", *texts] if len(texts) == width - 1 else texts[:width]
-
-
-def _is_units(row: Sequence[Cell]) -> bool:
-    texts = [text for text in _texts(row) if text]
-    known = [known_unit(text) is not None for text in texts]
-    odd = [text for text, is_known in zip(texts, known, strict=True) if not is_known]
-    return any(known) and all(text[0] in "([{" or len(text) <= 3 for text in odd)
-
-
-def _stated_rate(above: Sequence[Sequence[Cell]]) -> float | None:
-    for row in above:
-        match = _RATE.search("\t".join("" if cell is None else str(cell) for cell in row))
-        if match:
-            value = float(match[1].replace(",", ".")) * (1000.0 if match[2] else 1.0)
-            return value if value > 0 else None
-    return None
+    return Layout(first, names, units, stated_rate(above), score)

@@ -18,10 +18,10 @@ _WORDS = {
 }
 _REFERENCE = r"ref(erence)?\b|\bref|command|\bcmd|target|set ?point|desired|soll|doel|stimulus"
 MUSCLES = {
-    "SOL": r"\bsol\b|soleus",
-    "TA": r"\bta\b|tibialis|tib ?ant",
-    "GL": r"\b(gl|lg|gasl|lgas|lgm)\b|gas\w* ?lat|lat\w* ?gas",
-    "GM": r"\b(gm|mg|gasm|mgas|mgm)\b|gas\w* ?med|med\w* ?gas",
+    "SOL": r"\b[lr]?sol\b|soleus",
+    "TA": r"\b[lr]?ta\b|tibialis|tib ?ant",
+    "GL": r"\b(r?gl|r?lg|gasl|lgas|lgm)\b|gas\w* ?lat|lat\w* ?gas",
+    "GM": r"\b(r?gm|r?mg|gasm|mgas|mgm)\b|gas\w* ?med|med\w* ?gas",
 }
 _NO_SIGNAL = r"frame|index|count|sample ?(no|number|nr)|\brow\b|trial|marker|event|trigger"
 
@@ -77,6 +77,11 @@ def _quantity_of_unit(unit: str | None) -> str | None:
         "rad/s^2": "acceleration",
         "N.m": "torque",
     }.get(si)
+
+
+def is_commanded(name: str) -> bool:
+    """Return whether a column's name says that it is a command, whatever is commanded."""
+    return re.search(_REFERENCE, _plain(name)) is not None
 
 
 def counts_samples(name: str) -> bool:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ankle_interfaces.continuity import RATE_TOLERANCE, Continuity
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.sampling import judge_times, resample_columns
-from session_recorder.importing.statement import RATE_RANGE
+from session_recorder.importing.sampling import judge_times, repeated_times, resample_columns
+from session_recorder.importing.statement import EMG_TOPIC, RATE_RANGE
 
 SHOWN_FINDINGS = 5
 
@@ -47,6 +47,8 @@ def convert(
     sign: float,
     rate: float | None,
     resample: float | None,
+    neutral: float = 0.0,
+    direction: float = 1.0,
 ) -> Signals:
     """Return the columns of a table in SI, on even times where that is asked for or harmless.
 
@@ -60,8 +62,10 @@ def convert(
         Values of the file by column.
     sign
         1 or -1 for torque.
-    rate, resample
+    rate, resample, neutral
         See `import_recording`.
+    direction
+        1 or -1 for angles, velocities and torque.
 
     Raises
     ------
@@ -70,9 +74,13 @@ def convert(
     """
     signals = Signals(np.empty(0), rate or 0.0, {})
     for name, (topic, column, factor) in stated.items():
-        values = table[columns[name]] * (factor * sign if column == "torque[N.m]" else factor)
+        values = table[columns[name]]
+        if topic and column == "position[rad]":
+            values = values - neutral
+        values = values * (factor * sign if column == "torque[N.m]" else factor)
         if topic:
-            signals.columns.setdefault(topic, {})[column] = values
+            turned = values if topic == EMG_TOPIC else values * direction
+            signals.columns.setdefault(topic, {})[column] = turned
         else:
             signals.time = values
     length = len(next(iter(table.values())))
@@ -80,6 +88,7 @@ def convert(
         raise ImportRefused(f"{length} sample(s); a recording has at least 2")
     if len(signals.time):
         _keep_dated(signals)
+        _keep_once(signals)
         _make_even(signals, resample)
         _check_time(signals, rate)
     else:
@@ -92,9 +101,29 @@ def _keep_dated(signals: Signals) -> None:
     if finite.all():
         return
     signals.warnings.append(f"{int((~finite).sum())} samples have no time and are left out")
-    signals.time = signals.time[finite]
+    _keep(signals, finite)
+
+
+def _keep_once(signals: Signals) -> None:
+    """Leave out samples that repeat the time of the sample before, which has their place."""
+    repeated = repeated_times(signals.time)
+    if not repeated.any():
+        return
+    at = np.flatnonzero(repeated)
+    columns = [values for held in signals.columns.values() for values in held.values()]
+    same = np.all([np.equal(v[at], v[at - 1]) for v in columns], axis=0)
+    signals.warnings.append(
+        f"{len(at)} samples have the time of the sample before them (first at t = "
+        f"{signals.time[at[0]]:.6f} s) and are left out; {int(same.sum())} of them hold the same "
+        "numbers as well"
+    )
+    _keep(signals, ~repeated)
+
+
+def _keep(signals: Signals, kept: np.ndarray) -> None:
+    signals.time = signals.time[kept]
     signals.columns = {
-        topic: {name: v[finite] for name, v in held.items()}
+        topic: {name: v[kept] for name, v in held.items()}
         for topic, held in signals.columns.items()
     }
 

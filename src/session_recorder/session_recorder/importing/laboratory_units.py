@@ -48,7 +48,7 @@ _BY_LOWER = {key.lower(): unit for key, unit in _BY_SPELLING.items() if key not 
 _BY_LOWER.update({"nm": "N.m", "n.m": "N.m", "n-m": "N.m"})
 
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\(\[\{<](?P<unit>[^()\[\]{}<>]*)[\)\]\}>]\s*$")
-_BEHIND = re.compile(r"^(?P<name>.+?)(?:\s*,\s*|\s*/\s*|\s+in\s+|[\s_]+)(?P<unit>\S+)\s*$")
+_SEPARATOR = re.compile(r"\s*,\s*|\s*/\s*|\s+in\s+|[\s_]+")
 
 
 def known_unit(text: str) -> str | None:
@@ -74,15 +74,19 @@ def split_header(name: str) -> tuple[str, str | None]:
     Parameters
     ----------
     name
-        As ``Time (s)``, ``Torque_Nm``, ``Angle, deg``, ``Pos/rad``.
+        As ``Time (s)``, ``Torque_Nm``, ``SOL_EMG_uV``, ``Angle, deg``, ``Pos/rad``.
 
     Returns
     -------
     tuple[str, str | None]
         The name without unit, and the project's spelling of the unit; None without one.
     """
-    for pattern in (_IN_BRACKETS, _BEHIND):
-        match = pattern.match(name.strip())
-        if match and (unit := known_unit(match["unit"])) is not None:
-            return match["name"].strip(), unit
-    return name.strip(), None
+    name = name.strip()
+    match = _IN_BRACKETS.match(name)
+    if match and (unit := known_unit(match["unit"])) is not None:
+        return match["name"].strip(), unit
+    for separator in _SEPARATOR.finditer(name):
+        unit = known_unit(name[separator.end() :]) if separator.start() else None
+        if unit is not None:
+            return name[: separator.start()], unit
+    return name, None

@@ -4,13 +4,14 @@ allows.
 
 from __future__ import annotations
 
+import re
 from itertools import permutations
 
 import numpy as np
 
 from ankle_interfaces.units import to_si
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.column_names import MUSCLES, quantity_of
+from session_recorder.importing.column_names import MUSCLES, is_commanded, quantity_of
 from session_recorder.importing.plausibility import (
     LARGEST_EMG,
     LARGEST_TORQUE,
@@ -23,6 +24,7 @@ from session_recorder.importing.possible_units import (
     largest,
     possible_angle,
     readings,
+    same_quantity,
 )
 from session_recorder.importing.proposal import Proposal
 from session_recorder.importing.sampling import Sampling
@@ -33,6 +35,12 @@ _TYPICAL_INERTIA = 0.013
 """[kg.m^2] The paper's ankle; of two readings that are possible the nearer one is likelier."""
 _EMG_RMS = (1e-7, 2e-3)
 """[V] Rms of surface EMG, from a relaxed to a maximally contracted muscle."""
+_RIGHT_ANGLE = 90.0
+"""[deg] Of the neutral ankle in files that count the angle between shank and foot."""
+_NEAR_RIGHT_ANGLE = 1.0 / 3.0
+"""Part of a right angle by which the middle of such a recording may differ from it."""
+_PLANTARFLEXION = re.compile(r"plantar|(?<![a-z])pf(?![a-z])", re.IGNORECASE)
+_DORSIFLEXION = re.compile(r"dorsi|(?<![a-z])df(?![a-z])", re.IGNORECASE)
 _MAX_UNNAMED = 6
 """Columns without names that are tried as position and torque, each with each."""
 
@@ -79,6 +87,8 @@ def _by_name(table: Table, proposal: Proposal) -> dict[str, str]:
         # "Ankle angle" before "knee angle"; then the file's order.
         names.sort(key=lambda name: ("ankle" not in name.lower(), "knee" in name.lower()))
         found[quantity] = names[0]
+        first = table.columns[names[0]]
+        names[1:] = [name for name in names[1:] if not np.array_equal(table.columns[name], first)]
         if len(names) > 1:
             others = ", ".join(f"'{name}'" for name in names[1:4])
             proposal.doubts.append(f"{quantity} is taken from '{names[0]}', not from {others}")
@@ -96,6 +106,8 @@ def _by_data(table: Table, found: dict[str, str], sampling: Sampling, proposal: 
     best: tuple[float, str, str] | None = None
     for position, torque in permutations(free, 2):
         if len(even[position]) != len(even[torque]):
+            continue
+        if same_quantity(even[position], even[torque]):
             continue
         for fit, _, _ in readings(even[position], even[torque], None, None, sampling.rate):
             if best is None or fit.explained > best[0]:
@@ -117,6 +129,8 @@ def _mechanics(table: Table, found: dict[str, str], sampling: Sampling, proposal
     even = even_columns(table, mechanical.values(), sampling, proposal)
     position, torque = mechanical.get("position"), mechanical.get("torque")
     angle_unit = table.units.get(position or "")
+    if position:
+        angle_unit = _conventions(even, position, angle_unit, proposal)
     torque_unit = table.units.get(torque or "")
     fit = None
     if position and torque and len(even[position]) == len(even[torque]):
@@ -144,6 +158,7 @@ def _mechanics(table: Table, found: dict[str, str], sampling: Sampling, proposal
         unit = angle_unit or _guess_angle(even[position], position, proposal)
         _state(proposal, "position", unit, position, table)
         angle_unit = unit
+        _commanded_angle(table, mechanical, position, angle_unit, proposal)
     if velocity := mechanical.get("velocity"):
         _velocity(table, velocity, even, position, angle_unit, sampling, proposal)
     for quantity in ("reference_position", "reference_velocity", "reference_acceleration"):
@@ -155,10 +170,54 @@ def _mechanics(table: Table, found: dict[str, str], sampling: Sampling, proposal
         _torque(table, torque, torque_unit, fit, proposal)
 
 
+def _conventions(
+    even: dict[str, np.ndarray], name: str, unit: str | None, proposal: Proposal
+) -> str | None:
+    """State where the file's angle has its zero and in which direction it rises; return its unit,
+    which a right angle tells as well.
+    """
+    middle = float(np.median(values)) if len(values := even[name][np.isfinite(even[name])]) else 0.0
+    for candidate in (unit,) if unit else ("deg",):
+        right = _RIGHT_ANGLE * to_si("deg")[1] / to_si(candidate)[1]
+        if abs(abs(middle) - right) < _NEAR_RIGHT_ANGLE * right:
+            proposal.neutral = float(np.copysign(round(right, 4), middle))
+            even[name] = even[name] - proposal.neutral
+            proposal.doubts.append(
+                f"'{name}' is about {middle:.3g} {candidate}, as where {proposal.neutral:g} is the "
+                "neutral ankle: this is taken off"
+            )
+            unit = candidate
+    if _PLANTARFLEXION.search(name) and not _DORSIFLEXION.search(name):
+        proposal.positive = "plantarflexion"
+        proposal.reasons.append(f"'{name}' rises in plantarflexion by its name")
+    elif not _DORSIFLEXION.search(name):
+        proposal.doubts.append(
+            f"numbers do not tell in which direction '{name}' rises: dorsiflexion is assumed; if "
+            "it is plantarflexion, add --positive plantarflexion"
+        )
+    return unit
+
+
 def _state(proposal: Proposal, quantity: str, unit: str, name: str, table: Table) -> None:
     proposal.columns[f"{quantity}[{unit}]"] = name
     if name in table.units:
         proposal.reasons.append(f"'{name}' is {quantity}: its name or the file says so, in {unit}")
+
+
+def _commanded_angle(
+    table: Table, mechanical: dict[str, str], position: str, unit: str, proposal: Proposal
+) -> None:
+    """Find a commanded angle whose name says only that it is a command: it moves as the angle."""
+    if "reference_position" in mechanical:
+        return
+    measured = table.columns[position]
+    for name, values in table.columns.items():
+        if name == position or name in table.units or not is_commanded(name):
+            continue
+        if len(values) == len(measured) and same_quantity(measured, values):
+            _state(proposal, "reference_position", unit, name, table)
+            proposal.reasons.append(f"'{name}' is a command and moves as '{position}'")
+            return
 
 
 def _guess_angle(values: np.ndarray, name: str, proposal: Proposal) -> str:

@@ -87,7 +87,9 @@ def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
         if spread > LARGEST_SPREAD or largest > LARGEST_POSITION:
             found.append(
                 f"position spans {spread:.4g} rad and reaches {largest:.4g} rad, an ankle's range "
-                f"is {LARGEST_SPREAD:g} rad" + _suggest(largest, ANGLE_UNITS, LARGEST_POSITION)
+                f"is {LARGEST_SPREAD:g} rad"
+                + _suggest(largest, ANGLE_UNITS, LARGEST_POSITION)
+                + _suggest_neutral(position)
             )
     for name, limit, units in (
         ("torque[N.m]", LARGEST_TORQUE, TORQUE_UNITS),
@@ -110,6 +112,16 @@ def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
                 "possible" + _suggest(largest, units, limit)
             )
     return found
+
+
+def _suggest_neutral(position: np.ndarray) -> str:
+    """Return the option for a file that counts angles from another zero than the neutral ankle."""
+    if np.ptp(position) > LARGEST_SPREAD:
+        return ""
+    return (
+        " Or does the file count from another zero? Then state its angle of the neutral ankle, as "
+        "in --neutral 90"
+    )
 
 
 def _suggest(largest: float, units: dict[str, float], limit: float) -> str:

@@ -20,7 +20,10 @@ from session_recorder.importing.plausibility import (
 _MIN_MOVEMENT = 1e-3
 """[rad] Movements that show an ankle's mechanics are larger; position noise alone is below."""
 _POSITION_UNITS = ("deg", "rad", "mrad")
-TORQUE_UNITS = ("N.m", "mN.m", "N.cm", "kN.m")
+TORQUE_UNITS = ("N.m", "mN.m", "N.mm", "N.cm")
+_SAME_CORRELATION, _SAME_GAIN = 0.9, (0.8, 1.25)
+"""Two columns that correlate and vary alike in the same numbers are one angle twice, commanded and
+measured, not an angle and a torque."""
 
 
 def readings(
@@ -44,6 +47,23 @@ def readings(
                 and largest(torque) * to_si(force)[1] <= LARGEST_TORQUE
             ):
                 yield fit, angle, force
+
+
+def same_quantity(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two columns, shape (n,), are one quantity twice, as an angle commanded and
+    measured.
+    """
+    good = np.isfinite(one) & np.isfinite(other)
+    if good.sum() < 2:
+        return False
+    a, b = one[good] - one[good].mean(), other[good] - other[good].mean()
+    spread_a, spread_b = float(np.sqrt(a @ a)), float(np.sqrt(b @ b))
+    if spread_a == 0.0 or spread_b == 0.0:
+        return False
+    low, high = _SAME_GAIN
+    return bool(
+        a @ b > _SAME_CORRELATION * spread_a * spread_b and low < spread_b / spread_a < high
+    )
 
 
 def largest(values: np.ndarray) -> float:

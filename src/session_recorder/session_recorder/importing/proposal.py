@@ -21,6 +21,8 @@ class Proposal:
         ``rig`` or ``subject``; None without torque.
     resample
         Rate [Hz] of an even grid; None where the sampling is regular.
+    neutral, positive
+        Angle of the neutral ankle in the file's unit, and the direction in which it rises.
     reasons
         One sentence for each part.
     doubts
@@ -31,6 +33,8 @@ class Proposal:
     rate: float | None = None
     torque_sign: str | None = None
     resample: float | None = None
+    neutral: float = 0.0
+    positive: str = "dorsiflexion"
     reasons: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -45,4 +49,8 @@ class Proposal:
             parts += ["--rate", f"{self.rate:.10g}"]
         if self.resample:
             parts += ["--resample", f"{self.resample:.10g}"]
+        if self.neutral:
+            parts += ["--neutral", f"{self.neutral:.10g}"]
+        if self.positive != "dorsiflexion":
+            parts += ["--positive", self.positive]
         return shlex.join(parts)

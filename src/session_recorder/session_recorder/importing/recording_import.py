@@ -28,6 +28,7 @@ from session_recorder.importing.plausibility import (
     intrinsic,
 )
 from session_recorder.importing.statement import (
+    DIRECTIONS,
     EMG_TOPIC,
     TORQUE_SIGNS,
     check_grid,
@@ -85,6 +86,8 @@ def import_recording(
     torque_sign: str | None = None,
     rate: float | None = None,
     resample: float | None = None,
+    neutral: float = 0.0,
+    positive: str = "dorsiflexion",
     missing: str = "nan",
     force: bool = False,
     rig: RigFile | None = None,
@@ -111,6 +114,12 @@ def import_recording(
     resample
         Rate [Hz] of an even grid onto which the samples are interpolated; 0 takes their mean rate.
         Needed where the time column is irregular.
+    neutral
+        Angle of the neutral ankle, in the unit of the position's column: 90 where a file counts
+        the angle between shank and foot. It is taken off the measured and the commanded angle.
+    positive
+        Direction in which the file's angle rises. With ``plantarflexion`` angles, velocities and
+        torque are turned round.
     missing
         What becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
     force
@@ -132,15 +141,23 @@ def import_recording(
     """
     columns = {spelled(name): column for name, column in columns.items()}
     stated = {name: meaning(name) for name in columns}
-    check_statement(stated, torque_sign, rate, missing)
+    check_statement(stated, torque_sign, rate, missing, positive)
     check_grid(resample)
     table = source if isinstance(source, Table) else read_table(source)
     source = table.source
     chosen = table.choose(list(dict.fromkeys(columns.values())))
-    ignored = [name for name in table.names if name not in chosen]
+    times = [chosen[column] for name, column in columns.items() if name.startswith("t[")]
+    ignored = [
+        name
+        for name in table.names
+        if name not in chosen
+        and f"{name}:1" not in table.columns  # a name that stands above several columns
+        and not any(np.array_equal(table.columns.get(name, []), time) for time in times)
+    ]
     if progress:
         progress(0.3)
-    signals = convert(columns, stated, chosen, TORQUE_SIGNS[torque_sign or "rig"], rate, resample)
+    sign = TORQUE_SIGNS[torque_sign or "rig"]
+    signals = convert(columns, stated, chosen, sign, rate, resample, neutral, DIRECTIONS[positive])
     signals.warnings[:0] = table.notes
     signals.contradictions += check_units(columns, table.units)
     found = _check_signals(signals, torque_sign or "rig")
@@ -161,6 +178,8 @@ def import_recording(
                     f"{name} = {column}" for name, column in columns.items()
                 ),
                 "stated_torque_sign": torque_sign or "no torque",
+                "stated_neutral": f"{neutral:g}",
+                "stated_positive": positive,
                 "sampling_rate[Hz]": f"{signals.rate!r}",
                 "warnings": "\n".join(signals.warnings),
             }
@@ -228,14 +247,17 @@ def _check_signals(signals: Signals, torque_sign: str) -> Intrinsic | None:
 
 def _report_missing(signals: Signals, missing: str) -> None:
     fate = "kept as NaN" if missing == "nan" else "left out as gaps"
-    for topic, held in signals.columns.items():
+    alike: dict[bytes, list[str]] = {}
+    for held in signals.columns.values():
         for name, values in held.items():
-            bad = np.flatnonzero(~np.isfinite(values))
-            if len(bad):
-                signals.warnings.append(
-                    f"{topic} {name}: {len(bad)} samples are missing or not finite, first at t = "
-                    f"{signals.time[bad[0]]:.6f} s; {fate}"
-                )
+            alike.setdefault(np.packbits(~np.isfinite(values)).tobytes(), []).append(name)
+    for mask, names in alike.items():
+        bad = np.flatnonzero(np.unpackbits(np.frombuffer(mask, np.uint8)))
+        if len(bad):
+            signals.warnings.append(
+                f"{', '.join(names)}: {len(bad)} samples are missing or not finite, from t = "
+                f"{signals.time[bad[0]]:.6f} to {signals.time[bad[-1]]:.6f} s; {fate}"
+            )
 
 
 def _write(writer: BagWriter, signals: Signals, missing: str, progress: Progress | None) -> int:

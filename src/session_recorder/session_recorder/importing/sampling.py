@@ -15,6 +15,9 @@ from session_recorder.errors import ImportRefused
 MAX_IRREGULAR_SHARE = 0.01
 """Largest share of the steps that may be off without being whole numbers of intervals; a late
 sample once in a while is a fault of the recording, more is its nature."""
+MAX_REPEATED_SHARE = 0.01
+"""Largest share of samples that may have the time of the one before, as where a writer repeats a
+row once in a while; more are times with too few digits."""
 MAX_BRIDGED = 5.0
 """Largest number of median intervals that resampling bridges by a line; a longer pause stays a gap.
 """
@@ -42,6 +45,23 @@ class Sampling:
     kind: str
     rate: float
     sentence: str = ""
+
+
+def repeated_times(time: np.ndarray) -> np.ndarray:
+    """Return which samples have the time of the sample before and can be left out.
+
+    Parameters
+    ----------
+    time
+        [s], shape (n,).
+
+    Returns
+    -------
+    np.ndarray
+        Booleans of shape (n,); all False where more than `MAX_REPEATED_SHARE` repeat a time.
+    """
+    repeated = np.diff(time, prepend=np.nan) == 0.0
+    return repeated & (np.count_nonzero(repeated) <= MAX_REPEATED_SHARE * len(time))
 
 
 def judge_times(time: np.ndarray) -> Sampling:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.cell_grid import MAX_HEADER_ROWS, Cell, number, understand
+from session_recorder.importing.cell_grid import MAX_HEADER_ROWS, understand
+from session_recorder.importing.cells import Cell, number
 from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.tables import Table, optional_library
 

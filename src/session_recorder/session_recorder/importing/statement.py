@@ -14,6 +14,8 @@ from session_recorder.importing.laboratory_units import known_unit
 # Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the
 # subject exerts.
 TORQUE_SIGNS = {"rig": 1.0, "subject": -1.0}
+# The direction in which the angle of a file rises, as a factor to this project's.
+DIRECTIONS = {"dorsiflexion": 1.0, "plantarflexion": -1.0}
 MISSING_POLICIES = ("nan", "gap")
 # Quantity -> topic and column there. EMG columns have the muscle's name and a unit of voltage.
 QUANTITIES = {
@@ -69,6 +71,7 @@ def check_statement(
     torque_sign: str | None,
     rate: float | None,
     missing: str,
+    positive: str,
 ) -> None:
     """Check that a statement is complete and does not contradict itself.
 
@@ -76,7 +79,7 @@ def check_statement(
     ----------
     stated
         What `meaning` says of each stated name.
-    torque_sign, rate, missing
+    torque_sign, rate, missing, positive
         See `import_recording`.
 
     Raises
@@ -99,6 +102,10 @@ def check_statement(
     if torque_sign is not None and torque_sign not in TORQUE_SIGNS:
         raise ImportRefused(
             f"torque sign '{torque_sign}' is not known; expected {' or '.join(TORQUE_SIGNS)}"
+        )
+    if positive not in DIRECTIONS:
+        raise ImportRefused(
+            f"positive direction '{positive}' is not known; expected {' or '.join(DIRECTIONS)}"
         )
     if missing not in MISSING_POLICIES:
         raise ImportRefused(

@@ -15,6 +15,7 @@ TIME = "t"
 """Name of the column with the time since the start [s], where the file states a sampling rate."""
 READERS = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), "text_tables"),
+    **dict.fromkeys((".mot", ".sto"), "text_tables"),
     ".npz": "array_tables",
     ".mat": "array_tables",
     **dict.fromkeys((".h5", ".hdf5"), "array_tables"),
@@ -158,8 +159,9 @@ def read_table(path: Path | str) -> Table:
     Parameters
     ----------
     path
-        Text (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``), ``.npz``, ``.mat`` (all
-        versions), ``.h5``, ``.xlsx``, ``.parquet``, ``.edf``, ``.bdf``, ``.c3d`` or ``.tdms``.
+        Text (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``, ``.mot``, ``.sto``),
+        ``.npz``, ``.mat`` (all versions), ``.h5``, ``.xlsx``, ``.parquet``, ``.edf``, ``.bdf``,
+        ``.c3d`` or ``.tdms``.
 
     Returns
     -------

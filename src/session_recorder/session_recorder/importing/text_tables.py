@@ -10,14 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.cell_grid import (
-    COMMENTS,
-    MAX_HEADER_ROWS,
-    Cell,
-    Layout,
-    number,
-    understand,
-)
+from session_recorder.importing.cell_grid import COMMENTS, MAX_HEADER_ROWS, Layout, understand
+from session_recorder.importing.cells import Cell, is_time_of_day, number, past_midnight
 from session_recorder.importing.laboratory_units import split_header
 from session_recorder.importing.tables import Table
 
@@ -189,6 +183,8 @@ def _add_columns(
                 )
                 continue
             data = np.array(column, dtype=float)
+            if is_time_of_day(_split(lines.texts[layout.first], delimiter)[index]):
+                data = past_midnight(data)
         if name == str(index + 1) and not np.isfinite(data).any():
             continue  # what a delimiter at the end of each line makes
         table.add(name, data, layout.units.get(name) or split_header(name)[1])

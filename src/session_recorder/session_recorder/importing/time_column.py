@@ -10,7 +10,12 @@ from ankle_interfaces.units import to_si
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.column_names import counts_samples
 from session_recorder.importing.proposal import Proposal
-from session_recorder.importing.sampling import MAX_GRID, Sampling, judge_times
+from session_recorder.importing.sampling import (
+    MAX_GRID,
+    Sampling,
+    judge_times,
+    repeated_times,
+)
 from session_recorder.importing.tables import TIME, Table
 
 _TIME_UNITS = ("s", "ms", "us")
@@ -37,6 +42,7 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
     name = found.pop("t", None) or _counting_column(table)
     if name is not None:
         times = table.columns[name][np.isfinite(table.columns[name])]
+        times = times[~repeated_times(times)]
         unit = table.units.get(name) or _time_unit(times)
         if unit is not None and len(times) > 1:
             try:
@@ -67,7 +73,8 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
         return Sampling("regular", table.rate)
     raise ImportRefused(
         f"{table.source}: no column looks like the time and the file states no sampling rate; it "
-        f"holds {', '.join(table.names)}. State the rate, as in --rate 2048"
+        f"holds {', '.join(table.names)}. State the rate [Hz] of its samples, as in: ankle "
+        f"import {table.source} --rate 2048"
     )
 
 
@@ -111,6 +118,8 @@ def even_columns(
     time = table.columns[time_name] * to_si(unit)[1]
     if any(len(values) != len(time) for values in columns.values()):
         return columns
+    kept = ~repeated_times(time)
+    time, columns = time[kept], {name: values[kept] for name, values in columns.items()}
     if sampling.kind == "irregular":
         order = np.argsort(time, kind="stable")
         order = order[np.isfinite(time[order])]
