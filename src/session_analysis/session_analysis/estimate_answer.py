@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ankle_interfaces.topics import ANKLE_SAMPLES
+from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.judgements import (
     ShareOfTime,
@@ -99,6 +99,11 @@ class Answer:
             return np.zeros(len(self.rows), dtype=bool)
         return self.valid & (self.column("doubt[1]") >= DOUBT_THRESHOLD)
 
+    def remarks(self) -> list[str]:
+        """Return what a reader of the values must know beside them, one sentence each."""
+        absent = [f"no second opinion: {self.no_opinion}"] if self.opinion is None else []
+        return [*self.notes, *absent]
+
     def median(self, quantity: str, half: int | None = None) -> tuple[float, float]:
         """Return the median over the valid estimates, and the median of their standard errors.
 
@@ -169,6 +174,13 @@ def answer(
         reason = str(error)
     if progress:
         progress("second opinion", 1.0)
+    notes = list(result.notes)
+    if PERTURBATION_REFERENCE.absolute not in BagReader(bag).topics:
+        notes.append(
+            "the recording has no commanded angle: without it torque that moves a rig that gives "
+            "way cannot be told from the ankle's answer, errors are larger and more is doubted. "
+            "Import the commanded angle as reference_position if the rig can record it"
+        )
     return Answer(
         bag,
         algorithm,
@@ -176,7 +188,7 @@ def answer(
         result.rows,
         result.torques,
         losses,
-        list(result.notes),
+        notes,
         opinion,
         reason,
         shares_of_invalid_time(result.judgements),

@@ -95,6 +95,23 @@ def test_the_report_answers_and_needs_no_network(tmp_path):
     assert np.isnan(answer(bag, estimates(valid_from=30.0), "CE", "").median("K[N.m/rad]", 0)[0])
 
 
+def test_the_terminal_says_that_a_command_is_absent_and_why_there_is_no_second_opinion(tmp_path):
+    gap = range(600, 663)
+    bag = write_bag(tmp_path / "bag", ankle(), left_out=gap)
+    remarks = " ".join(answer(bag, estimates(), "simultaneous", "").remarks())
+    assert "the recording has no commanded angle" in remarks
+    assert "no second opinion: 1 gap(s) in the samples" in remarks
+    whole = ankle()
+    with BagWriter(tmp_path / "commanded") as writer:
+        for topic in ("/ankle/samples", "/perturbation/reference"):
+            writer.add_topic(topic)
+        for first in range(0, len(whole), 32):
+            rows = whole[first : first + 32]
+            writer.write_block("/ankle/samples", Block(COLUMNS, rows))
+            writer.write_block("/perturbation/reference", Block(COLUMNS[:2], rows[:, :2]))
+    assert not answer(tmp_path / "commanded", estimates(), "simultaneous", "").remarks()
+
+
 def test_the_report_says_why_estimates_are_doubtful_or_not_valid(tmp_path):
     bag = write_bag(tmp_path / "bag", ankle(20.0))
     doubts = "both halves disagree; tissue relaxes"

@@ -80,8 +80,8 @@ def verb(
     losses = found.losses.sentences()
     for sentence in losses:
         console.print(f"loss: {sentence}")
-    for note in result.notes:
-        console.print(f"note: {note}")
+    for remark in found.remarks():
+        console.print(f"note: {remark}", soft_wrap=True)
     head, *rows = value_rows(found)
     table = Table(*head)
     for row in rows:
@@ -115,7 +115,7 @@ def verb(
         "median": result.median(),
         "held_out_vaf[%]": found.opinion.held_out_vaf if found.opinion else None,
         "losses": losses,
-        "notes": result.notes,
+        "notes": found.remarks(),
     }
 
 
