@@ -17,14 +17,20 @@ import pytest
 from ankle_interfaces.block import Block
 from ankle_node.session_event import SessionEvent
 from session_analysis.errors import AnalysisError
-from session_analysis.study.bids_export import export_bids
+from session_analysis.study.bids_export import export_bids, left_out
 from session_analysis.study.detectable_change import (
     EMPTY_SCATTER,
     detectable_change,
     detectable_changes,
     scatter,
 )
-from session_analysis.study.layout import Study, check_pseudonym, check_stated, init_study
+from session_analysis.study.layout import (
+    Study,
+    check_pseudonym,
+    check_recording,
+    check_stated,
+    init_study,
+)
 from session_analysis.study.recording_results import Row, process, verdict_rows
 from session_analysis.study.reliability import reliability
 from session_analysis.study.running import read_results, run_study, write_results
@@ -108,6 +114,8 @@ def test_names_of_persons_are_refused(subject):
         ({"side": "both"}, "allowed: left, right"),
         ({"name": "Anna"}, "unknown key 'name'"),
         ({"posture": 3}, "allowed: a text"),
+        ({"rate[Hz]": "fast"}, r"rate\[Hz\] = 'fast' is refused; allowed: a number"),
+        ({"columns": ["Time"]}, "allowed: names with units"),
         (["left"], "expected keys and values"),
     ],
 )
@@ -439,6 +447,58 @@ def test_bids_has_motion_and_emg_with_their_descriptions(study, tmp_path):
     assert signal.label == "SOL"
     np.testing.assert_allclose(signal.data[:1000], 20 * np.sin(100 * ankle()[0][:1000]), atol=1e-4)
     assert json.loads((tmp_path / "bids" / "dataset_description.json").read_text())["BIDSVersion"]
+
+
+def test_a_gap_of_emg_keeps_its_place_in_a_file_without_times(study, tmp_path):
+    entry = study.next_entry("S07", 1)
+    study.add(entry, {})
+    time = np.delete(np.arange(8000) / 1000, slice(3000, 5000))
+    volts = np.where(np.abs(time - 2.0) < 0.01, np.nan, 2e-5 * np.sin(100 * time))
+    with BagWriter(entry.source) as writer:
+        writer.add_topic("/emg/samples")
+        rows = np.column_stack([10 + time, volts])
+        for first in range(0, len(rows), 32):
+            block = Block(("t[s]", "SOL[V]"), rows[first : first + 32])
+            writer.write_block("/emg/samples", block)
+    (emg,) = export_bids(study, tmp_path / "bids")
+    values = edfio.read_bdf(emg).signals[0].data
+    np.testing.assert_allclose(values[6000:8000], 20 * np.sin(100 * time[4000:6000]), atol=1e-3)
+    about = json.loads(emg.with_name(emg.name.replace(".bdf", ".json")).read_text())
+    assert about["StartTime"] == 10.0
+    first, second = about["AbsentSamples"]
+    assert first == {"onset": 1.991, "duration": pytest.approx(0.019, abs=0.0015)}
+    assert second == {"onset": 3.0, "duration": 2.0}
+
+
+def test_a_file_that_could_not_be_imported_does_not_keep_the_others_from_export(study, tmp_path):
+    good, bad = study.next_entry("S07", 1), study.next_entry("S08", 1)
+    study.add(good, {})
+    write_bag(good.source)
+    study.add(bad, {})
+    bad.source.with_name(f"{bad.name}.csv").write_text("no,numbers\n")
+    rows, failures = run_study(study, 1, None, False)
+    assert {row.subject for row in rows} == {"S07"}
+    assert "Refused" not in failures[bad.name]
+    assert left_out(study) == study.failures()
+    (motion,) = export_bids(study, tmp_path / "bids")
+    assert motion.name.startswith("sub-S07")
+
+
+def test_what_is_no_recording_is_not_added(tmp_path):
+    (tmp_path / "notes.docx").write_text("x")
+    (tmp_path / "empty").mkdir()
+    for name, words in (("notes.docx", "'.docx' is not read"), ("empty", "is no bag"), ("x", "no")):
+        with pytest.raises(AnalysisError, match=words):
+            check_recording(tmp_path / name)
+
+
+def test_a_pseudonym_that_differs_by_capitals_alone_is_refused(study):
+    entry = study.next_entry("S07", 1)
+    study.add(entry, {})
+    write_bag(entry.source)
+    with pytest.raises(AnalysisError, match="the study has 'S07'"):
+        study.next_entry("s07", 2)
+    assert study.next_entry("S07", 2).visit == 2
 
 
 def test_bids_has_imported_files_or_says_that_they_are_missing(study, tmp_path):

@@ -48,6 +48,7 @@ def acqknowledge(path):
         "EMG - Soleus",
         "mV",
         "\tCH1\tCH2\tCH3",
+        f"\t{len(DEG)}\t{len(DEG)}\t{len(DEG)}",
     ]
     path.with_suffix(".txt").write_text(text(COLUMNS, delimiter="\t", header=header, end="\t"))
 

@@ -70,10 +70,9 @@ def add(
     """
     from dataclasses import replace
 
-    from session_analysis.study.layout import Study, read_stated
+    from session_analysis.study.layout import Study, check_recording, read_stated
 
-    if not recording.exists():
-        raise RunError(f"{recording}: no such file or folder")
+    check_recording(recording)
     stated = read_stated(sidecar) if sidecar else {}
     study = Study(folder)
     entry = study.next_entry(subject, visit)
@@ -134,8 +133,7 @@ def report(
     if subject and not any(row.subject == subject for row in rows):
         known = ", ".join(sorted({row.subject for row in rows})) or "none"
         raise RunError(f"no result of subject '{subject}'; there are results of {known}")
-    lines = (study.folder / DERIVATIVES / "failures.txt").read_text().splitlines()
-    failures = dict(line.partition(": ")[::2] for line in lines)
+    failures = study.failures()
     name = f"report_{subject}.html" if subject else "report.html"
     title = f"{study.name}: subject {subject}" if subject else study.name
     path = write_study_report(rows, failures, study.folder / DERIVATIVES / name, title, subject)
@@ -150,9 +148,12 @@ def export(
 
     Example: ankle study export my_study --out my_study_bids
     """
-    from session_analysis.study.bids_export import export_bids
+    from session_analysis.study.bids_export import export_bids, left_out
     from session_analysis.study.layout import Study
 
+    study = Study(folder)
     with steps() as step:
-        written = export_bids(Study(folder), out, step)
+        written = export_bids(study, out, step)
+    for name, why in left_out(study).items():
+        console.print(f"not exported: {name}: {why}", soft_wrap=True)
     console.print(f"{len(written)} files of data in {out.resolve()}", soft_wrap=True)

@@ -24,11 +24,32 @@ TRACKING = "rig"
 _KINDS = {"position": "ORNT", "velocity": "ANGVEL", "torque": "MISC"}
 
 
+def left_out(study: Study) -> dict[str, str]:
+    """Return files that an export leaves out, because 'ankle study run' could not import them.
+
+    Parameters
+    ----------
+    study
+        The study that is exported.
+
+    Returns
+    -------
+    dict[str, str]
+        Why, by the name of the recording.
+    """
+    failures = study.failures()
+    return {
+        entry.name: failures[entry.name]
+        for entry in study.entries()
+        if entry.name in failures and not (_bag_of(study, entry) / METADATA_FILE).exists()
+    }
+
+
 def export_bids(
     study: Study, out: Path, progress: Callable[[str, float], None] | None = None
 ) -> list[Path]:
     """Write every recording of a study as BIDS; files from elsewhere as 'ankle study run' imported
-    them.
+    them, without those that it could not import (`left_out`).
 
     Parameters
     ----------
@@ -53,10 +74,16 @@ def export_bids(
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise AnalysisError(f"{out} is not an empty folder; nothing is overwritten")
-    entries = study.entries()
+    absent = left_out(study)
+    entries = [entry for entry in study.entries() if entry.name not in absent]
     if not entries:
-        raise AnalysisError(f"{study.folder} has no recording")
+        raise AnalysisError(f"{study.folder} has no recording that can be exported")
     bags = {entry.name: _bag_of(study, entry) for entry in entries}
+    for entry in entries:
+        if not (bags[entry.name] / METADATA_FILE).exists() and not entry.source.is_dir():
+            raise AnalysisError(
+                f"{entry.source} is not imported yet: 'ankle study run {study.folder}' imports it"
+            )
     out.mkdir(parents=True, exist_ok=True)
     about = {
         "Name": study.name,
@@ -82,14 +109,7 @@ def _json(path: Path, content: dict[str, Any]) -> None:
 
 
 def _bag_of(study: Study, entry: Entry) -> Path:
-    if entry.source.is_dir():
-        return entry.source
-    bag = imported_bag(study.derived(entry))
-    if not (bag / METADATA_FILE).exists():
-        raise AnalysisError(
-            f"{entry.source} is not imported yet: 'ankle study run {study.folder}' imports it"
-        )
-    return bag
+    return entry.source if entry.source.is_dir() else imported_bag(study.derived(entry))
 
 
 def _export(entry: Entry, bag: BagReader, folder: Path) -> list[Path]:
@@ -128,15 +148,33 @@ def _motion(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
     return path
 
 
+def _without_gaps(data: np.ndarray, rate: float) -> tuple[np.ndarray, list[dict[str, float]]]:
+    """Return samples on an even grid, shape (n, m), zero where a value is absent, and where these
+    stretches begin and how long they last [s], counted from the first sample.
+    """
+    place = np.round((data[:, 0] - data[0, 0]) * rate).astype(int)
+    whole = np.full((int(place.max()) + 1, data.shape[1]), np.nan)
+    whole[place[place >= 0]] = data[place >= 0]
+    whole[:, 0] = data[0, 0] + np.arange(len(whole)) / rate
+    bad = ~np.isfinite(whole).all(axis=1)
+    edges = np.flatnonzero(np.diff(bad.astype(int), prepend=0, append=0))
+    absent = [
+        {"onset": float(begin / rate), "duration": float((end - begin) / rate)}
+        for begin, end in edges.reshape(-1, 2)
+    ]
+    return np.nan_to_num(whole), absent
+
+
 def _emg(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
     columns, data = bag.signal(EMG_SAMPLES.absolute)
     rate = sampling_rate(data[:, 0])
+    data, absent = _without_gaps(data, rate)
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{stem}_run-{entry.run:02d}"
     path = folder / f"{name}_emg.bdf"
     signals = []
     for column, values in zip(columns[1:], data[:, 1:].T, strict=True):
-        microvolts = 1e6 * np.nan_to_num(values)
+        microvolts = 1e6 * values
         most = max(1.0, float(np.max(np.abs(microvolts))))
         label = column.partition("[")[0]
         signals.append(
@@ -147,7 +185,14 @@ def _emg(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
     edfio.Bdf(signals).write(path)
     lines = ["name\ttype\tunits", *(f"{c.partition('[')[0]}\tEMG\tuV" for c in columns[1:])]
     (folder / f"{name}_channels.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    about = {"TaskName": TASK, "SamplingFrequency": rate, "EMGReference": "bipolar"}
+    about: dict[str, Any] = {
+        "TaskName": TASK,
+        "SamplingFrequency": rate,
+        "EMGReference": "bipolar",
+        # A BDF file has neither a time of each sample nor a mark for those that are absent.
+        "StartTime": float(data[0, 0]),
+        "AbsentSamples": absent,
+    }
     placement = entry.stated().get("electrode_placement")
     _json(folder / f"{name}_emg.json", {**about, "EMGPlacementScheme": placement or "n/a"})
     return path

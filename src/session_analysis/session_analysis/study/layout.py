@@ -139,6 +139,24 @@ def check_pseudonym(subject: str) -> str:
     return subject
 
 
+def check_recording(path: Path) -> None:
+    """Refuse what is neither a bag nor a file that can be imported.
+
+    Raises
+    ------
+    AnalysisError
+        Nothing is there, or it is something else.
+    """
+    if not path.exists():
+        raise AnalysisError(f"{path}: no such file or folder")
+    if path.is_dir() and not (any(path.glob("*.mcap")) or (path / "metadata.yaml").exists()):
+        raise AnalysisError(f"{path} is no bag: it holds no .mcap file")
+    if path.is_file() and path.suffix.lower() not in READERS:
+        raise AnalysisError(
+            f"{path}: '{path.suffix}' is not read; expected a bag, or one of {', '.join(READERS)}"
+        )
+
+
 def check_stated(stated: object, where: Path | str) -> None:
     """Check the content of a sidecar file.
 
@@ -213,6 +231,18 @@ class Study:
         """Return the table of all results."""
         return self.folder / DERIVATIVES / "results.parquet"
 
+    @property
+    def failures_file(self) -> Path:
+        """Return the list of recordings without a result."""
+        return self.folder / DERIVATIVES / "failures.txt"
+
+    def failures(self) -> dict[str, str]:
+        """Return why a recording gave no result when the study was run last, by its name."""
+        if not self.failures_file.exists():
+            return {}
+        lines = self.failures_file.read_text(encoding="utf-8").splitlines()
+        return dict(line.partition(": ")[::2] for line in lines)
+
     def derived(self, entry: Entry) -> Path:
         """Return the folder of what was computed from a recording."""
         return self.folder / DERIVATIVES / entry.name
@@ -239,11 +269,18 @@ class Study:
         Raises
         ------
         AnalysisError
-            A subject that may be a name, or a visit below 1.
+            A subject that may be a name, or is another's but for capital letters, or a visit
+            below 1.
         """
         check_pseudonym(subject)
         if visit < 1:
             raise AnalysisError(f"visit {visit} is refused; allowed: 1 and more")
+        for other in {entry.subject for entry in self.entries()} - {subject}:
+            if other.lower() == subject.lower():
+                raise AnalysisError(
+                    f"subject '{subject}' is refused: the study has '{other}', which differs by "
+                    "the size of letters alone"
+                )
         folder = self.folder / f"sub-{subject}" / f"ses-{visit:02d}"
         runs = [
             int(match["run"])

@@ -12,7 +12,7 @@ from typing import Any
 
 from ankle_node.parent_process import end_with_parent
 from session_analysis.errors import AnalysisError
-from session_analysis.study.layout import DERIVATIVES, Entry, Study
+from session_analysis.study.layout import Entry, Study
 from session_analysis.study.recording_results import Row, process
 
 Progress = Callable[[str, float], None]
@@ -71,8 +71,8 @@ def run_study(
                 progress(name, done / len(entries))
     ordered = [row for entry in entries for row in rows.get(entry.name, [])]
     write_results(ordered, study.results)
-    file = folder / DERIVATIVES / "failures.txt"
-    file.write_text("".join(f"{name}: {why}\n" for name, why in failures.items()))
+    lines = (f"{name}: {' '.join(why.split())}\n" for name, why in failures.items())
+    study.failures_file.write_text("".join(lines), encoding="utf-8")
     return ordered, failures
 
 
@@ -81,7 +81,8 @@ def _try(folder: Path, entry: Entry, diagnosed: bool) -> tuple[str, list[Row], s
     try:
         return entry.name, process(folder, entry, diagnosed), ""
     except (ValueError, OSError, ArithmeticError) as error:
-        return entry.name, [], f"{type(error).__name__}: {error}"
+        ours = type(error).__module__ != "builtins"  # says enough without the error's name
+        return entry.name, [], str(error) if ours else f"{type(error).__name__}: {error}"
 
 
 @contextmanager

@@ -51,6 +51,19 @@ def _is_data(row: Sequence[Cell], decimal: str) -> bool:
     return bool(real) and 2 * len(known) >= len(values)
 
 
+def _is_sample_count(rows: Sequence[Sequence[Cell]], decimal: str) -> bool:
+    """Return whether the first of two rows states how many samples each column has, as
+    AcqKnowledge's: one whole number above the columns that are named, empty elsewhere.
+    """
+    if len(rows) < 2 or len(rows[0]) < 2:
+        return False
+    numbers, following = ([number(cell, decimal) for cell in row] for row in rows)
+    filled = [value is not None and value == value for value in numbers]
+    stated = {value for value, is_filled in zip(numbers, filled, strict=True) if is_filled}
+    elsewhere = filled != [value is not None and value == value for value in following]
+    return elsewhere and len(stated) == 1 and float(stated.pop() or 0.5).is_integer()
+
+
 def understand(
     rows: Sequence[Sequence[Cell]], decimal: str = ".", comments: Sequence[Sequence[Cell]] = ()
 ) -> Layout | None:
@@ -87,6 +100,7 @@ def understand(
     )
     if first is None:
         return None
+    first += _is_sample_count(looked[first : first + 2], decimal)
     above = [*comments, *looked[:first]]
     names, units = names_and_units(above, width)
     body = looked[first:]
