@@ -11,6 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 BIN := $(VENV)/bin
 STAMP := $(VENV)/set-up
 REQUIREMENTS := $(wildcard requirements/*.txt)
+PACKAGES := $(foreach package,$(patsubst src/%/setup.py,%,$(wildcard src/*/setup.py)),src/$(package)/$(package))
 LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
 # make COLCON_PACKAGES="ankle_physics ankle_sim" test-colcon takes some packages only
 COLCON_PACKAGES ?=
@@ -100,7 +101,7 @@ compiled-%: setup
 lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check -q .
-	@$(BIN)/mypy --no-error-summary src/*/[a-z]*_*/
+	@$(BIN)/mypy --no-error-summary $(PACKAGES)
 
 manifests: setup
 	@$(BIN)/python test/manifests.py

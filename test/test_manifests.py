@@ -33,6 +33,14 @@ def test_colcon_has_tests_to_run_that_only_compute(package):
     assert any("\npytestmark = pytest.mark.live" not in file.read_text() for file in files)
 
 
+def test_every_package_is_type_checked():
+    done = subprocess.run(
+        ["make", "--dry-run", "lint"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    (checked,) = re.findall(r"/mypy (.*)", done.stdout)
+    assert {f"src/{package}/{package}" for package in PACKAGES} <= set(checked.split())
+
+
 def test_what_rosdep_lacks_is_in_the_requirements():
     named = {
         re.split(r"[=<>~!\[; ]", line)[0].lower()

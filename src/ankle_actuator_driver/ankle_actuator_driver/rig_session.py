@@ -43,7 +43,7 @@ LONG_PAUSE = LOST_AFTER / 2
 
 @dataclass(frozen=True)
 class News:
-    """Holds what a look at the line gave.
+    """Holds what one poll of the line brought.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class RigSession:
         threads[1].join(timeout=STOP_CONFIRMATION_TIMEOUT)
 
     def close(self) -> None:
-        """Give the line back."""
+        """Close the line."""
         self.link.close()
 
     def operate(self, name: str) -> Answer:

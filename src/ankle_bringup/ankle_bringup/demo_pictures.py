@@ -1,4 +1,4 @@
-"""The demo's pictures, for someone who has never seen the project."""
+"""The pictures of the demo, which need no knowledge of the project."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What every verb of the `ankle` command shows and asks alike: one console, one way to show
-progress, the options that several verbs share.
+"""The parts that the verbs of the `ankle` command share: one console, one way to show progress,
+common options.
 """
 
 from __future__ import annotations

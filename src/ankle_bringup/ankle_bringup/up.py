@@ -1,4 +1,4 @@
-"""Run a graph at a terminal: what it estimates, what is missing, until they stop it."""
+"""Run a graph from a terminal, which shows what it estimates and what is missing."""
 
 from __future__ import annotations
 

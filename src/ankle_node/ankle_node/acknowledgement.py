@@ -97,7 +97,7 @@ class Greetings:
         return max(self._node.count_publishers(self._topic) - len(self._readers), 0)
 
     def close(self) -> None:
-        """Hear no more of them."""
+        """Stop counting readers."""
         self._node.destroy_subscription(self._subscription)
 
 

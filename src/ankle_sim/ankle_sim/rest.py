@@ -41,7 +41,7 @@ class Rest:
         self._changed = at_rest
 
     def arm(self) -> str:
-        """Hold still and be ready to start; gives what to answer."""
+        """Hold the plate and allow a start; return the answer to the operator."""
         self.state = ARMED
         self._go(0.0)
         return "armed"
@@ -65,7 +65,7 @@ class Rest:
             self._goal, self._changed = goal, True
 
     def motion(self, time: np.ndarray, reference: np.ndarray) -> np.ndarray:
-        """Give what the plate is asked to do.
+        """Return the motion that the plate is asked for.
 
         Parameters
         ----------

@@ -1,5 +1,5 @@
-"""Parameters of the node that set the simulated subject; declared without its physics, so that who
-only names them, as the operator's page does, loads none.
+"""Parameters of the node that set the simulated subject; declared without its physics, so that
+a program that only needs the names, such as the operator's page, loads none of it.
 """
 
 from __future__ import annotations

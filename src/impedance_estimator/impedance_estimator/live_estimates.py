@@ -88,7 +88,9 @@ class LiveEstimates:
             self._successor.feed_reference(block)
 
     def feed(self, block: Block) -> tuple[Estimates, bool]:
-        """Take in one block of samples; what became due, and whether the successor took over."""
+        """Process one block of samples; return what became due, and whether the successor took
+        over.
+        """
         due = self.stream.feed(block)
         if self._successor is None:
             return due, False

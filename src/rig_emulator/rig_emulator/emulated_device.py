@@ -1,8 +1,8 @@
 """The rig's real-time controller as docs/rig_protocol.md demands it, in virtual time: packets in,
 plate motion and packets out.
 
-It trusts nobody: every rule of the driver is enforced here again. It has no clock and no socket of
-its own; the caller says what time it is by the rig's clock.
+It relies on no check of the driver: every rule is enforced here again. It has no clock and no
+socket of its own; the caller says what time it is by the rig's clock.
 """
 
 from __future__ import annotations

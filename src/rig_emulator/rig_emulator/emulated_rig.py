@@ -142,7 +142,7 @@ class EmulatedRig:
             self._say(f"{present[0].name.lower()}, fault: {present[1].lower()}")
 
     def close(self) -> None:
-        """Give the lines back."""
+        """Close the lines."""
         self._line.close()
         if self._switches is not None:
             self._switches.close()

@@ -1,5 +1,5 @@
-"""Parameters of the rig emulator: line, clock, faults, limits, and everything that `ankle_sim` lets
-one set of rig and joint.
+"""Parameters of the rig emulator: line, clock, faults, limits, and all parameters of rig and joint
+that `ankle_sim` has.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What `ankle validate` says and writes."""
+"""The result of `ankle validate`, in the terminal and as a report."""
 
 from __future__ import annotations
 

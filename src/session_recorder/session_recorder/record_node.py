@@ -127,7 +127,7 @@ class RecordNode(AnkleNode):
         self.health(topic, WARN, sentence)
 
     def _keep_safe(self) -> None:
-        """Bring what came to the disk, and end in good order before the disk is full."""
+        """Flush what was received to the disk, and end in good order before the disk is full."""
         if self.recording is None:
             return
         self.recording.bag.flush()

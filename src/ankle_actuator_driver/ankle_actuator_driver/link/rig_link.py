@@ -100,7 +100,7 @@ class RigLink(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Give the line back."""
+        """Close the line."""
 
     def ros_time_was_set(self) -> None:
         """Begin the mapping of the rig's clock again, because ROS time has jumped."""

@@ -1,5 +1,5 @@
 """The driver without ROS, packets and sockets: references and commands in, orders out; reports of
-the rig in, samples out. In anybody's time.
+the rig in, samples out. It has no clock of its own.
 
 Two clocks come in with every call: `now` runs steadily and decides what is late, `ros` dates
 samples. What the bridge has to say waits in `orders`, `samples` (blocks), `notes` (sentences) and

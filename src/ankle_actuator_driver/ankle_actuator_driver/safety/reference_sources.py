@@ -12,7 +12,7 @@ waiting for something itself."""
 
 
 class ReferenceSources:
-    """Knows the nodes at both ends of the reference."""
+    """Keeps the names of the nodes that publish and that read the reference."""
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()

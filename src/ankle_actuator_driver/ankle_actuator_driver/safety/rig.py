@@ -42,7 +42,7 @@ class DeviceFault(IntEnum):
 
 
 class Status(IntFlag):
-    """Lists the bits that say more about the rig."""
+    """Lists further properties of the rig, one bit each."""
 
     EMERGENCY_STOP_PRESSED = 1
     YIELDING = 2

@@ -1,4 +1,4 @@
-"""What of a session outlives its process: its progress, and the record of a conditioning course."""
+"""The files that keep a session beyond its process: its progress, and the record of a course."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ class SimulatedLearner:
         self._course = course
         self._gain = learner.reward_gain(course)
         self._random = np.random.default_rng(seed)
-        self._background = np.zeros(2)
+        self._background: np.ndarray = np.zeros(2)
         self.level = 0.0
         self.time = 0.0
 

@@ -306,7 +306,7 @@ MESSAGES = (Frame, State, TracesMessage, Answer, Command)
 def schemas() -> dict[str, Any]:
     """Return the JSON Schema of every message, by its ``type``."""
     return {
-        next(f.default for f in dataclasses.fields(kind) if f.name == "type"): _schema(kind)
+        str(next(f.default for f in dataclasses.fields(kind) if f.name == "type")): _schema(kind)
         for kind in MESSAGES
     }
 
@@ -327,7 +327,7 @@ def _schema(kind: Any) -> dict[str, Any]:
         return {"type": "array", "items": _schema(arguments[0])}
     if origin is dict:
         return {"type": "object", "additionalProperties": _schema(arguments[1])}
-    if not dataclasses.is_dataclass(kind):
+    if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
         raise TypeError(f"a message cannot hold {kind}")
     hints = typing.get_type_hints(kind)
     names = [field.name for field in dataclasses.fields(kind)]

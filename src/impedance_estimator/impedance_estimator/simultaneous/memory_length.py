@@ -85,7 +85,7 @@ def ask_memory(p: Plan, s: State, candidate: int, after: int) -> None:
 
 @part
 def choose_memory(p: Plan, s: State) -> None:
-    """Score the predictions of the last half second, and use the memory that they speak for."""
+    """Score the predictions of the last half second, and use the memory that they favour."""
     c = s.counters[0]
     if c.kept < 2 * p.horizon:
         # They were asked before there was anything to tell.

@@ -1,7 +1,7 @@
 """The schedule of sending: packets of the driver as they come, and heartbeats in between.
 
-A pure rule in anybody's time; `heartbeat_process` gives it a process and a clock of its own, which
-nothing that happens in the driver's process can hold up.
+A pure rule without a clock of its own; `heartbeat_process` gives it a process and a clock of its
+own, which nothing that happens in the driver's process can hold up.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ankle_actuator_driver.safety.watchdog import HEARTBEAT_PERIOD, LOST_AFTER
 
 
 class Heartbeats:
-    """Keeps a rig fed between the packets of its driver.
+    """Schedules heartbeats between the packets of the driver, so that no watchdog expires.
 
     A driver that has not said that it is alive for 100 ms may only switch off: all its other
     packets, and the heartbeats in its name, stay here.

@@ -57,7 +57,7 @@ class Transport(Protocol):
         """
 
     def close(self) -> None:
-        """Give the line back."""
+        """Close the line."""
 
 
 def address_towards(remote: tuple[str, int]) -> str:
