@@ -29,17 +29,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     asked = parser.parse_args()
 
-    terms = {
-        "inertia": {},
-        "viscosity": {},
-        "stiffness": {"K": asked.stiffness},
-        "reflex": {"G": asked.reflex_gain},
-    }
+    gains = {"stiffness": {"K": asked.stiffness}, "reflex": {"G": asked.reflex_gain}}
+    joint = Model.of({"inertia": {}, "viscosity": {}, **gains})
     perturbation = signal_from({p.name: p.default for p in PARAMETERS})
     rate = perturbation.settings.rate
     reference = perturbation.next(round(asked.seconds * rate))
-    recording = simulate(reference, rate, Model.of(terms), seed=1)
-
+    recording = simulate(reference, rate, joint, seed=1)
     streams = ((PERTURBATION_REFERENCE, reference), (ANKLE_SAMPLES, recording.measured))
     with BagWriter(asked.bag) as bag:
         for topic, values in streams:

@@ -75,5 +75,5 @@ def test_every_example_is_short_and_has_a_test():
     here = Path(__file__).parent
     tests = "".join(path.read_text() for path in here.glob("test_example*.py"))
     for path in EXAMPLES.rglob("*.py"):
-        assert len(path.read_text().splitlines()) <= 65, path.name
+        assert len(path.read_text().splitlines()) <= 50, path.name
         assert path.name in tests or path.parent != EXAMPLES, path.name
