@@ -27,7 +27,7 @@ from ankle_bringup.processes import Processes
 from ankle_node.domain import take_free_domain
 from session_recorder.bag_reader import BagReader
 
-SIMULATED, BRIDGED = "/emg/simulated", "/emg/samples"
+SIMULATED, BRIDGED_TOPIC = "/emg/simulated", "/emg/samples"
 VOLTAGE_TOLERANCE = (
     1e-10  # V; the amplifier sends microvolts as 32-bit numbers, good to 1e-11 V here
 )
@@ -111,7 +111,7 @@ def main() -> int:
             topic: len(bag.signal(topic)[1])
             for topic in ("/perturbation/reference", "/ankle/samples", SIMULATED)
         }
-        sent, received = bag.signal(SIMULATED)[1], bag.signal(BRIDGED)[1]
+        sent, received = bag.signal(SIMULATED)[1], bag.signal(BRIDGED_TOPIC)[1]
         responses, events = (
             bag.topics["/emg/responses"].count,
             bag.topics["/session/event"].count if "/session/event" in bag.topics else 0,

@@ -34,7 +34,7 @@ from calibrated_subject import ADDITIONAL_TERMS, subject
 from scipy_estimators import ScipyCE, ScipySimultaneous
 
 RATE, BLOCK = 2048.0, 32
-SECONDS, SETTLED = 60.0, 20.0
+SECONDS, SETTLING_TIME = 60.0, 20.0
 """[s] simulated, and from when on times count: memories are full."""
 FORGETTING = 0.9998
 """Per sample at 256 Hz: a memory of 20 s, as the simultaneous estimator's."""
@@ -66,7 +66,7 @@ def block_times(
         began = time.thread_time()
         process(piece)
         spent.append(time.thread_time() - began)
-    return np.array(spent[int(SETTLED * rate) // block :])
+    return np.array(spent[int(SETTLING_TIME * rate) // block :])
 
 
 def row(what: str, times: np.ndarray, against: float | None = None) -> None:

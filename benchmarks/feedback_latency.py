@@ -37,11 +37,11 @@ from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_recorder.bag_reader import BagReader
 
 LEVELS = (0.2, 0.35, 0.5, 0.65, 0.8)  # parts of the step
-STEP, FIRST, SPACING, STEPS = (5.0, 15.0), 60.0, 20.0, 8  # N.m.s/rad, s
+STEP, FIRST_STEP_TIME, SPACING, STEPS = (5.0, 15.0), 60.0, 20.0, 8  # N.m.s/rad, s
 LIMIT = 100.0  # ms beyond the estimator's rise
 LEAST_RATE = 25.0  # Hz
 # s: longest wait for a session that runs, how long it must run, and between two commands.
-PATIENCE, SETTLED, LOOK = 60.0, 3.0, 0.5
+PATIENCE, SETTLING_TIME, LOOK_PERIOD = 60.0, 3.0, 0.5
 PROTOCOL = {
     "baseline[s]": 600,
     "reach[s]": 1,
@@ -85,7 +85,7 @@ async def set_going(commander: Commander) -> None:
     A session that is armed before its rig is known stops when the rig appears.
     """
     deadline, running = time.monotonic() + PATIENCE, 0.0
-    while running < SETTLED:
+    while running < SETTLING_TIME:
         if time.monotonic() > deadline:
             raise SystemExit(
                 f"the session is {commander.state} after {PATIENCE:g} s: {commander.refusal}"
@@ -93,8 +93,8 @@ async def set_going(commander: Commander) -> None:
         wanted = {"idle": "arm", "paused": "arm", "armed": "start"}.get(commander.state)
         if wanted:
             commander.command(wanted)
-        await asyncio.sleep(LOOK)
-        running = running + LOOK if commander.state == "running" else 0.0
+        await asyncio.sleep(LOOK_PERIOD)
+        running = running + LOOK_PERIOD if commander.state == "running" else 0.0
 
 
 async def watch(port: int, seconds: float) -> dict:
@@ -221,7 +221,7 @@ def main() -> int:
         folder = Path(name)
         changes = [{"at[s]": 0, "reflex.G[N.m.s/rad]": STEP[0]}]
         changes += [
-            {"at[s]": FIRST + k * SPACING, "reflex.G[N.m.s/rad]": STEP[(k + 1) % 2]}
+            {"at[s]": FIRST_STEP_TIME + k * SPACING, "reflex.G[N.m.s/rad]": STEP[(k + 1) % 2]}
             for k in range(STEPS)
         ]
         scenario = folder / "steps.yaml"
@@ -233,7 +233,7 @@ def main() -> int:
             graph,
             folder / "steps",
             ["ankle_sim.subject=0", f"ankle_sim.scenario={scenario}"],
-            FIRST + STEPS * SPACING,
+            FIRST_STEP_TIME + STEPS * SPACING,
         )
         late, arrived = latencies(steps, bag)
         load.append(os.getloadavg()[0])

@@ -31,7 +31,7 @@ from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
 RATE, PASSES = 2048.0, 5
-COMPARED, LONG = 4.0, 240.0  # s
+COMPARED_DURATION, LONG_DURATION = 4.0, 240.0  # s
 K, B, I, G, DELAY, OMEGA, Z = 100.0, 0.63, 0.0137, 10.0, 0.040, 21.0, 0.8
 EDGE = 0.024  # s
 
@@ -144,7 +144,7 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     signal = PulseStep(Settings(rate=RATE, seed=3))
-    reference = signal.next(round(COMPARED * RATE))
+    reference = signal.next(round(COMPARED_DURATION * RATE))
     position, corners = exact_reference(signal)
     times = np.arange(len(reference)) / RATE
     model = Model.of()
@@ -155,7 +155,7 @@ def main() -> None:
     def error(values: np.ndarray) -> float:
         return float(np.std(values - truth) / np.std(truth))
 
-    long_reference = PulseStep(Settings(rate=RATE, seed=4)).next(round(LONG * RATE))
+    long_reference = PulseStep(Settings(rate=RATE, seed=4)).next(round(LONG_DURATION * RATE))
 
     def joint_alone() -> None:
         actuator = Actuator(Servo(), RATE)
@@ -167,8 +167,8 @@ def main() -> None:
                 )
             )
 
-    speed = LONG / median_time(lambda: simulate(long_reference, RATE, model, seed=1))
-    alone = LONG / median_time(joint_alone)
+    speed = LONG_DURATION / median_time(lambda: simulate(long_reference, RATE, model, seed=1))
+    alone = LONG_DURATION / median_time(joint_alone)
     print(
         f"ours, whole recording: {speed:.0f} x real time; joint and actuator alone: {alone:.0f} x "
         "real time",
@@ -182,9 +182,9 @@ def main() -> None:
                 spent = median_time(partial(solved, position, corners, times, method, tolerance))
                 print(
                     f"peer: solve_ivp {method}, relative tolerance {tolerance:.1e}: "
-                    f"{COMPARED / spent:.1f} x real time, error {found:.1e}; "
-                    f"ratio {alone * spent / COMPARED:.0f}, of the whole recording "
-                    f"{speed * spent / COMPARED:.0f}",
+                    f"{COMPARED_DURATION / spent:.1f} x real time, error {found:.1e}; "
+                    f"ratio {alone * spent / COMPARED_DURATION:.0f}, of the whole recording "
+                    f"{speed * spent / COMPARED_DURATION:.0f}",
                     flush=True,
                 )
                 break

@@ -63,7 +63,7 @@ than {longest:g} s, motion, or content that is silently wrong.
 | input | cases | accepted | refused | anything else |
 | --- | --- | --- | --- | --- |
 """
-LONGEST = 20.0  # s; what takes longer hangs
+LONGEST_CASE = 20.0  # s; what takes longer hangs
 LEAST_CASES = 200  # of an expensive kind, in a run of a million
 
 
@@ -155,7 +155,7 @@ def examine(kind: Kind, cases: int, seed: int, progress: Callable[[int], None]) 
                 last = traceback.extract_tb(error.__traceback__)[-1]
                 where = f"{Path(last.filename).name}:{last.lineno}"
                 problems.append(f"{kind.name} {index}: {type(error).__name__} ({where}): {error}")
-            if time.monotonic() - begin > LONGEST:
+            if time.monotonic() - begin > LONGEST_CASE:
                 problems.append(f"{kind.name} {index}: took {time.monotonic() - begin:.0f} s")
             progress(index)
     return Found(counts, problems)
@@ -205,7 +205,7 @@ def main() -> int:
         print(rows[-1], flush=True)
     closing = f"{total} cases, seed {given.seed}: {len(problems)} neither accepted nor refused."
     if not given.only:
-        head = HEAD.format(cases=given.cases, seed=given.seed, longest=LONGEST)
+        head = HEAD.format(cases=given.cases, seed=given.seed, longest=LONGEST_CASE)
         PAGE.write_text(f"{head}{chr(10).join(rows)}\n\n{closing}\n")
     print("\n".join([closing, *problems[:50]]))
     return int(bool(problems))

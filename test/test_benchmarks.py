@@ -13,7 +13,7 @@ PROGRAMS = sorted(
 """The others are what several of them use, or what one compares with."""
 PEERS = {"naming": "pysindy"}
 """What a benchmark compares with and `requirements/bench.txt` alone installs."""
-SMALL = {
+SMALL_ARGUMENTS = {
     "offline": ("--seconds", "45"),
     "simulation": (),
     "estimators": (),
@@ -44,10 +44,10 @@ def test_every_benchmark_is_documented():
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("name", SMALL_ARGUMENTS)
 def test_a_benchmark_that_only_computes_runs(name, tmp_path):
     done = subprocess.run(
-        [sys.executable, ROOT / "benchmarks" / f"{name}.py", *SMALL[name]],
+        [sys.executable, ROOT / "benchmarks" / f"{name}.py", *SMALL_ARGUMENTS[name]],
         cwd=tmp_path,
         capture_output=True,
         text=True,

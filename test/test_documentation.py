@@ -25,6 +25,14 @@ DOCUMENTED = (*FUNCTIONS, ast.ClassDef)
 PLURAL_NOUNS = {"Settings", "Numbers", "Constants", "Values", "Columns", "Torques", "Recordings"}
 """First words that end like the verb of a class's sentence ("Holds", "Describes") and are none."""
 PROPERTY_VERBS = {"Return", "Tell", "Say", "See"}
+NO_QUANTITY = """
+AFTERWARDS APART BRIDGED BUSY CERTAIN CHANGED CLEAR COARSE COMMON DETECTABLE DOUBTFUL ELSEWHERE
+ENOUGH EQUAL EVERYTHING EVERYWHERE FINE FIRST FORBIDDEN FOREIGN FOREVER FROZEN IGNORED KEPT
+LARGEST LATE LATEST LEARNT LIKELIER LONG LONGEST MISSING NEAR NEEDED NOTHING NOTICED PARTLY
+PLAUSIBLE REDUCED REQUIRED SAME SEEN SETTLED SHIPPED SHORT SHORTEST SHOWN SILENT SMALL SMALLEST
+TOGETHER USEFUL USUAL
+"""
+"""Words that leave open what a constant holds: the largest what, late by how much?"""
 NO_VERB = {
     "The",
     "A",
@@ -149,6 +157,20 @@ def test_a_docstring_is_a_sentence_that_begins_with_its_verb(package):
         for path in sorted((ROOT / "src" / package / package).rglob("*.py"))
         for node, (first, second, *_) in summaries(path)
         if not has_verb(node, first, second)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("folder", ["src", "test", "benchmarks", "examples", "docs"])
+def test_a_constant_is_named_by_what_it_holds(folder):
+    wrong = [
+        f"{path.relative_to(ROOT)}:{name.lineno}: {name.id}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for statement in ast.parse(path.read_text()).body
+        if isinstance(statement, (ast.Assign, ast.AnnAssign))
+        for name in ast.walk(statement)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+        if name.id.lstrip("_") in NO_QUANTITY.split()
     ]
     assert not wrong, "\n".join(wrong)
 

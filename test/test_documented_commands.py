@@ -24,7 +24,7 @@ from session_analysis.virtual_study import VirtualSession, record_session
 
 ALL = [(page.relative_to(ROOT), line) for page in PAGES for line in commands(page)]
 ANKLE = ".venv/bin/ankle"
-FOREIGN = ("rqt_plot",)
+OTHER_PROGRAMS = ("rqt_plot",)
 """Packages of a Jazzy desktop that are not ours."""
 ROS2_WORDS = {
     "run": 3,
@@ -100,7 +100,7 @@ def check_parameter(node, name):
 def test_what_is_documented_for_ros2_exists(page, line):
     words = shlex.split(line)[1:]
     assert words[0] in ROS2_WORDS, f"{page}: {line}"
-    if len(words) < ROS2_WORDS[words[0]] or words[1] in FOREIGN:
+    if len(words) < ROS2_WORDS[words[0]] or words[1] in OTHER_PROGRAMS:
         pass
     elif words[0] == "run":
         check_node(words[1:])
@@ -153,7 +153,7 @@ def test_every_documented_target_exists(page, line):
     assert set(targets) <= set(rules), f"{page}: {line}"
 
 
-SHORT = [
+SHORT_COMMANDS = [
     f"{ANKLE} --help",
     f"{ANKLE} parameter-file --out mine.yaml",
     f"{ANKLE} import trial.npz --help",
@@ -180,7 +180,7 @@ TESTED_ELSEWHERE = {
 def test_every_verb_of_the_readme_is_run_by_a_test():
     documented = {shlex.join(shlex.split(line)) for line in commands(ROOT / "README.md")}
     documented = {line for line in documented if line.startswith(ANKLE)}
-    run = {shlex.join(shlex.split(line)) for line in (*SHORT, *SESSION, *ANALYSIS)}
+    run = {shlex.join(shlex.split(line)) for line in (*SHORT_COMMANDS, *SESSION, *ANALYSIS)}
     assert documented - set(TESTED_ELSEWHERE) == run
     assert set(TESTED_ELSEWHERE) <= documented
 
@@ -193,7 +193,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("line", SHORT)
+@pytest.mark.parametrize("line", SHORT_COMMANDS)
 def test_the_short_commands_of_the_readme_do_what_they_say(line, folder, monkeypatch):
     assert line in commands(ROOT / "README.md")
     monkeypatch.chdir(folder)

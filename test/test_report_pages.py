@@ -10,15 +10,15 @@ pytestmark = [pytest.mark.live, pytest.mark.untimed]
 PHONE = {"width": 390, "height": 800}
 HEAD = ["effect", "in a model without it", "in the whole model", "what was recorded with it"]
 ROW = ["short_range_stiffness_of_the_plantarflexors", "K = 97.8 N.m/rad", "65.5 +- 6.3", "yes"]
-LONG = "distributed_short_range_stiffness_and_a_name_that_has_no_blank_in_it_at_all_for_a_line"
+LONG_NAME = "distributed_short_range_stiffness_and_a_name_that_has_no_blank_in_it_at_all_for_a_line"
 
 
 def write_diagnosis(path):
-    write_page("A diagnosis", [html_list([LONG]), html_table(HEAD, [ROW])], path)
+    write_page("A diagnosis", [html_list([LONG_NAME]), html_table(HEAD, [ROW])], path)
 
 
 def write_estimates(path):
-    parts = [html_page.bullets([LONG]), html_page.table([HEAD, ROW])]
+    parts = [html_page.bullets([LONG_NAME]), html_page.table([HEAD, ROW])]
     path.write_text(html_page.page("Estimates", parts, interactive=False), encoding="utf-8")
 
 

@@ -31,7 +31,7 @@ class Fault:
     name
         For the table.
     promise
-        One of the promises of `fault_table.KEPT`, or ``any``.
+        One of the promises of `fault_table.KEPT_STATES`, or ``any``.
     begin, end
         What happens to the laboratory.
     moment

@@ -21,7 +21,7 @@ COLUMNS = (
     "running again [s], median",
 )
 HEAD = f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}"
-KEPT = {
+KEPT_STATES = {
     "goes on": ("running",),
     "stops": ("ready", "stopping"),
     "faults": ("fault",),
@@ -70,7 +70,7 @@ class Case:
     def broken(self, promise: str) -> list[str]:
         """Return everything by which this case breaks its promise, as sentences."""
         found = list(self.problems)
-        if self.state not in KEPT.get(promise, (self.state,)):
+        if self.state not in KEPT_STATES.get(promise, (self.state,)):
             found.append(f"the driver was {self.state}: {self.reason}")
         if not np.isfinite(self.again):
             found.append("the plate did not run again")

@@ -25,8 +25,8 @@ from removed_controls import MUTANTS, Mutant
 
 ROOT = Path(__file__).resolve().parents[3]
 TESTS = "src/ankle_actuator_driver/test/"
-LONGEST = 120  # s of processor time for one mutant: a test that hangs has noticed, too
-LONGEST_WAIT = 3600.0  # s for a machine that is busy with something else
+CPU_TIME_LIMIT = 120  # s of processor time for one mutant: a test that hangs has noticed, too
+WALL_TIME_LIMIT = 3600.0  # s for a machine that is busy with something else
 
 
 def broken(mutant: Mutant, folder: Path) -> str:
@@ -41,7 +41,7 @@ def broken(mutant: Mutant, folder: Path) -> str:
 
 
 def _limit_processor_time() -> None:
-    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST + 5))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_TIME_LIMIT, CPU_TIME_LIMIT + 5))
 
 
 def run(mutant: Mutant) -> tuple[Mutant, str]:
@@ -74,12 +74,12 @@ def run(mutant: Mutant) -> tuple[Mutant, str]:
                 env=environment,
                 capture_output=True,
                 text=True,
-                timeout=LONGEST_WAIT,
+                timeout=WALL_TIME_LIMIT,
                 check=False,
                 preexec_fn=_limit_processor_time,
             )
         except subprocess.TimeoutExpired:
-            return mutant, f"ERROR: not decided within {LONGEST_WAIT:g} s"
+            return mutant, f"ERROR: not decided within {WALL_TIME_LIMIT:g} s"
     if found.returncode == -signal.SIGXCPU:
         return mutant, "killed (hangs)"
     if found.returncode == 1:

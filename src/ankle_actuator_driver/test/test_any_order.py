@@ -37,8 +37,8 @@ RATE = 2048.0
 AFTER_LAST_PACKET = 0.25  # s
 SLOW = 1e-3  # rad/s; of a plate that rests
 ANGLE, VELOCITY, ACCELERATION = 0.175, 5.0, 2000.0  # rad, rad/s, rad/s^2
-LARGEST = np.array([ANGLE, VELOCITY, ACCELERATION]) * (1 + 1e-5)
-BRIDGED = 0.04  # s; longer gaps are not bridged by a rig
+LARGEST_MOTION = np.array([ANGLE, VELOCITY, ACCELERATION]) * (1 + 1e-5)
+LONGEST_BRIDGED_GAP = 0.04  # s; longer gaps are not bridged by a rig
 JOIN = 1e-3  # rad; between the two ends of a pause at rest
 OFF_AFTER_STOP = 1.5  # s; even where the rig ignores its orders
 BOUNDARY = np.linalg.inv(
@@ -377,13 +377,13 @@ class AnyOrder(RuleBasedStateMachine):
             return
         lab = self.lab
         for stretch in lab.stretches[self.kept :]:
-            assert np.all(path_between(stretch.time, stretch.motion) <= LARGEST)
+            assert np.all(path_between(stretch.time, stretch.motion) <= LARGEST_MOTION)
             self.joined(stretch)
             self.last = (stretch.time[-1], stretch.motion[-1])
         if lab.state != "running":
             self.last = None
         for motion in lab.obeyed:
-            assert np.all(np.abs(motion).max(axis=0) <= LARGEST)
+            assert np.all(np.abs(motion).max(axis=0) <= LARGEST_MOTION)
         lab.obeyed, lab.sent = [], []
         lab.stretches = lab.stretches[-1:]  # `a_second_generator` goes by its times
         self.kept = len(lab.stretches)
@@ -394,8 +394,8 @@ class AnyOrder(RuleBasedStateMachine):
             return
         time = np.array([self.last[0], stretch.time[0]])
         ends = np.vstack([self.last[1], stretch.motion[0]])
-        if time[1] - time[0] <= BRIDGED:
-            assert np.all(path_between(time, ends) <= LARGEST)
+        if time[1] - time[0] <= LONGEST_BRIDGED_GAP:
+            assert np.all(path_between(time, ends) <= LARGEST_MOTION)
         else:
             assert abs(ends[1, 0] - ends[0, 0]) < JOIN
             assert np.all(np.abs(ends[:, 1]) < 0.05)
@@ -409,7 +409,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.seen = len(lab.device.commands)
         if len(commands) < 2:
             return
-        assert np.all(np.abs(commands[:, 1:]).max(axis=0) <= LARGEST)
+        assert np.all(np.abs(commands[:, 1:]).max(axis=0) <= LARGEST_MOTION)
         steps = np.abs(np.diff(commands[:, 1]))
         assert steps.max() <= 1.021 * VELOCITY / RATE
         assert (

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from fault_campaign import FAULTS
-from fault_table import KEPT, Case, Outcome, verdict, write_section
+from fault_table import KEPT_STATES, Case, Outcome, verdict, write_section
 
 GOOD = {"state": "fault", "rest": 0.1, "again": 0.3, "lost": 5, "reported": 5}
 
@@ -45,7 +45,7 @@ def test_a_row_shows_the_slowest_rest_and_sums_of_samples():
 def test_every_fault_of_the_campaign_has_a_name_of_its_own_and_a_known_promise():
     names = [fault.name for fault in FAULTS]
     assert len(names) == len(set(names)) >= 150
-    assert {fault.promise for fault in FAULTS} <= {*KEPT, "any"}
+    assert {fault.promise for fault in FAULTS} <= {*KEPT_STATES, "any"}
 
 
 def test_a_section_takes_the_place_of_the_one_with_its_title(tmp_path):

@@ -17,17 +17,17 @@ from ankle_bringup.errors import RunError
 from ankle_bringup.human_trials import Recording, fetch
 from session_recorder.bag_reader import BagReader
 
-REDUCED = Path(__file__).parents[4] / "shared" / "recordings" / "experimental_data_reduced.mat"
+REDUCED_FILE = Path(__file__).parents[4] / "shared" / "recordings" / "experimental_data_reduced.mat"
 
 
 @pytest.fixture
 def server(tmp_path):
     """A web server with the reduced copy of the public file; gives its address."""
-    if not REDUCED.exists():
-        pytest.skip(f"the reduced copy of the public recordings is not at {REDUCED}")
+    if not REDUCED_FILE.exists():
+        pytest.skip(f"the reduced copy of the public recordings is not at {REDUCED_FILE}")
     folder = tmp_path / "served"
     folder.mkdir()
-    shutil.copy(REDUCED, folder / "trials.mat")
+    shutil.copy(REDUCED_FILE, folder / "trials.mat")
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
         def log_message(self, *_):
@@ -42,7 +42,7 @@ def server(tmp_path):
 
 
 def checksum():
-    return hashlib.sha256(REDUCED.read_bytes()).hexdigest()
+    return hashlib.sha256(REDUCED_FILE.read_bytes()).hexdigest()
 
 
 def test_the_trials_become_bags_with_the_torque_that_moves_the_ankle(server, tmp_path):
@@ -53,7 +53,7 @@ def test_the_trials_become_bags_with_the_torque_that_moves_the_ankle(server, tmp
     # The reduced copy keeps the first trials and has zeros in the others.
     assert [Path(bag).name for bag in bags] == ["trial_1", "trial_2"]
     columns, data = BagReader(bags[0]).signal("/ankle/samples")
-    published = np.load(REDUCED.with_name("mcgill_1.npz"))
+    published = np.load(REDUCED_FILE.with_name("mcgill_1.npz"))
     assert len(data) == 60000
     np.testing.assert_allclose(data[:, columns.index("position[rad]")], published["position"])
     np.testing.assert_allclose(data[:, columns.index("torque[N.m]")], -published["torque"])

@@ -12,14 +12,14 @@ from ankle_interfaces.block import Block, pack, require_columns, select_columns,
 from ankle_interfaces.units import split_column, to_si
 
 SOURCES = Path(__file__).parents[2]
-APART = ("blind_rig",)
+INDEPENDENT_PACKAGES = ("blind_rig",)
 """The independent rig knows the format of a bag from its description alone."""
 
 
 def modules():
     for path in SOURCES.glob("*/*/**/*.py"):
         package = path.relative_to(SOURCES).parts[0]
-        if path.relative_to(SOURCES).parts[1] == package and package not in APART:
+        if path.relative_to(SOURCES).parts[1] == package and package not in INDEPENDENT_PACKAGES:
             yield path
 
 

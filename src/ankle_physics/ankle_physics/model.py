@@ -30,7 +30,7 @@ PLATE = (Place.ACTUATOR, Place.COUPLING)
 FOOT = (Place.INTRINSIC, Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
 SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 # What a fit states of the whole joint, and the term of the paper's model whose unit it has.
-STATED = {"K": "stiffness", "G": "reflex"}
+TERMS_OF_GAINS = {"K": "stiffness", "G": "reflex"}
 
 
 class StatedValue(NamedTuple):
@@ -358,12 +358,12 @@ def _flag(value: Any, term: str) -> bool:
 
 
 def _stated_key(symbol: str) -> str:
-    return _find(STATED[symbol]).parameter(symbol).key
+    return _find(TERMS_OF_GAINS[symbol]).parameter(symbol).key
 
 
 def _stated(content: Any) -> dict[str, StatedValue]:
     """Return the values under 'impedance' of a model file."""
-    symbols = {_stated_key(symbol): symbol for symbol in STATED}
+    symbols = {_stated_key(symbol): symbol for symbol in TERMS_OF_GAINS}
     if not isinstance(content, dict):
         raise ModelError(f"'impedance' names {', '.join(symbols)}; found {content!r}")
     found = {}

@@ -19,7 +19,7 @@ class Cable(Term):
     def torque(self, signals, values, state):
         return {{"c": signals.foot_position**5}}
 '''
-LOADED = """
+SCRIPT = """
 import sys
 import numpy as np
 from ankle_physics.model import Model
@@ -39,7 +39,7 @@ try:
 except ValueError as error:
     print("refused:", error)
 """
-REFUSED = {
+REFUSED_FILES = {
     TERM.format(name="stiffness"): "'stiffness' is taken by ankle_physics.terms.stiffness",
     TERM.format(name="Own Cable"): "'Own Cable' is not like",
     TERM.format(name="own_cable").replace("sentence =", "phrase ="): "state 'sentence'",
@@ -51,7 +51,7 @@ REFUSED = {
 def run(*folders: Path) -> list[str]:
     """Lines that a process says which loads these folders and then uses the term."""
     return subprocess.run(
-        [sys.executable, "-c", LOADED, *map(str, folders)],
+        [sys.executable, "-c", SCRIPT, *map(str, folders)],
         capture_output=True,
         text=True,
         check=True,
@@ -67,12 +67,12 @@ def test_a_model_may_hold_a_term_of_ones_own(tmp_path):
 
 
 def test_folders_that_cannot_be_used_are_refused_and_add_nothing(tmp_path):
-    folders = [tmp_path / str(number) for number in range(len(REFUSED))]
-    for folder, text in zip(folders, REFUSED, strict=True):
+    folders = [tmp_path / str(number) for number in range(len(REFUSED_FILES))]
+    for folder, text in zip(folders, REFUSED_FILES, strict=True):
         folder.mkdir()
         (folder / "cable.py").write_text(text)
     *said, base, own = run(*folders)
-    for line, words in zip(said, REFUSED.values(), strict=True):
+    for line, words in zip(said, REFUSED_FILES.values(), strict=True):
         assert line.startswith("refused:")
         assert words in line
     assert base == "stiffness is ankle_physics.terms.stiffness"

@@ -18,7 +18,12 @@ LEVELS = ("ok", "warning", "error", "stale")
 """Names of the levels of `diagnostic_msgs/DiagnosticStatus.level`."""
 NOT_VALID_WORDS = "not valid: "
 """Words with which the estimator begins its reason, in its message or in a figure."""
-FREE_DISK, MESSAGES, MISSING, READY = "free disk [MB]", "messages", "missing samples", "ready"
+FREE_DISK, MESSAGES, MISSING_SAMPLES, READY = (
+    "free disk [MB]",
+    "messages",
+    "missing samples",
+    "ready",
+)
 """Figures of the recorder, by which it is recognised whatever its name."""
 
 
@@ -97,7 +102,7 @@ class GraphHealth:
                 return {
                     "on": on,
                     "messages": _whole(status.figures[MESSAGES]),
-                    "missing": _whole(status.figures.get(MISSING, "")),
+                    "missing": _whole(status.figures.get(MISSING_SAMPLES, "")),
                     "free": _whole(status.figures[FREE_DISK]),
                 }
         return {"on": False, "messages": None, "missing": None, "free": None}

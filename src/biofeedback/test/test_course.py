@@ -24,7 +24,7 @@ from biofeedback.session.session_program import FINISHED, PAUSED, RUNNING, Sessi
 from biofeedback.session.simulated_learner import Learner, SimulatedLearner, run_course
 from biofeedback.session.target import Reading
 
-SHIPPED = ("down_training", "up_training")
+COURSES_OF_THE_PACKAGE = ("down_training", "up_training")
 
 
 def written(folder, **changes):
@@ -41,15 +41,15 @@ def written(folder, **changes):
 
 
 def test_the_shipped_courses_are_those_of_the_published_procedure():
-    for name in SHIPPED:
+    for name in COURSES_OF_THE_PACKAGE:
         course = load_course(name)
         assert (course.baseline_sessions, course.conditioning_sessions) == (6, 24)
         assert CourseSession(course, 1).planned == 225
         assert CourseSession(course, 7).planned == 245
         assert 0.5 <= course.success_rate <= 0.6
         assert course.background.duration == 2.0
-    assert {load_course(name).direction for name in SHIPPED} == {"up", "down"}
-    assert {load_course(name).measure for name in SHIPPED} == {"reflex_emg", "G"}
+    assert {load_course(name).direction for name in COURSES_OF_THE_PACKAGE} == {"up", "down"}
+    assert {load_course(name).measure for name in COURSES_OF_THE_PACKAGE} == {"reflex_emg", "G"}
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_perturbation_is_given_only_after_the_background_was_held(tmp_path):
     assert not [when for when in given if 20.0 <= when < 32.0 - 1e-6]
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", COURSES_OF_THE_PACKAGE)
 def test_a_subject_who_does_not_change_succeeds_at_the_stated_rate(name):
     course = load_course(name)
     session = CourseSession(course, course.baseline_sessions + 1)
@@ -277,7 +277,10 @@ def texts_of(figure):
     return places
 
 
-@pytest.mark.parametrize(("name", "done"), [(name, 30) for name in SHIPPED] + [(SHIPPED[0], 1)])
+@pytest.mark.parametrize(
+    ("name", "done"),
+    [(name, 30) for name in COURSES_OF_THE_PACKAGE] + [(COURSES_OF_THE_PACKAGE[0], 1)],
+)
 def test_no_text_of_a_courses_picture_is_cut_or_covered(name, done):
     # It takes most of a second to load, in every process that shares the tests.
     from biofeedback.session.course_picture import course_figure

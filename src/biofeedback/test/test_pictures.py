@@ -123,7 +123,7 @@ TRACES = messages.TracesMessage(
     },
     dict.fromkeys(("ankle", "estimate", "emg"), WIDTH),
 )
-FROZEN = "performance.now = () => 1000;"
+FROZEN_CLOCK = "performance.now = () => 1000;"
 
 
 def answer_as_the_node(socket):
@@ -145,7 +145,7 @@ def open_still(browser, laboratory):
             viewport={"width": width, "height": height},
         )
         page.set_default_timeout(PATIENCE)
-        page.add_init_script(FROZEN)
+        page.add_init_script(FROZEN_CLOCK)
         page.add_init_script(CANVAS_WORDS)
         page.route_web_socket("**/ws*", answer_as_the_node)
         page.goto(laboratory.url(path))

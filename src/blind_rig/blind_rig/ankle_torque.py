@@ -20,7 +20,7 @@ from blind_rig.anatomy import Interface, Muscle, Reflex
 MAXWELL, BRIDGES, BONDS, BOND_STRETCH, FRICTION, TENDON, SLID, LIFTED, LIFT = range(9)
 MUSCLE_STATES = 9
 # Places of the reflexes' states: each arc is torque and its slope; then what the arc has left.
-SPINAL, ANTAGONIST, LATE, LENGTH = 0, 2, 4, 6
+SPINAL, ANTAGONIST, LATE_REFLEX, LENGTH = 0, 2, 4, 6
 RESOURCE = 8
 REFLEX_STATES = 9
 # Longest reflex delay that the ring buffers must hold [s].
@@ -207,7 +207,7 @@ def reflex_torque(
         torque -= reflex.antagonist_G * scale * _twitch(other, omega, zeta, state, ANTAGONIST, dt)
     if reflex.late_G > 0.0:
         late = max(_before(velocity, now, reflex.late_delay, dt), 0.0)
-        torque += reflex.late_G * scale * _twitch(late, omega, zeta, state, LATE, dt)
+        torque += reflex.late_G * scale * _twitch(late, omega, zeta, state, LATE_REFLEX, dt)
     if reflex.length_G > 0.0:
         torque += (
             reflex.length_G

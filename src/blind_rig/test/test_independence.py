@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "blind_rig"
-FORBIDDEN = {"ankle_physics", "model_discrepancy", "ankle_sim"}
+SOFTWARE_UNDER_TEST = {"ankle_physics", "model_discrepancy", "ankle_sim"}
 OWN = {"blind_rig", "ankle_interfaces", "session_recorder"}
 LIBRARIES = {
     "numpy",
@@ -41,7 +41,7 @@ def _roots(tree: ast.AST) -> set[str]:
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: path.stem)
 def test_imports_only_what_is_allowed(module: Path) -> None:
     roots = _roots(ast.parse(module.read_text()))
-    assert not roots & FORBIDDEN
+    assert not roots & SOFTWARE_UNDER_TEST
     assert roots <= OWN | LIBRARIES | set(sys.stdlib_module_names)
 
 
@@ -87,7 +87,7 @@ def test_runs_where_the_software_under_test_cannot_be_imported(tmp_path: Path) -
 import sys
 class Blocked:
     def find_spec(self, name, path=None, target=None):
-        if name.split('.')[0] in {sorted(FORBIDDEN)!r}:
+        if name.split('.')[0] in {sorted(SOFTWARE_UNDER_TEST)!r}:
             raise ImportError('blocked: ' + name)
 sys.meta_path.insert(0, Blocked())
 sys.path.insert(0, {str(PACKAGE.parent)!r})
@@ -99,7 +99,7 @@ from blind_rig.trial import Trial, record, run
 trial = Trial(Setup(), Protocol('random_levels', 0.03, 0.02, 2.0), 1000.0, 0.1, 1)
 write_bag(Path({str(tmp_path / "case")!r}), record(trial, run(trial)), 1000.0,
           Contents(True, True, True))
-assert not set(sys.modules) & set({sorted(FORBIDDEN)!r})
+assert not set(sys.modules) & set({sorted(SOFTWARE_UNDER_TEST)!r})
 """
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ankle_physics.model import PAPER_TERMS, STATED, Model, StatedValue
+from ankle_physics.model import PAPER_TERMS, TERMS_OF_GAINS, Model, StatedValue
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place
 from calibration.errors import CalibrationError
@@ -185,6 +185,6 @@ def stated_values(parameters: Mapping[str, Mapping[str, float | None]]) -> dict[
     for key, given in parameters.items():
         symbol, error = key.split("[")[0], given.get("standard_error")
         value = given.get("augmented")
-        if symbol in STATED and value is not None and error is not None:
+        if symbol in TERMS_OF_GAINS and value is not None and error is not None:
             found[symbol] = StatedValue(float(value), float(error))
     return found

@@ -14,7 +14,7 @@ RECORDINGS = Path(__file__).resolve().parents[4] / "shared" / "recordings"
 TRIALS = ("mcgill_1", "mcgill_2")
 
 # Bounds of plausibility; docs/algorithm.md says where they come from and how firm they are.
-PLAUSIBLE = {
+PLAUSIBLE_RANGES = {
     "K[N.m/rad]": (20.0, 250.0),
     "B[N.m.s/rad]": (0.2, 3.0),
     "I[kg.m^2]": (0.005, 0.03),
@@ -49,7 +49,7 @@ def test_estimates_are_plausible_stable_and_independent_of_the_rate(trial, highp
     assert result.valid[0, 0] < 31.0
     assert np.all(result.rows[result.rows[:, 0] > 31.0, 7] == 1.0)
     values = result.median()
-    for name, (low, high) in PLAUSIBLE.items():
+    for name, (low, high) in PLAUSIBLE_RANGES.items():
         assert low < values[name] < high, f"{name} = {values[name]:.4g}"
     assert 50.0 < values["vaf_intrinsic[%]"] < values["vaf_total[%]"] < 100.0
     # Over half a minute K and I stay within a quarter of their median; B, into which reflex torque
@@ -59,7 +59,7 @@ def test_estimates_are_plausible_stable_and_independent_of_the_rate(trial, highp
     assert spread[2] < 0.25
     assert spread[1] < 0.5
     at_2048 = estimate(resample(trial, 1000.0, 2048.0), 2048.0, highpass).median()
-    for name in PLAUSIBLE:
+    for name in PLAUSIBLE_RANGES:
         assert at_2048[name] == pytest.approx(values[name], rel=0.05), name
 
 

@@ -11,7 +11,7 @@ from model_discrepancy.search.found import Found, Trial
 SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
 
 
-USUAL = SimpleNamespace(unusual=[], unexplainable=[])
+USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[])
 
 
 def found(score, effects=("a term",), contradicted=False):
@@ -53,30 +53,32 @@ def remainder(share, judged, torque_share=0.02, held=True):
 )
 def test_an_effect_explains_what_it_closes(score, left, judged, expected):
     left = remainder(left, judged, held=judged)
-    assert judge(found(score), left, [], USUAL, SCORES)[0] == expected
+    assert judge(found(score), left, [], USUAL_VARIABILITY, SCORES)[0] == expected
 
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     small = remainder(0.3, False, torque_share=8e-4, held=False)
-    assert judge(found(0.8), small, [], USUAL, SCORES)[0] == "explained"
-    assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
+    assert judge(found(0.8), small, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert judge(found(1.0, effects=()), small, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
 
 
 def test_a_residual_that_stays_predictable_is_not_explained_however_little_torque_it_is():
     small = remainder(0.3, True, torque_share=8e-4)
-    assert judge(found(0.4), small, [], USUAL, SCORES)[0] == "unexplained"  # 83 % are closed
-    assert judge(found(0.1), small, [], USUAL, SCORES)[0] == "explained"
+    assert (
+        judge(found(0.4), small, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
+    )  # 83 % are closed
+    assert judge(found(0.1), small, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
     moved = remainder(0.3, True, torque_share=8e-4, held=False)
-    assert judge(found(0.4), moved, [], USUAL, SCORES)[0] == "explained"
-    assert judge(found(1.0, effects=()), small, [], USUAL, SCORES)[0] == "no_mismatch"
+    assert judge(found(0.4), moved, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert judge(found(1.0, effects=()), small, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
 
 
 def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     useless = Scores(base=80.0, augmented=79.9, ceiling=82.0)
     nothing, much = remainder(0.02, True), remainder(0.3, True)
-    assert judge(found(0.9), nothing, [], USUAL, useless)[0] == "no_mismatch"
-    assert judge(found(0.9), nothing, [], USUAL, SCORES)[0] == "explained"
-    assert judge(found(0.9), much, [], USUAL, useless)[0] == "unexplained"
+    assert judge(found(0.9), nothing, [], USUAL_VARIABILITY, useless)[0] == "no_mismatch"
+    assert judge(found(0.9), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert judge(found(0.9), much, [], USUAL_VARIABILITY, useless)[0] == "unexplained"
     line = SimpleNamespace(unusual=["a narrow line"], unexplainable=[])
     assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
 
@@ -92,14 +94,19 @@ def test_names_beside_what_is_no_function_of_the_movement_do_not_explain_it():
 
 def test_names_that_leave_much_of_the_torque_that_is_predictable_do_not_explain_it():
     much, little = remainder(0.3, True, torque_share=0.06), remainder(0.3, True, torque_share=0.03)
-    assert judge(found(0.2), much, [], USUAL, SCORES)[0] == "unexplained"  # 14 % beside 6 %
-    assert judge(found(0.2), little, [], USUAL, SCORES)[0] == "explained"
+    assert (
+        judge(found(0.2), much, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
+    )  # 14 % beside 6 %
+    assert judge(found(0.2), little, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
 
 
 def test_names_that_a_term_of_little_torque_contradicts_do_not_explain_it():
     nothing = remainder(0.02, True)
-    assert judge(found(0.05), nothing, [], USUAL, SCORES)[0] == "explained"
-    assert judge(found(0.05, contradicted=True), nothing, [], USUAL, SCORES)[0] == "unexplained"
+    assert judge(found(0.05), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert (
+        judge(found(0.05, contradicted=True), nothing, [], USUAL_VARIABILITY, SCORES)[0]
+        == "unexplained"
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ from model_discrepancy.recording.recording import Recording
 
 RATE = 1000.0
 FOOT, PLATE, VISCOSITY, STIFFNESS = 0.014, 0.005, 0.8, 90.0
-LATE, VELOCITY_LATE = 3, 4  # samples
+TORQUE_LATE, VELOCITY_LATE = 3, 4  # samples
 RIG = RigFile(
     "laboratory 2",
     datetime(2026, 11, 20, tzinfo=timezone.utc),
-    torque_delay=Measured(LATE / RATE),
+    torque_delay=Measured(TORQUE_LATE / RATE),
     velocity_delay=Measured(VELOCITY_LATE / RATE),
     zero_position=0.3,
     zero_torque=-1.5,
@@ -35,7 +35,7 @@ def recording() -> Recording:
     torque = (
         (FOOT + PLATE) * np.gradient(velocity) * RATE + VISCOSITY * velocity + STIFFNESS * position
     )
-    torque = np.concatenate([np.zeros(LATE), torque[:-LATE]]) - 1.5
+    torque = np.concatenate([np.zeros(TORQUE_LATE), torque[:-TORQUE_LATE]]) - 1.5
     velocity = np.concatenate([np.zeros(VELOCITY_LATE), velocity[:-VELOCITY_LATE]])
     noise = random.standard_normal((2, len(position)))
     return Recording(
@@ -50,7 +50,7 @@ def test_what_the_rig_file_states_is_held_and_not_found_again():
     problem = prepare(recording(), rig=RIG)
     values = problem.base.values
     assert values["footplate_inertia"] == {"Ip": PLATE}
-    assert values["channel_skew"] == {"skew": LATE / RATE}
+    assert values["channel_skew"] == {"skew": TORQUE_LATE / RATE}
     assert values["inertia"]["I"] == pytest.approx(FOOT, rel=0.02)
     assert values["viscosity"]["B"] == pytest.approx(VISCOSITY, rel=0.05)
     labels = problem.fitter.derivatives(problem.base)[1]

@@ -19,7 +19,7 @@ from model_discrepancy.report.verdict import before_and_after
 from model_discrepancy.search.found import Effect, Found, Trial
 
 KEY = "K[N.m/rad]"
-STATED = {KEY: (100.0, 1.0), "B[N.m.s/rad]": (1.0, None)}
+STATED_IMPEDANCE = {KEY: (100.0, 1.0), "B[N.m.s/rad]": (1.0, None)}
 
 
 def fit(stiffness, score=1.0):
@@ -28,7 +28,7 @@ def fit(stiffness, score=1.0):
 
 
 def error_of(found):
-    return with_model_error(STATED, found, OperatingPoint())[KEY][1]
+    return with_model_error(STATED_IMPEDANCE, found, OperatingPoint())[KEY][1]
 
 
 def test_without_a_mismatch_the_engines_difference_remains():
@@ -60,7 +60,10 @@ def test_a_near_miss_that_criticises_the_model_widens_the_error():
 
 def test_an_error_that_nobody_knows_stays_unknown():
     found = Found(fit(60.0), fit(100.0))
-    assert with_model_error(STATED, found, OperatingPoint())["B[N.m.s/rad]"] == (1.0, None)
+    assert with_model_error(STATED_IMPEDANCE, found, OperatingPoint())["B[N.m.s/rad]"] == (
+        1.0,
+        None,
+    )
 
 
 def effect(name):
@@ -84,7 +87,7 @@ def test_equations_of_the_reflex_widen_the_error_of_its_gain_most():
 
 def test_something_missing_widens_the_error():
     found = Found(fit(100.0), fit(100.0))
-    assert with_model_error(STATED, found, OperatingPoint(), True)[KEY][1] > (
+    assert with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), True)[KEY][1] > (
         100.0 * UNEXPLAINED_SHARE["K"]
     )
 
@@ -99,9 +102,9 @@ def test_dry_friction_that_may_hold_torque_at_rest_widens_the_error():
     final.values["coulomb_friction"] = {"F": 1.0, "v0": 0.03}
     final.terms = tuple(final.values)
     at = OperatingPoint(step=0.04)
-    assert with_model_error(STATED, Found(fit(100.0), final), at)[KEY][1] == pytest.approx(
-        1.0 / (3.0**0.5 * 0.04), rel=0.01
-    )
+    assert with_model_error(STATED_IMPEDANCE, Found(fit(100.0), final), at)[KEY][
+        1
+    ] == pytest.approx(1.0 / (3.0**0.5 * 0.04), rel=0.01)
 
 
 def test_a_foot_whose_simulation_does_not_converge_has_no_effective_stiffness():

@@ -33,7 +33,7 @@ MAX_TORQUE_POINTS = 40_000
 MAX_SPANS = 200
 """Largest number of shaded times; shorter ones than the two hundred longest would be thinner than a
 pixel."""
-INVALID, DOUBTFUL = "#888888", "#e69f00"
+INVALID_COLOUR, DOUBTFUL_COLOUR = "#888888", "#e69f00"
 """Shades of times without a valid estimate, and with a doubtful one."""
 INTERVAL = 1.96
 """Half width of a 95 % interval in standard errors."""
@@ -229,7 +229,7 @@ def _quantities(found: Answer) -> Any:
         drawn.add_trace(line, row, 1)
         shown_name = "VAF [%]" if name not in QUANTITIES else with_unit(name)
         drawn.update_yaxes(title_text=shown_name.replace(" [", "<br>["), row=row, col=1)
-    for wanted, colour in ((~found.valid, INVALID), (found.doubtful, DOUBTFUL)):
+    for wanted, colour in ((~found.valid, INVALID_COLOUR), (found.doubtful, DOUBTFUL_COLOUR)):
         for start, end in _spans(time, wanted):
             drawn.add_vrect(start, end, fillcolor=colour, opacity=0.25, line_width=0)
     drawn.update_xaxes(title_text="time in the recording [s]", row=len(names), col=1)
@@ -321,7 +321,7 @@ def _picture(found: Answer, path: Path) -> None:
         t, shown, low, high = _thinned([time, value, value - error, value + error], MAX_POINTS)
         axis.fill_between(t, low, high, color=colour, alpha=0.25, lw=0)
         axis.plot(t, shown, color=colour, lw=1.2)
-        for wanted, shade in ((~found.valid, INVALID), (found.doubtful, DOUBTFUL)):
+        for wanted, shade in ((~found.valid, INVALID_COLOUR), (found.doubtful, DOUBTFUL_COLOUR)):
             for start, end in _spans(time, wanted):
                 axis.axvspan(start, end, color=shade, alpha=0.2, lw=0)
         axis.set_ylabel(with_unit(name).replace(" [", "\n["))
@@ -331,8 +331,8 @@ def _picture(found: Answer, path: Path) -> None:
         Patch(color=colour, alpha=0.3, label=label)
         for colour, label, shown in (
             (COLOURS[0], "95 % interval", True),
-            (INVALID, "not valid", not found.valid.all()),
-            (DOUBTFUL, "doubtful", found.doubtful.any()),
+            (INVALID_COLOUR, "not valid", not found.valid.all()),
+            (DOUBTFUL_COLOUR, "doubtful", found.doubtful.any()),
         )
         if shown
     ]

@@ -38,7 +38,7 @@ HALVES = ("first", "second")
 SUBJECT_FILE, TABLE = "subject.yaml", "human_halves.md"
 SHIFT = 0.001
 """[s] The torque is shifted by so much: clocks of two acquisition cards differ by less."""
-STATED = ("K[N.m/rad]", "G[N.m.s/rad]")
+STATED_QUANTITIES = ("K[N.m/rad]", "G[N.m.s/rad]")
 
 
 class Half(NamedTuple):
@@ -172,7 +172,7 @@ def _value(result: OfflineResult, quantity: str) -> tuple[float, float]:
 def _agreement(trial: str, first: OfflineResult, second: OfflineResult) -> list[str]:
     lines = []
     doubts = [r.valid[-1, ESTIMATE_COLUMNS.index("doubt[1]")] for r in (first, second)]
-    for quantity in STATED:
+    for quantity in STATED_QUANTITIES:
         (a, a_error), (b, b_error) = _value(first, quantity), _value(second, quantity)
         apart = abs(a - b) / np.hypot(a_error, b_error)
         lines.append(
