@@ -33,7 +33,7 @@ import numpy as np
 import rclpy
 from playwright.sync_api import sync_playwright
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rig import AFTERWARDS, STILL, Operator, line
+from rig import OBSERVATION_TIME, REST_VELOCITY, Operator, line
 
 from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.graph import Graph, load_graph
@@ -147,15 +147,17 @@ def press_and_measure(rig: Operator, press: Callable[[], None]) -> float | None:
     pressed = time.time()
     press()
     deadline = time.monotonic() + PATIENCE
-    while rig.blocks[-1][-1, 0] < pressed + AFTERWARDS:  # of the rig's time: a reader may be late
+    while (
+        rig.blocks[-1][-1, 0] < pressed + OBSERVATION_TIME
+    ):  # of the rig's time: a reader may be late
         if time.monotonic() > deadline:
             return None
         rig.spin(0.05)
     data = np.concatenate(rig.blocks[-200:])
     before = data[(data[:, 0] > pressed - MOTION_WINDOW) & (data[:, 0] <= pressed), 2]
-    if not len(before) or np.abs(before).max() <= STILL:
+    if not len(before) or np.abs(before).max() <= REST_VELOCITY:
         return None
-    moving = data[(np.abs(data[:, 2]) > STILL) & (data[:, 0] > pressed), 0]
+    moving = data[(np.abs(data[:, 2]) > REST_VELOCITY) & (data[:, 0] > pressed), 0]
     return float(moving.max()) - pressed if len(moving) else 0.0
 
 
@@ -241,7 +243,7 @@ def main() -> int:
     load = os.getloadavg()[0]
     print(f"load average at the end: {load:.1f}; {len(found)} stops")
     begin = "stop of a page" if given.without_browser else "key on a page"
-    print(line(f"{begin} to plate below {STILL:g} rad/s", np.array(found)))
+    print(line(f"{begin} to plate below {REST_VELOCITY:g} rad/s", np.array(found)))
     return 0
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emg_driver.bridge import RATE_ERROR_TIME, RUNNING, START
+from emg_driver.bridge import RATE_ERROR_TIME, RUNNING_WINDOW, START_WINDOW
 from emg_driver.rate_check import RateCheck
 
 RATE, CHUNK = 2048.0, 32
@@ -38,23 +38,23 @@ def longest_disagreement(window, seconds, rate=RATE, late=lambda at: 0.0):
     ids=["for 2.5 s", "7 of 40 s", "for 5 s", "from then on", "always"],
 )
 def test_a_busy_computer_refuses_no_stream(busy):
-    assert longest_disagreement(RUNNING, 150.0, late=busy) < RATE_ERROR_TIME
+    assert longest_disagreement(RUNNING_WINDOW, 150.0, late=busy) < RATE_ERROR_TIME
 
 
 @pytest.mark.parametrize("rate", [0.99 * RATE, 1.01 * RATE, 2000.0])
 def test_another_rate_is_found_by_a_busy_computer_too(rate):
-    seconds = RUNNING.length + 2 * RATE_ERROR_TIME
-    disagreed = longest_disagreement(RUNNING, seconds, rate, lambda at: 0.3 - at % 0.3)
+    seconds = RUNNING_WINDOW.length + 2 * RATE_ERROR_TIME
+    disagreed = longest_disagreement(RUNNING_WINDOW, seconds, rate, lambda at: 0.3 - at % 0.3)
     assert disagreed > RATE_ERROR_TIME
 
 
 def test_half_the_rate_is_found_at_the_start_and_the_right_one_agrees():
-    assert longest_disagreement(START, 4.0, 0.5 * RATE) > 1.0
-    assert longest_disagreement(START, 4.0) == 0.0
+    assert longest_disagreement(START_WINDOW, 4.0, 0.5 * RATE) > 1.0
+    assert longest_disagreement(START_WINDOW, 4.0) == 0.0
 
 
 def test_samples_that_are_known_to_be_missing_are_no_wrong_rate():
-    check = RateCheck(RATE, START)
+    check = RateCheck(RATE, START_WINDOW)
     for number in range(200):
         if number % 4:  # every fourth chunk is lost, and counted by its stamps
             check.add(number * CHUNK / RATE, number * CHUNK)
