@@ -1,6 +1,6 @@
 """Compiled nonlinear building blocks of terms that remember movement.
 
-They are the Dahl spring, backlash, structure and unequal lag.
+They are the Dahl spring, the yielding spring, backlash, structure and unequal lag.
 
 Each keeps its state between calls and advances sample by sample with the input held linear between
 samples.
@@ -47,6 +47,39 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
         limit = yield_size if move > 0.0 else -yield_size
         z = limit + (z - limit) * math.exp(-abs(move) / yield_size)
         z *= forgetting
+        out[k] = z
+    state[0], state[1] = z, last
+    return out
+
+
+class YieldingSpring(Stateful):
+    """Models a spring that yields: ``z' = v - z / recovery``, held within ``-yield_size`` and
+    ``yield_size``; z starts at 0.
+
+    It is the Jenkins element of Iwan's and of Prandtl and Ishlinskii's models, with recovery at
+    rest. Unlike `DahlSpring` it is exactly as stiff at any deflection below the yield, and noise of
+    the position that is smaller than the yield does not let it forget.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.full(2, np.nan)  # z, last position
+
+    def run(self, x: np.ndarray, yield_size: float, recovery: float = math.inf) -> np.ndarray:
+        """Return the deflection z of shape (n,) in the unit of x; recovery in s."""
+        forgetting = math.exp(-1.0 / (self._rate * recovery))
+        return _yielding(np.ascontiguousarray(x, dtype=float), yield_size, forgetting, self._state)
+
+
+@njit(cache=True)
+def _yielding(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(x.size)
+    z, last = state[0], state[1]
+    if math.isnan(last):
+        z, last = 0.0, x[0]
+    for k in range(x.size):
+        z = min(max((z + x[k] - last) * forgetting, -yield_size), yield_size)
+        last = x[k]
         out[k] = z
     state[0], state[1] = z, last
     return out

@@ -42,8 +42,8 @@ def test_bonds_of_several_yields_follow_their_equations():
     )
 
     def right(t, z):
-        v = movement(t)[1]
-        return v - abs(v) * z / yields - z / recovery
+        rate = movement(t)[1] - np.clip(z, -yields, yields) / recovery
+        return np.where((np.abs(z) >= yields) & (rate * z > 0.0), 0.0, rate)
 
     expected = np.array(weights) @ integrate(right, np.zeros(4))
     given = {f"k{n}": k for n, k in enumerate(weights, 1)}

@@ -1,20 +1,20 @@
 """Short-range stiffness of many bonds that yield one after the other (Iwan, Prandtl-Ishlinskii).
 
-``torque = sum_i k_i * z_i``, ``z_i' = v - |v| z_i / yield_i - z_i / recovery``.
+``torque = sum_i k_i * z_i``, ``z_i' = v - z_i / recovery``, ``-yield_i <= z_i <= yield_i``.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.memory_elements import DahlSpring
+from ankle_physics.memory_elements import YieldingSpring
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 from ankle_physics.terms.short_range_stiffness import ShortRangeStiffness
 
 # Each yield is three times the one before: from the position noise of the recorded human trials
 # (0.1 mrad) times ten, to the steps of a laboratory (30 mrad). Between neighbours the sum follows
-# any smooth distribution of yields within 2 % of its largest torque.
+# any smooth distribution of yields within 7 % of its largest torque.
 YIELDS = (0.001, 0.003, 0.009, 0.027)
 _SOURCE = (
     "Loram et al. 2007: the ankle is several times stiffer below 7 mrad; the share of each size "
@@ -50,7 +50,7 @@ class DistributedShortRangeStiffness(Term):
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"springs": [DahlSpring(rate) for _ in YIELDS]}
+        return {"springs": [YieldingSpring(rate) for _ in YIELDS]}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         recovery = float(values["recovery"])

@@ -1,12 +1,12 @@
-"""Short-range stiffness with yield and recovery: ``torque = k * z``, ``z' = v - |v| z / yield - z /
-recovery``.
+"""Short-range stiffness with yield and recovery: ``torque = k * z``, ``z' = v - z / recovery``,
+``-yield <= z <= yield``.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.memory_elements import DahlSpring
+from ankle_physics.memory_elements import YieldingSpring
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
@@ -16,7 +16,9 @@ class ShortRangeStiffness(Term):
     while the muscle rests.
 
     Rack & Westbury 1974 (J. Physiol. 240, 331); for the ankle Loram, Maganaris & Lakie 2007
-    (J. Physiol. 584, 661): stiffness is several times higher below 0.4 degrees (7 mrad).
+    (J. Physiol. 584, 661): stiffness is several times higher below 0.4 degrees (7 mrad). The
+    stiffness is the same up to the yield, as Rack & Westbury measured it; in recorded human ankles
+    this leaves less error than a stiffness that falls gradually (`DahlSpring`).
     """
 
     name = "short_range_stiffness"
@@ -58,7 +60,7 @@ class ShortRangeStiffness(Term):
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"spring": DahlSpring(rate)}
+        return {"spring": YieldingSpring(rate)}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         return {
