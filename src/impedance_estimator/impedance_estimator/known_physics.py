@@ -54,7 +54,13 @@ SHAPE_CHANGE = np.array([0.05, 0.05, 0.001])
 """ln ω, ln z and the delay [s] of the reflex change by this standard deviation within a session:
 muscles slow down with fatigue by a few per cent."""
 REFLEX_WITH_GAIN = frozenset(
-    {"reflex", "activation_reflex_gain", "position_reflex_gain", "reflex_drift"}
+    {
+        "reflex",
+        "activation_reflex_gain",
+        "position_reflex_gain",
+        "reflex_drift",
+        "reflex_stiffening",
+    }
 )
 """The reflex and what changes its gain: they grow and shrink together as the subject changes it."""
 LARGEST_GAIN_ERROR = 1.0 / 3.0
