@@ -61,6 +61,23 @@ def test_bonds_of_several_yields_are_the_stiffer_the_smaller_the_movement():
     assert stiffness[0] > 1.2 * stiffness[1] > 1.2 * 1.2 * stiffness[2]
 
 
+def test_a_muscle_is_stiffer_while_its_reflex_contracts_it():
+    arc, recovery = {"delay": 0.05, "omega": 15.0}, 0.3
+    contraction = torque_of({"reflex": {"G": 1.0, "z": 0.8, **arc}})
+    stretch = integrate(lambda t, z: movement(t)[1] - z / recovery, [0.0])[0]
+    found = torque_of({"reflex_stiffening": {"kr": 200.0, "recovery": recovery, **arc}})
+    expected = 200.0 * contraction * stretch
+    assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
+
+
+def test_noise_below_the_yield_does_not_let_bonds_forget():
+    held = np.full(len(TIME), 0.001) + np.random.default_rng(1).normal(0.0, 1e-4, len(TIME))
+    held[0] = 0.0
+    model = Model.of({"short_range_stiffness": {"k": 100.0, "yield": 0.005, "recovery": 20.0}})
+    torque = model.torque(Signals(RATE, held, np.gradient(held) * RATE, np.zeros(len(TIME))))
+    assert np.mean(torque[-100:]) == pytest.approx(0.1 * np.exp(-TIME[-1] / 20.0), rel=0.02)
+
+
 def test_a_part_that_hangs_on_the_plate_pulls_with_its_own_inertia():
     inertia, w, z = 0.003, 2 * np.pi * 17.0, 0.05
 

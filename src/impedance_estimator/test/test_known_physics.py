@@ -340,6 +340,7 @@ def pulses(seconds):
 SHAPED = {
     **CORE,
     "reflex_exponent": {"p": 1.5},
+    "reflex_stiffening": {"kr": 60.0},
     "plate_appendage": {"Ia": 0.004, "frequency": 25.0, "damping": 0.2},
     "short_range_stiffness": {"k": 60.0},
     "channel_skew": {"skew": 0.002},
@@ -350,6 +351,7 @@ def known_gains(**errors):
     """A calibrated subject whose reflex gain has a standard error."""
     model = Model.of(SHAPED)
     model.entry("reflex").standard_errors = errors
+    model.entry("reflex_stiffening").standard_errors = {"kr": 6.0 * errors["G"]}
     return KnownPhysics(subject=model)
 
 
@@ -357,7 +359,11 @@ def known_gains(**errors):
 def test_a_calibrated_reflex_is_followed_in_size_with_all_that_shapes_it(stiffness, gain):
     """Torque of another stiffness and reflex than the calibrated ones, and white noise."""
     x, v, a = motion(30.0)
-    changed = {"stiffness": {"K": 100.0 * stiffness}, "reflex": {"G": 10.0 * gain}}
+    changed = {
+        "stiffness": {"K": 100.0 * stiffness},
+        "reflex": {"G": 10.0 * gain},
+        "reflex_stiffening": {"kr": 60.0 * gain},
+    }
     samples = samples_of(Model.of({**SHAPED, **changed}), x, v, a)
     samples[:, 3] += np.random.default_rng(1).normal(0.0, 0.05, len(samples))
     known = known_gains(G=0.5)
