@@ -26,7 +26,7 @@ class ReflexStiffening(ReflexArc):
 
     name = "reflex_stiffening"
     place = Place.REFLEX_DYNAMICS
-    family = "muscle stiffened by its reflex"
+    family = "reflex gain by position"
     separated_by = "movements back at several times after a stretch"
     sentence = "The muscle is stiffer while its reflex contracts it."
     parameters = (
