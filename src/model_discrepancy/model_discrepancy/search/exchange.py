@@ -161,6 +161,8 @@ def _swap(
     """Put a rival in an effect's place; what it makes superfluous is removed."""
     progress(f"{rival.name} takes the place of {effect.trial.name}")
     current = fitter.fit(rival.fit.terms, rival.fit.values, evaluations=15)
-    found.effects.remove(effect)
-    found.effects.append(Effect(rival, fixed_errors(current, yardstick)))
-    found.final = drop_superfluous(fitter, found, current, null, progress)
+    # In its place in the order, too: at the end it would seem to take off next to nothing.
+    taken = Effect(rival, effect.errors)
+    found.effects[found.effects.index(effect)] = taken
+    found.effects[-1].errors = fixed_errors(current, yardstick)
+    found.final = drop_superfluous(fitter, found, taken, current, null, progress)

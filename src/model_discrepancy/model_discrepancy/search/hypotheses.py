@@ -207,8 +207,11 @@ class Hypotheses:
         """Add a term and remove what it makes superfluous."""
         found, fitter = hypothesis.found, self._fitter
         current = align(fitter, fitter.fit(trial.fit.terms, trial.fit.values, evaluations=15))
-        found.effects.append(Effect(trial, fixed_errors(current, self._yardstick)))
-        hypothesis.current = drop_superfluous(fitter, found, current, self._null, self._progress)
+        newest = Effect(trial, fixed_errors(current, self._yardstick))
+        found.effects.append(newest)
+        hypothesis.current = drop_superfluous(
+            fitter, found, newest, current, self._null, self._progress
+        )
         count, score = len(found.effects), hypothesis.current.score
         hypothesis.scores[count] = min(score, hypothesis.scores.get(count, score))
 

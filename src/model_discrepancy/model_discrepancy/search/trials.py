@@ -15,7 +15,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import Start
-from model_discrepancy.search.found import Found, Progress, Trial
+from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term
 
@@ -107,10 +107,10 @@ def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[flo
 
 
 def drop_superfluous(
-    fitter: Fitter, found: Found, current: Fit, null: Null, progress: Progress
+    fitter: Fitter, found: Found, newest: Effect, current: Fit, null: Null, progress: Progress
 ) -> Fit:
-    """Remove earlier terms that the later ones made superfluous."""
-    for effect in list(found.effects[:-1]):
+    """Remove the terms that the newest one made superfluous."""
+    for effect in [one for one in found.effects if one is not newest]:
         name = effect.trial.name
         if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
             continue
