@@ -11,8 +11,8 @@ from ankle_physics.term import Owner
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.several_report import write_several
-from model_discrepancy.tools import several_recordings as several
 from model_discrepancy.tools.several_recordings import diagnose_together
+from model_discrepancy.tools.shared_effects import LEAST_PROBABILITY_SAME
 
 RATE = 1000.0
 LIBRARY = ("torque_sensor_mode", "torque_sensor_lag", "maxwell_relaxation", "short_range_stiffness")
@@ -61,7 +61,7 @@ def test_what_is_the_rigs_is_shared_and_what_is_the_subjects_is_free(tmp_path):
     assert mode.shared
     assert maxwell.belongs_to is Owner.SUBJECT
     assert not maxwell.shared
-    assert maxwell.probability_same < several.DIFFERENT
+    assert maxwell.probability_same < LEAST_PROBABILITY_SAME
     found.save(tmp_path)
     write_several(found, tmp_path / "report.html")
     models = [Model.load(tmp_path / f"visit {n}.yaml") for n in (1, 2, 3)]
