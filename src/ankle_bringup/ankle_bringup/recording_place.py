@@ -6,10 +6,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ankle_bringup.errors import GraphError
 from ankle_bringup.graph import Graph, NodeDescription
+
+if TYPE_CHECKING:
+    from session_analysis.study.layout import Entry
 
 RECORDER = ("session_recorder", "record")
 SCREENS = ("biofeedback", "biofeedback")
@@ -72,12 +75,46 @@ def in_study(
     if stated and "body_mass[kg]" in stated:
         usual["body_mass"] = float(stated["body_mass[kg]"])
     nodes = tuple(
-        replace(node, parameters={**usual, **node.parameters, **named})
+        replace(
+            node, parameters={**usual, **_course_record(node, entry), **node.parameters, **named}
+        )
         if (node.package, node.executable) == SCREENS
         else node
         for node in _recording_to(graph, entry.source).nodes
     )
     return replace(graph, nodes=nodes), entry.source
+
+
+def _course_record(node: NodeDescription, entry: Entry) -> dict[str, Any]:
+    """Return where the record of a conditioning course is: beside the visits of its subject, so
+    that a pseudonym that two studies use is never one subject.
+    """
+    course = node.parameters.get("course")
+    if not course:
+        return {}
+    name = f"sub-{entry.subject}_course-{Path(str(course)).stem}.yaml"
+    return {"course_record": str(entry.source.parents[1] / name)}
+
+
+def what_follows(graph: Graph, study: Path) -> list[str]:
+    """Return the commands that show what a visit of a study gave, one sentence each.
+
+    Parameters
+    ----------
+    graph
+        The graph of the visit, as `in_study` gives it.
+    study
+        The study's folder.
+    """
+    sentences = [f"its estimates and report: ankle study run {study}"]
+    for node in graph.nodes:
+        course, record = node.parameters.get("course"), node.parameters.get("course_record")
+        if (node.package, node.executable) == SCREENS and course and record:
+            sentences.append(
+                f"the course so far, to look at and to print: ankle course {course} --record "
+                f"{record} --out {Path(str(record)).stem}"
+            )
+    return sentences
 
 
 def with_free_place(graph: Graph, settings: Iterable[str]) -> tuple[Graph, str]:

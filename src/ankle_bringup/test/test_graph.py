@@ -13,7 +13,7 @@ from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.executables import node_command
 from ankle_bringup.graph import Graph, NodeDescription, known_graphs, load_graph
 from ankle_bringup.processes import Processes
-from ankle_bringup.recording_place import in_study, with_free_place
+from ankle_bringup.recording_place import in_study, what_follows, with_free_place
 from session_analysis.errors import AnalysisError
 from session_analysis.study.layout import init_study
 
@@ -173,6 +173,27 @@ def test_a_visit_of_a_study_names_and_places_its_recording(tmp_path):
         in_study(load_graph("rig"), study.folder, "anna", 1)
     with pytest.raises(GraphError, match="no recorder"):
         in_study(load_graph("simulated"), study.folder, "S07", 1)
+
+
+def test_the_course_of_a_subject_is_kept_in_the_study_and_its_trend_is_offered(tmp_path):
+    course = load_graph("simulated_conditioning")
+    records = []
+    for name in ("one", "other"):
+        study = init_study(tmp_path / name)
+        graph, _ = in_study(course, study.folder, "S07", 3)
+        (screens,) = (node for node in graph.nodes if node.package == "biofeedback")
+        records.append(Path(screens.parameters["course_record"]))
+        assert records[-1] == study.folder / "sub-S07" / "sub-S07_course-demonstration.yaml"
+        sentences = " ".join(what_follows(graph, study.folder))
+        assert f"ankle study run {study.folder}" in sentences
+        assert f"ankle course demonstration --record {records[-1]}" in sentences
+    assert records[0] != records[1]
+    chosen = course.with_settings(["biofeedback.course_record=mine.yaml"])
+    graph, _ = in_study(chosen, study.folder, "S07", 4)
+    (screens,) = (node for node in graph.nodes if node.package == "biofeedback")
+    assert screens.parameters["course_record"] == "mine.yaml"
+    without, _ = in_study(load_graph("rig"), study.folder, "S07", 5)
+    assert "ankle course" not in " ".join(what_follows(without, study.folder))
 
 
 def test_a_port_in_use_is_named_with_the_process_that_holds_it(tmp_path):

@@ -145,7 +145,8 @@ class BiofeedbackNode(AnkleNode):
 
     def _ready(self, port: int) -> None:
         named = self.text("state_file")
-        path = Path(named) if named else default_path(port)
+        subject, visit = self.text("subject"), int(self.number("visit"))
+        path = Path(named) if named else default_path(port, subject, visit)
         self._resume(path)
         self._runner.start()
         links = path.with_name(path.name + ".links")

@@ -113,8 +113,8 @@ COURSE_RECORD = Quantity(
     "course_record",
     default="",
     description=(
-        "Record of the subject's course, from which the next session follows; empty: "
-        "~/.local/state/ankle/course_SUBJECT.yaml."
+        "Record of the subject's course, from which the next session follows; empty: in a study "
+        "the subject's folder, else ~/.local/state/ankle/course_SUBJECT.yaml."
     ),
     start_only=True,
 )
@@ -122,7 +122,8 @@ STATE_FILE = Quantity(
     "state_file",
     default="",
     description=(
-        "File of the progress, for a restart; empty: ~/.local/state/ankle/biofeedback_PORT.json."
+        "File of the progress, for a restart; empty: one of this port, subject and visit in "
+        "~/.local/state/ankle."
     ),
     start_only=True,
 )

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import time
 
 import pytest
 from hypothesis import settings
@@ -13,6 +14,8 @@ from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.session.axis_calibration import SMALLEST_BASELINE, BaselineCollector, torque_axis
 from biofeedback.session.guidance import Guidance, direction, instruction
 from biofeedback.session.protocol import BASELINE, BREAK, HOLD, PAPER, REACH, load_protocol
+from biofeedback.session.saved_session import default_path, save
+from biofeedback.session.session_files import SessionFiles
 from biofeedback.session.session_program import ARMED, FINISHED, IDLE, PAUSED, RUNNING, Session
 from biofeedback.session.target import Reading, Target
 from session_analysis.holds import find_holds
@@ -238,6 +241,17 @@ def test_a_damaged_saved_session_is_refused(tmp_path, damage):
     saved = {**Session(protocol).saved(), **damage}
     with pytest.raises(CommandError, match="damaged"):
         Session(protocol).resume(saved, 0.0)
+
+
+def test_what_was_measured_of_one_subject_is_not_continued_with_another(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    progress = {**Session(load_protocol(PAPER)).saved(), "state": PAUSED}
+    save(default_path(8765, "S07", 3), progress, time.time())
+    files = SessionFiles(PAPER, None, print)
+    assert files.open(default_path(8765, "S08", 1), 900.0) is None
+    assert files.open(default_path(8765), 900.0) is None
+    assert files.open(default_path(8765, "S07", 3), 900.0)["state"] == PAUSED
+    files.close()
 
 
 class AnyOrder(RuleBasedStateMachine):

@@ -58,7 +58,7 @@ def verb(
     """
     from ankle_bringup.errors import GraphError
     from ankle_bringup.graph import load_graph
-    from ankle_bringup.recording_place import in_study, with_free_place
+    from ankle_bringup.recording_place import in_study, what_follows, with_free_place
     from ankle_bringup.up import run_graph
     from session_analysis.study.layout import read_stated
 
@@ -83,3 +83,5 @@ def verb(
         if sentence:
             console.print(sentence, soft_wrap=True)
     run_graph(chosen, logs, seconds, console)
+    for sentence in what_follows(chosen, study) if study is not None else ():
+        console.print(sentence, soft_wrap=True)

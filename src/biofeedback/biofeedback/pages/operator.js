@@ -102,7 +102,7 @@ function showFrame(frame) {
   const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
   by("share").className = said ? "warn" : "";
   showRelative(frame, last);
-  put(by("share"), said ? `⚠ ${said}` : last.trials ? background(last.trials) : share(session));
+  put(by("share"), said ? `⚠ ${said}` : last.trials ? progress(last) : share(session));
 }
 
 // K and G now against the largest torque of the check list and the body mass, at the torque that they belong to.
@@ -118,7 +118,7 @@ function showRelative({ K, G, torque }, { checks, body_mass: mass }) {
     return parts.join(", ");
   };
   put(by("relative"), `K ${relative(K, "%MVC/rad", "N·m/rad/kg")}; G ${relative(G, "%MVC·s/rad", "N·m·s/rad/kg")}; at ${
-    torque === null ? "–" : torque.toFixed(1)} N·m${largest > 0 && torque !== null ? ` (${Math.round((100 * torque) / largest)} %MVC)` : ""}`);
+    torque === null ? "–" : torque.toFixed(1)} N·m${largest > 0 && torque !== null ? ` (${Math.round(Math.abs(100 * torque) / largest)} %MVC)` : ""}`);
 }
 
 const three = (value) => Number(value.toPrecision(3));
@@ -127,8 +127,11 @@ const largestTorque = (checks) => Math.abs(checks.find(({ name }) => name === "m
 const percent = (part) => `${Math.round(100 * part)} %`;
 
 // A conditioning course: the background that a trial waits for, and how the trials go.
-function background({ activity, activity_window: [lower, upper], held, waiting, success_rate: rate }) {
-  const emg = activity === null ? "no EMG" : `EMG ${percent(activity)} of MVC (wanted ${percent(lower)} to ${percent(upper)})`;
+function progress({ session, trials, checks }) {
+  if (session.state === "finished") return "All trials of this session are done and kept. The next session of the course follows in the next visit.";
+  const { activity, activity_window: [lower, upper], held, waiting, success_rate: rate } = trials;
+  const contracted = checks.every(({ name, state }) => name !== "mvc_plantarflexion" || state === "done");
+  const emg = activity === null ? (contracted ? "no EMG" : "EMG counts from the maximal push of the check list") : `EMG ${percent(activity)} of MVC (wanted ${percent(lower)} to ${percent(upper)})`;
   const now = waiting ? "perturbation asked for" : held ? "background held" : "waiting for the background";
   return `${now}; ${emg}${rate === null ? "" : `; ${percent(rate)} successes`}`;
 }
@@ -191,7 +194,7 @@ function showButtons({ session, rig, pages }) {
   put(by("claim"), pages.in_command ? "Take over command" : "Take command");
 }
 
-const fine = (value) => (value === null || value === undefined ? "" : String(Number(value.toPrecision(4))));
+const fine = (value) => (value === null || value === undefined ? "" : String(three(value)));
 
 // A field that somebody is typing into is left alone.
 function fill(form, values) {
@@ -241,11 +244,19 @@ function replaceList(list, items) {
   }));
 }
 
+// Units of a recording that nobody reads numbers in, with the factor to those of a screen.
+const SHOWN_UNITS = { V: [1e6, "µV"], "V.s": [1e6, "µV·s"], rad: [180 / Math.PI, "degrees"] };
+
 // A key with its unit, as "torque[N.m]", and its value in words.
 function quantity(key, value) {
   const [, name, unit] = key.match(/^([^[]*)(?:\[(.*)\])?$/);
-  return `${name.replaceAll("_", " ")} ${value}${unit && unit !== "1" ? ` ${unit.replaceAll(".", "·")}` : ""}`;
+  const [factor, shown] = SHOWN_UNITS[unit] ?? [1, unit?.replaceAll(".", "·")];
+  const said = unit && typeof value === "number" ? rounded(factor * value) : value;
+  return `${name.replaceAll("_", " ")} ${said}${shown && shown !== "1" ? ` ${shown}` : ""}`;
 }
+
+// Three digits that count, and none behind the third place after the point.
+const rounded = (value) => (Math.abs(value) < 1 ? Number(value.toFixed(3)) : three(value));
 
 const CHECK_SIGNS = { open: "○", running: "…", done: "✓", failed: "✕", skipped: "–" };
 

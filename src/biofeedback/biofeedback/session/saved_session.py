@@ -20,9 +20,19 @@ def state_folder() -> Path:
     return base / "ankle"
 
 
-def default_path(port: int) -> Path:
-    """Return where the state of the node at a port is kept; two nodes never share a port."""
-    return state_folder() / f"biofeedback_{port}.json"
+def default_path(port: int, subject: str = "", visit: int = 0) -> Path:
+    """Return where the state of the node at a port is kept; two nodes never share a port.
+
+    Parameters
+    ----------
+    port
+        Of the pages.
+    subject, visit
+        Pseudonym and number of the visit, where they are known: what was measured of one subject
+        is never continued with another.
+    """
+    named = f"_{subject}_{visit}" if subject else ""
+    return state_folder() / f"biofeedback_{port}{named}.json"
 
 
 def save(path: Path, content: Mapping[str, Any], now: float) -> None:

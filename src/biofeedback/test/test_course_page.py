@@ -1,0 +1,98 @@
+"""The operator's page of a conditioning course: numbers in units that are read, nothing cut, and
+what follows a finished session.
+"""
+
+import json
+from dataclasses import asdict, replace
+
+import pytest
+from test_layout import CANVAS_WORDS, CHECK
+from test_pages import PATIENCE
+from test_pictures import FRAME, FROZEN, SIZES, START, STATE, TRACES, check
+
+from biofeedback.web import messages
+
+pytestmark = [pytest.mark.live, pytest.mark.untimed]
+
+TRIALS = messages.TrialsState(
+    session=2,
+    sessions=30,
+    done=3,
+    planned=245,
+    kind="conditioned",
+    success_rate=2 / 3,
+    last_success=True,
+    activity=None,
+    activity_window=[0.05, 0.2],
+    held=False,
+    waiting=False,
+)
+COURSE = replace(
+    STATE,
+    session=replace(STATE.session, state="running", kind="trials"),
+    target=messages.TargetState("reflex", "uV.s", -5.0, 1.0, 0.0, 0.3059),
+    axes=messages.Axes([0.0, 0.3059], [-13.25, 4.125], []),
+    baseline=None,
+    trials=TRIALS,
+    checks=[
+        check("zero", "Zero", "done", {"torque[N.m]": 0.029812, "angle[rad]": 0.0349066}),
+        check("mvc_plantarflexion", "Maximal push", "open", {}),
+    ],
+    log=[messages.LogEntry(START, "trial", {"trial": 3, "reflex_emg[V.s]": 2.1345e-7})],
+)
+
+
+@pytest.fixture
+def open_state(browser, laboratory):
+    """Return what opens the operator's page of a state."""
+    pages = []
+
+    def open_one(state, width=1280, height=720):
+        def answer(socket):
+            socket.on_message(lambda text: None)
+            for message in (messages.Command(True), state, TRACES, FRAME):
+                socket.send(json.dumps(asdict(message)))
+
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.set_default_timeout(PATIENCE)
+        page.add_init_script(FROZEN)
+        page.add_init_script(CANVAS_WORDS)
+        page.route_web_socket("**/ws*", answer)
+        page.goto(laboratory.url("/operator"))
+        page.locator("#log li").first.wait_for()
+        pages.append(page)
+        return page
+
+    yield open_one
+    for page in pages:
+        page.close()
+
+
+def test_values_are_shown_in_units_that_are_read(open_state):
+    page = open_state(COURSE)
+    assert page.locator("#log").inner_text().endswith("trial: trial 3, reflex emg 0.213 µV·s")
+    assert "Zero torque 0.03 N·m, angle 2 degrees" in page.locator("#checks").inner_text()
+
+
+def test_an_activity_without_a_contraction_to_compare_with_is_explained(open_state):
+    share = open_state(COURSE).locator("#share")
+    share.filter(has_text="EMG counts from the maximal push of the check list").wait_for()
+    done = replace(COURSE, checks=[replace(one, state="done") for one in COURSE.checks])
+    open_state(done).locator("#share").filter(has_text="no EMG").wait_for()
+
+
+def test_a_finished_session_says_what_follows(open_state):
+    finished = replace(COURSE, session=replace(COURSE.session, state="finished"))
+    share = open_state(finished).locator("#share")
+    share.filter(has_text="done and kept. The next session of the course").wait_for()
+
+
+def test_no_value_of_a_course_is_cut_at_any_width(open_state):
+    wrong = {}
+    for width, height in (*SIZES, (1280, 720)):
+        page = open_state(COURSE, width, height)
+        page.wait_for_timeout(500)
+        if problems := page.evaluate(CHECK):
+            wrong[width] = problems
+        page.close()
+    assert wrong == {}
