@@ -94,7 +94,7 @@ def test_the_check_finds_what_it_is_for(open_sized):
 def test_the_operators_page(open_sized, laboratory):
     page = open_sized("/operator", 1920, 1080)
     page.locator("#link", has_text="● connected").wait_for()
-    run_to(laboratory, page, "reach")
+    run_to(laboratory, page, "baseline measured")
     laboratory.signals.feed_status(
         "rig_with_a_long_name", 2, "emergency stop is pressed; " * 8, {}, float("inf")
     )

@@ -2,6 +2,8 @@
 operators agree.
 """
 
+import time
+
 import pytest
 from laboratory import close_to, until
 
@@ -66,15 +68,32 @@ def press(page, button):
     page.mouse.down()
 
 
-def run_to(laboratory, page, kind):
+def run_to(laboratory, page, wanted, seconds=180.0):
+    """Arm and start as an operator does, until the session says that something happened.
+
+    On a busy computer the page may see keys that were held for a second as held for less, and a
+    page without processor time for two seconds stops the session, as it must. Both are then done
+    again. An event is waited for, because a step may be over before it is looked at.
+    """
     page.bring_to_front()  # a browser slows the clock of a page that is behind another
     page.locator("#claim").click()
-    page.locator('button[data-command="arm"]:enabled').wait_for()
-    hold_keys(page, "Enter", "a")
-    until(lambda: laboratory.session.state == "armed", "armed", 60.0)
-    page.locator('button[data-command="start"]:enabled').wait_for()
-    hold_keys(page, "Enter", "s")
-    until(lambda: laboratory.session.step.kind == kind, kind, 90.0)
+    keys = {"idle": "a", "paused": "a", "armed": "s"}
+    deadline, held = time.monotonic() + seconds, 1.3
+    while not any(event.event == wanted for event in laboratory.events):
+        stopped = [e.details for e in laboratory.events if e.event == "session stopped"]
+        assert all("no operator's page" in details["reason"] for details in stopped), stopped
+        assert time.monotonic() < deadline, (wanted, laboratory.session.state, laboratory.events)
+        key = keys.get(laboratory.session.state)
+        if key is None:
+            page.wait_for_timeout(20)
+            continue
+        name = {"a": "arm", "s": "start"}[key]
+        page.locator(f'button[data-command="{name}"]:enabled').wait_for()
+        hold_keys(page, "Enter", key, seconds=held)
+        before, held = laboratory.session.state, min(1.5 * held, 6.0)
+        patience = time.monotonic() + 3.0  # the rig agrees after the keys are released
+        while laboratory.session.state == before and time.monotonic() < patience:
+            page.wait_for_timeout(20)
 
 
 def colour_at_cursor(page):
@@ -89,7 +108,7 @@ def colour_at_cursor(page):
 
 def test_the_cursor_moves_where_the_estimate_says(laboratory, open_page):
     subject, operator = open_page("/"), open_page("/operator")
-    run_to(laboratory, operator, "reach")
+    run_to(laboratory, operator, "baseline measured")
     lower, upper = laboratory.runner.view.axes["x"]
     bottom, top = laboratory.runner.view.axes["y"]
     for G, torque in ((12.0, 2.0), (4.0, -3.0)):
@@ -109,7 +128,7 @@ def test_the_cursor_moves_where_the_estimate_says(laboratory, open_page):
 
 def test_invalid_stale_and_lost_look_different_and_nothing_freezes(laboratory, open_page):
     subject, operator = open_page("/"), open_page("/operator")
-    run_to(laboratory, operator, "reach")
+    run_to(laboratory, operator, "baseline measured")
     until(lambda: cursor(subject)[0] == "valid", "valid")
     looks = {"valid": subject.screenshot()}
     laboratory.valid = False
@@ -205,7 +224,7 @@ def test_an_alarm_that_comes_and_goes_neither_moves_the_buttons_nor_ends_a_hold(
 
 def test_a_key_does_not_end_a_hold(laboratory, open_page):
     page = open_page("/operator", 1600, 950)
-    run_to(laboratory, page, "hold")
+    run_to(laboratory, page, "hold started")
     page.keyboard.type("hnpre")
     page.keyboard.press("Enter")
     page.wait_for_timeout(300)
@@ -218,7 +237,7 @@ def test_a_key_does_not_end_a_hold(laboratory, open_page):
 @pytest.mark.parametrize("key", ["Escape", " "])
 def test_every_stop_key_stops_from_the_subjects_screen(laboratory, open_page, key):
     subject, operator = open_page("/"), open_page("/operator")
-    run_to(laboratory, operator, "baseline")
+    run_to(laboratory, operator, "session started")
     subject.bring_to_front()
     subject.keyboard.press(key)
     operator.locator("#state", has_text="idle").wait_for()
@@ -257,7 +276,7 @@ def test_a_stop_without_a_connection_is_kept_and_reported(laboratory, open_page,
 
 def test_keys_typed_into_a_field_command_nothing_but_escape_stops(laboratory, open_page):
     page = open_page("/operator", 1600, 950)
-    run_to(laboratory, page, "baseline")
+    run_to(laboratory, page, "session started")
     note = page.locator('#note input[name="text"]')
     note.click()
     page.keyboard.type("a pause near the stop")
