@@ -181,6 +181,17 @@ def test_bad_input_is_one_line_on_stderr(tmp_path, capsys, monkeypatch):
     assert [line for line in lines if line.startswith("error: ")] == lines[-1:]
 
 
+def test_a_file_that_is_no_recording_is_refused_with_the_verb_that_makes_one(tmp_path):
+    file = tmp_path / "trial.csv"
+    file.write_text("Time (s),Angle (deg)\n")
+    for verb in ("estimate", "open"):
+        refused = ankle(verb, file, "--out", tmp_path / "result")
+        assert refused.exit_code == 1
+        assert f"ankle import {file}" in str(refused.exception)
+    refused = ankle("design-experiment", tmp_path)
+    assert "the folder that 'ankle diagnose' has written" in str(refused.exception)
+
+
 def test_help_behind_a_node_describes_it_and_starts_nothing():
     result = ankle("run", "impedance_estimator", "impedance_estimator", "--help")
     assert result.exit_code == 0, result.output

@@ -97,9 +97,10 @@ class McapFile:
                 self.size = stream.seek(0, 2)
                 stream.seek(0)
                 if self.size < 8 or stream.read(8) != b"\x89MCAP0\r\n":
+                    other = f"; is it of another system? Then: ankle import {path}"
                     raise BagError(
                         f"{path} is not an MCAP file ({self.size} bytes, the start is not the "
-                        "MCAP mark)"
+                        f"MCAP mark){'' if path.suffix == '.mcap' else other}"
                     )
                 if not self._read_index(stream):
                     self._scan(stream)

@@ -8,7 +8,10 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+
+VERDICT_FILE = "verdict.json"
 
 
 def verb(
@@ -18,12 +21,17 @@ def verb(
 ) -> dict[str, Any]:
     """Propose the perturbation that tells the rivals of a verdict apart.
 
-    Writes design.yaml, a parameter file of the perturbation generator, and design.png.
+    Rivals are effects that a diagnosis could not choose between. Takes up to a minute. Writes
+    design.yaml, a parameter file of the perturbation generator, and design.png.
 
     Example: ankle design-experiment session_diagnosis --out design
     """
     from model_discrepancy.tools.experiment_design import LISTED_DESIGNS, design_experiment
 
+    if verdict.is_dir() and not (verdict / VERDICT_FILE).exists():
+        raise RunError(
+            f"{verdict} holds no {VERDICT_FILE}; give the folder that 'ankle diagnose' has written"
+        )
     clear_folder(out, overwrite, "design.yaml")
     with working("designing") as step:
         found = design_experiment(verdict, progress=step)

@@ -31,7 +31,8 @@ def verb(
 ) -> dict[str, Any]:
     """Find where the joint model fails on a recording, and which physics was left out.
 
-    Writes report.html, verdict.json and the augmented model.yaml, which ankle_sim loads. Several
+    Takes a minute or two for a minute of recording. Writes report.html, verdict.json and the
+    augmented model.yaml, which ankle_sim loads. Several
     recordings are searched together: what belongs to the rig is the same in all of them, what
     belongs to the subject is each recording's own, and each gets a model file of its own.
 
