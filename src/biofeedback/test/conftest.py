@@ -9,11 +9,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
-def laboratory(tmp_path):
-    """A running laboratory with the short protocol."""
+def laboratory(tmp_path, request):
+    """A running laboratory with the short protocol; a test may ask for holds of other lengths."""
     from laboratory import Laboratory, short_protocol
 
-    made = Laboratory(short_protocol(tmp_path))
+    made = Laboratory(short_protocol(tmp_path, hold=getattr(request, "param", 2)))
     yield made
     made.close()
     assert made.failure is None

@@ -222,6 +222,8 @@ def test_an_alarm_that_comes_and_goes_neither_moves_the_buttons_nor_ends_a_hold(
     assert laboratory.rig.requests == ["arm"]
 
 
+# Longer than anybody waits for its end, so that only keys can end it.
+@pytest.mark.parametrize("laboratory", [120], indirect=True)
 def test_a_key_does_not_end_a_hold(laboratory, open_page):
     page = open_page("/operator", 1600, 950)
     run_to(laboratory, page, "hold started")
