@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 import pytest
 from test_layout import CANVAS_WORDS, CHECK
 from test_pages import PATIENCE
-from test_pictures import FRAME, FROZEN, SIZES, START, STATE, TRACES, check
+from test_pictures import FRAME, FROZEN_CLOCK, SIZES, START, STATE, TRACES, check
 
 from biofeedback.web import messages
 
@@ -55,7 +55,7 @@ def open_state(browser, laboratory):
 
         page = browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(PATIENCE)
-        page.add_init_script(FROZEN)
+        page.add_init_script(FROZEN_CLOCK)
         page.add_init_script(CANVAS_WORDS)
         page.route_web_socket("**/ws*", answer)
         page.goto(laboratory.url("/operator"))
