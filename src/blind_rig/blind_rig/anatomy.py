@@ -245,7 +245,7 @@ class Sensors(NamedTuple):
         Lightly damped mode of the torque sensor; 0 Hz is none.
     position_gain
         Position reads true * (1 + gain) [1].
-    encoder_play
+    encoder_backlash
         Backlash between shaft and encoder [rad].
     mains
         50 Hz pick-up in torque, relative to the change of torque over 0.2 s [1].
@@ -263,7 +263,7 @@ class Sensors(NamedTuple):
     mode_hz: float = 0.0
     mode_zeta: float = 0.05
     position_gain: float = 0.0
-    encoder_play: float = 0.0
+    encoder_backlash: float = 0.0
     mains: float = 0.0
     torque_step: float = 0.0
     cable: float = 0.0

@@ -72,7 +72,7 @@ KNOWN_EFFECTS: tuple[Effect, ...] = (
         source="foot fixed by straps over soft tissue (de Vlugt 2003; Schouten 2008)",
     ),
     Effect(
-        "strap_play",
+        "strap_backlash",
         "coupling",
         "rig.strap_gap",
         ((0.0002, 0.02),),
@@ -126,9 +126,9 @@ KNOWN_EFFECTS: tuple[Effect, ...] = (
         source="calibration error of the encoder; shows against tachometer and reference only",
     ),
     Effect(
-        "encoder_play",
+        "encoder_backlash",
         "position sensor",
-        "sensors.encoder_play",
+        "sensors.encoder_backlash",
         ((0.0002, 0.015),),
         source="backlash between shaft and encoder",
     ),

@@ -16,14 +16,14 @@ from blind_rig.trial import Trial, run
 # Weak, moderate, strong, in the unit of the effect's magnitude.
 MAGNITUDES: dict[str, tuple[float, float, float]] = {
     "strap": (2450.0, 1400.0, 400.0),
-    "strap_play": (0.0009, 0.004, 0.010),
+    "strap_backlash": (0.0009, 0.004, 0.010),
     "bearing_friction": (0.6, 1.3, 2.4),
     "soft_shaft": (82.0, 68.0, 58.0),
     "torque_sensor_mode": (84.0, 73.0, 66.0),
     "torque_delay": (0.0016, -0.0035, 0.0075),
     "torque_lag": (0.002, 0.006, 0.012),
     "position_gain": (0.05, 0.10, 0.20),
-    "encoder_play": (0.0025, 0.005, 0.0095),
+    "encoder_backlash": (0.0025, 0.005, 0.0095),
     "maxwell": (18.0, 37.0, 63.0),
     "short_range_stiffness": (92.0, 185.0, 320.0),
     "thixotropy": (250.0, 420.0, 800.0),

@@ -73,8 +73,8 @@ def read(motion: Motion, setup: Setup, rate: float, seed: int) -> Reading:
     on_motor = setup.rig.encoder_on_motor > 0.5
     position = motion.motor if on_motor else motion.plate
     velocity = motion.motor_velocity if on_motor else motion.plate_velocity
-    if s.encoder_play > 0:
-        position = _backlash(position, s.encoder_play)
+    if s.encoder_backlash > 0:
+        position = _backlash(position, s.encoder_backlash)
     position = position * (1.0 + s.position_gain)
     torque = motion.torque
     if s.mode_hz > 0:

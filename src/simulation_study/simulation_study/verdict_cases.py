@@ -40,7 +40,7 @@ TORQUE_SNR = {"quiet": (32.0, 38.0), "noisy": (24.0, 28.0)}
 # Of a whole study, so that a count of one kind does not change the cases of another.
 KINDS = ("null", "effect", "pair", "foreign", "left_out", "planted")
 # Answers to these are verdicts, findings in the signals or variability, and no names of terms.
-EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_play"})
+EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_backlash"})
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def test_outcome(truth: dict[str, Any], verdict: dict[str, Any] | None, outcome:
 
 
 def test_a_set_counts_up_to_three_names() -> None:
-    truth = _truth("known", "encoder_play")
+    truth = _truth("known", "encoder_backlash")
 
     def outcome(*rivals: str) -> str:
         verdict = _explained("coulomb_friction")

@@ -43,7 +43,7 @@ ANSWERS: dict[str, Answer] = {
             "rig.strap_b": ("fixation_compliance", "b_s[N.m.s/rad]", 1.0),
         },
     ),
-    "strap_play": Answer(
+    "strap_backlash": Answer(
         ("fixation_compliance", "backlash"),
         "a soft pad inside the gap, stops outside: both halves are true",
     ),
@@ -79,8 +79,8 @@ ANSWERS: dict[str, Answer] = {
         ("channel_gain", "gain_error", "position_gain", "sensor_gain"),
         "one thing, whatever it is called",
     ),
-    "encoder_play": Answer(
-        ("backlash",), "", {"sensors.encoder_play": ("backlash", "gap[rad]", 1.0)}
+    "encoder_backlash": Answer(
+        ("backlash",), "", {"sensors.encoder_backlash": ("backlash", "gap[rad]", 1.0)}
     ),
     "maxwell": Answer(
         ("maxwell_relaxation", "fractional_damping"),

@@ -50,7 +50,7 @@ QUICK_EFFECTS = (
     "torque_sensor_mode",
     "torque_delay",
     "torque_lag",
-    "encoder_play",
+    "encoder_backlash",
     "maxwell",
     "short_range_stiffness",
     "hardening",
