@@ -8,6 +8,7 @@ from scipy.signal import butter, lfilter
 
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.rig_file import Measured, RigFile
+from model_discrepancy.diagnose import diagnose
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
 from model_discrepancy.recording.recording import Recording
@@ -58,6 +59,12 @@ def test_what_the_rig_file_states_is_held_and_not_found_again():
     used = problem.fitter.rows.used
     assert np.var(problem.base.plain[used]) < 0.002 * np.var(problem.fitter.plain_target[used])
     assert abs(problem.fitter.motion.torque.mean()) < 0.1
+
+
+def test_a_delay_that_the_rig_file_states_is_no_effect():
+    found = diagnose(recording(), rig=RIG, library=["channel_skew", "footplate_friction"])
+    assert found.found.final.values["channel_skew"] == {"skew": TORQUE_LATE / RATE}
+    assert "channel_skew" not in {effect["name"] for effect in found.verdict.effects}
 
 
 def test_zeros_and_the_velocitys_clock_are_corrected():

@@ -12,12 +12,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ankle_physics.term import Place
 from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.search.exchange import exchange
-from model_discrepancy.search.found import Effect, Found, Progress, Trial
+from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.null import Null
@@ -91,21 +92,42 @@ def _unrefined(fitter: Fitter, found: Found) -> Fit | None:
 
 
 def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) -> None:
-    """Remove refinements, the last one first, as long as the model predicts unseen data worse than
-    the base model does: fitted to a half of the recording, one of them runs away.
+    """Remove refinements that do harm.
+
+    The last one goes first as long as the model predicts unseen data worse than the base model
+    does: fitted to a half of the recording, one of them runs away. A compliant coupling that
+    corrects little goes where it ends at a bound of its range: a strap that no foot wears would
+    take K and I of the joint with it.
     """
+    for effect in list(found.refinements):
+        name = effect.trial.name
+        if place_of(name) is Place.COUPLING and any(
+            label.startswith(f"{name}.") for label in found.final.at_bounds
+        ):
+            progress(f"{name} corrects little and ended at the bound of its range")
+            _drop_refinement(fitter, found, effect)
     while found.refinements and found.final_held_out.vaf < found.base_held_out.vaf:
-        name = found.refinements.pop().trial.name
-        progress(f"{name} lets unseen data be predicted worse")
-        terms = without_term(found.final.terms, name)
-        found.final = fitter.fit(terms, found.final.values, evaluations=20)
-        found.final_held_out = held_out(fitter, found.final)
+        progress(f"{found.refinements[-1].trial.name} lets unseen data be predicted worse")
+        _drop_refinement(fitter, found, found.refinements[-1])
+
+
+def _drop_refinement(fitter: Fitter, found: Found, effect: Effect) -> None:
+    """Refit the final model without one of its refinements, and score it."""
+    found.refinements.remove(effect)
+    terms = without_term(found.final.terms, effect.trial.name)
+    found.final = fitter.fit(terms, found.final.values, evaluations=20)
+    found.final_held_out = held_out(fitter, found.final)
 
 
 def _settle_alignment(
     fitter: Fitter, found: Found, current: Fit, null: Null, yardstick: np.ndarray
 ) -> None:
-    """Name an alignment a skew between the channels where it became one, and vice versa."""
+    """Name an alignment a skew between the channels where it became one, and vice versa.
+
+    A skew that a calibrated rig states is known and no effect.
+    """
+    if ALIGNMENT in fitter.held:
+        return
     if is_alignment(fitter, current):
         found.effects = [effect for effect in found.effects if effect.trial.name != ALIGNMENT]
     elif ALIGNMENT in current.terms and all(
