@@ -22,10 +22,10 @@ from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import ACTIVATION_TIME, REFLEX_WITH_GAIN, KnownPhysics
 from impedance_estimator.offline.torque_prediction import (
     FILTER_ORDER,
-    HIGHPASS,
     LOWPASS,
     checked_signals,
     decimation,
+    without_drift,
 )
 
 LEAD = 1.0
@@ -113,13 +113,12 @@ def predict_with_model(
     # The ends go first: derivatives that are held there would ring in the high-pass for seconds.
     inside = slice(round(SETTLING_TIME * rate), -round(SETTLING_TIME * rate))
     lowpass = signal.butter(FILTER_ORDER, LOWPASS, fs=rate, output="sos")
-    highpass = signal.butter(FILTER_ORDER, HIGHPASS, "highpass", fs=rate, output="sos")
     every = decimation(rate)
     measured = signal.sosfiltfilt(lowpass, checked)[inside]
     return ModelPrediction(
         (np.arange(len(position)) / rate)[inside][::every],
-        signal.sosfiltfilt(highpass, predicted[inside])[::every],
-        signal.sosfiltfilt(highpass, measured)[::every],
+        without_drift(predicted[inside], rate)[::every],
+        without_drift(measured, rate)[::every],
     )
 
 

@@ -23,6 +23,9 @@ One step of the perturbation lasts 0.2 to 0.7 s, well within the pass band.
 """
 FILTER_ORDER = 2
 """Each Butterworth filter has this order and runs forwards and backwards."""
+PADDING = 1.0 / HIGHPASS
+"""[s] The signals are mirrored at both ends for so long, a period of the high-pass: its transient
+would otherwise be taken for torque, the more the fewer samples a second there are."""
 WORKING_RATE = 250.0
 """[Hz] Three times the low-pass; the factor of decimation is a whole number, so 2048 Hz gives 256
 Hz.
@@ -141,6 +144,13 @@ def decimation(rate: float) -> int:
     return max(int(rate // WORKING_RATE), 1)
 
 
+def without_drift(values: np.ndarray, rate: float) -> np.ndarray:
+    """Return a signal, shape (n,), of `rate` [Hz] without what is slower than `HIGHPASS`."""
+    highpass = signal.butter(FILTER_ORDER, HIGHPASS, "highpass", fs=rate, output="sos")
+    padding = min(len(values) - 1, round(PADDING * rate))
+    return np.asarray(signal.sosfiltfilt(highpass, values, padtype="even", padlen=padding))
+
+
 def working_signals(
     rate: float, position: np.ndarray, torque: np.ndarray | None, velocity: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -151,7 +161,6 @@ def working_signals(
     none was measured.
     """
     lowpass = signal.butter(FILTER_ORDER, LOWPASS, fs=rate, output="sos")
-    highpass = signal.butter(FILTER_ORDER, HIGHPASS, "highpass", fs=rate, output="sos")
     every = decimation(rate)
 
     def smooth(values: np.ndarray) -> np.ndarray:
@@ -163,7 +172,7 @@ def working_signals(
         return (8.0 * (padded[3:-1] - padded[1:-3]) - padded[4:] + padded[:-4]) * rate / 12.0
 
     def finish(values: np.ndarray) -> np.ndarray:
-        return signal.sosfiltfilt(highpass, values)[::every]
+        return without_drift(values, rate)[::every]
 
     x = smooth(position)
     v = differentiate(x) if velocity is None else smooth(velocity)
