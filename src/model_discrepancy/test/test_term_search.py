@@ -41,7 +41,35 @@ def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model
 ):
     every = ("tendon", "backlash", "thixotropy")
     vaf = {(): 90.0, every: 75.0, ("tendon", "backlash"): 96.0}
-    fits = {terms: SimpleNamespace(terms=terms, values={}) for terms in vaf}
+    found, said = without_harm(monkeypatch, vaf, every, at_bounds=())
+    assert found.final.terms == ("tendon", "backlash")
+    assert found.final_held_out.vaf == 96.0
+    assert [effect.trial.name for effect in found.refinements] == ["backlash"]
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize(
+    ("at_bounds", "kept"),
+    [
+        (("fixation_compliance.k_s",), ["thixotropy"]),
+        (("thixotropy.k",), ["fixation_compliance", "thixotropy"]),
+    ],
+)
+def test_a_strap_that_corrects_little_at_the_bound_of_its_range_is_removed(
+    monkeypatch, at_bounds, kept
+):
+    every = ("tendon", "fixation_compliance", "thixotropy")
+    vaf = {(): 90.0, every: 96.0, ("tendon", "thixotropy"): 95.0}
+    found, _ = without_harm(monkeypatch, vaf, every, at_bounds)
+    assert [effect.trial.name for effect in found.refinements] == kept
+    assert found.final.terms == ("tendon", *kept)
+
+
+def without_harm(monkeypatch, vaf, every, at_bounds):
+    """What is left of a model whose terms but the first are refinements, with given VAF of each set
+    of terms, and what was said.
+    """
+    fits = {terms: SimpleNamespace(terms=terms, values={}, at_bounds=at_bounds) for terms in vaf}
     monkeypatch.setattr(
         term_search, "held_out", lambda fitter, fit: SimpleNamespace(vaf=vaf[fit.terms])
     )
@@ -51,15 +79,10 @@ def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model
     fitter = SimpleNamespace(fit=lambda terms, values, evaluations: fits[terms])
     found = Found(fits[()], fits[every])
     found.base_held_out, found.final_held_out = (SimpleNamespace(vaf=vaf[t]) for t in ((), every))
-    found.refinements = [
-        SimpleNamespace(trial=SimpleNamespace(name=name)) for name in ("backlash", "thixotropy")
-    ]
+    found.refinements = [SimpleNamespace(trial=SimpleNamespace(name=name)) for name in every[1:]]
     said = []
     term_search._drop_harmful_refinements(fitter, found, said.append)
-    assert found.final.terms == ("tendon", "backlash")
-    assert found.final_held_out.vaf == 96.0
-    assert [effect.trial.name for effect in found.refinements] == ["backlash"]
-    assert len(said) == 1
+    return found, said
 
 
 @pytest.mark.parametrize(
