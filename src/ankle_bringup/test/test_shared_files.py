@@ -28,7 +28,8 @@ def fields(message):
 
 def test_the_parameter_file_holds_every_default():
     path = SHARED / "params" / "laboratory.yaml"
-    assert path.read_text() == of_every_node(), "write it anew: ankle parameter-file --overwrite"
+    again = "ankle parameter-file --overwrite --out src/ankle_bringup/params/laboratory.yaml"
+    assert path.read_text() == of_every_node(), f"write it anew: {again}"
     content = yaml.safe_load(path.read_text())
     assert content["perturbation_generator"]["ros__parameters"]["amplitude"] == 0.04
     assert content["ankle_sim"]["ros__parameters"]["K"] > 0
