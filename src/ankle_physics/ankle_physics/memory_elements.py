@@ -9,28 +9,54 @@ samples.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
 from ankle_physics.linear_dynamics import Stateful
 
+Kernel = Callable[[np.ndarray, float, float, np.ndarray], np.ndarray]
 
-class DahlSpring(Stateful):
-    """Models a spring that slips: ``z' = v - |v| z / yield_size - z / recovery``; z starts at 0.
 
-    For a step much larger than `yield_size` z saturates there (Dahl 1968); at rest it is forgotten
-    with the time constant `recovery` (infinite: never, which is friction).
+class SlippingSpring(Stateful):
+    """Holds what springs have in common that hold up to a size and then slip; the deflection z
+    starts at 0.
+
+    Attributes
+    ----------
+    kernel
+        Compiled; takes position, yield, the factor by which z falls within a sample, and the state
+        (z, last position), which it advances; returns z.
     """
+
+    kernel: ClassVar[Kernel]
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._state = np.full(2, np.nan)  # z, last position
+        self._state = np.full(2, np.nan)
 
     def run(self, x: np.ndarray, yield_size: float, recovery: float = math.inf) -> np.ndarray:
-        """Return the deflection z of shape (n,) in the unit of x."""
+        """Return the deflection z.
+
+        Parameters
+        ----------
+        x
+            Position, shape (n,), in any unit.
+        yield_size
+            Deflection at which the spring slips, in the unit of x.
+        recovery
+            Time constant [s] with which z is forgotten at rest; infinite: never.
+
+        Returns
+        -------
+        np.ndarray
+            Shape (n,), in the unit of x.
+        """
         forgetting = math.exp(-1.0 / (self._rate * recovery))
-        return _dahl(np.ascontiguousarray(x, dtype=float), yield_size, forgetting, self._state)
+        position = np.ascontiguousarray(x, dtype=float)
+        return type(self).kernel(position, yield_size, forgetting, self._state)
 
 
 @njit(cache=True)
@@ -52,23 +78,14 @@ def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray
     return out
 
 
-class YieldingSpring(Stateful):
-    """Models a spring that yields: ``z' = v - z / recovery``, held within ``-yield_size`` and
-    ``yield_size``; z starts at 0.
+class DahlSpring(SlippingSpring):
+    """Models a spring that slips gradually: ``z' = v - |v| z / yield_size - z / recovery``.
 
-    It is the Jenkins element of Iwan's and of Prandtl and Ishlinskii's models, with recovery at
-    rest. Unlike `DahlSpring` it is exactly as stiff at any deflection below the yield, and noise of
-    the position that is smaller than the yield does not let it forget.
+    For a step much larger than `yield_size` z saturates there (Dahl 1968). Without recovery it is
+    friction.
     """
 
-    def __init__(self, rate: float) -> None:
-        self._rate = rate
-        self._state = np.full(2, np.nan)  # z, last position
-
-    def run(self, x: np.ndarray, yield_size: float, recovery: float = math.inf) -> np.ndarray:
-        """Return the deflection z of shape (n,) in the unit of x; recovery in s."""
-        forgetting = math.exp(-1.0 / (self._rate * recovery))
-        return _yielding(np.ascontiguousarray(x, dtype=float), yield_size, forgetting, self._state)
+    kernel = _dahl
 
 
 @njit(cache=True)
@@ -83,6 +100,18 @@ def _yielding(x: np.ndarray, yield_size: float, forgetting: float, state: np.nda
         out[k] = z
     state[0], state[1] = z, last
     return out
+
+
+class YieldingSpring(SlippingSpring):
+    """Models a spring that yields at once: ``z' = v - z / recovery``, held within ``-yield_size``
+    and ``yield_size``.
+
+    It is the Jenkins element of Iwan's and of Prandtl and Ishlinskii's models, with recovery at
+    rest. Unlike `DahlSpring` it is exactly as stiff at any deflection below the yield, and noise of
+    the position that is smaller than the yield does not let it forget.
+    """
+
+    kernel = _yielding
 
 
 class BacklashOperator(Stateful):

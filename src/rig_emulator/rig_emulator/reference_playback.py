@@ -76,6 +76,8 @@ class ReferencePlayback:
         """
         end = self.end
         self._interval = interval
+        # A copy: rows of a packet's own bytes, which cannot be written to, would be another type
+        # to be compiled for.
         for index, sample in enumerate(np.array(motion, dtype=float)):
             time = first + index * interval
             if end is None or time > end + 0.5 * interval:

@@ -18,6 +18,7 @@ from impedance_estimator.judgements import (
     shares_of_invalid_time,
 )
 from impedance_estimator.offline.recorded_estimates import OfflineResult
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from session_analysis.errors import AnalysisError
@@ -27,9 +28,6 @@ from session_recorder.importing.sampling import judge_times
 from session_recorder.loss import LossAccount, account_of_bag
 
 QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
-DOUBT_THRESHOLD = 0.5
-"""Doubt from which an estimate is called doubtful: the model behind it is more likely wrong than
-right."""
 MIN_RECORDING = 10.0
 """[s] Shortest recording that gives estimates: the estimators' memories hold about 15 s; the first
 valid estimate comes after 5 to 10 s."""

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
-from session_analysis.estimate_answer import DOUBT_THRESHOLD, QUANTITIES, Answer
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
+from session_analysis.estimate_answer import QUANTITIES, Answer
 from session_analysis.html_page import (
     COLOURS,
     bullets,

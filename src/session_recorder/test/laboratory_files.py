@@ -149,13 +149,17 @@ def csv_text_column(path):
     path.with_suffix(".csv").write_text("\n".join([rows[0], *(f"{r},hold" for r in rows[1:])]))
 
 
-def csv_clock_times(path):
-    begin = datetime.datetime(2024, 3, 2, 10, 59, 55)
+def clock_times(path, begin, title="Timestamp"):
+    """A CSV file whose times are times of day, from a moment on."""
     lines = [
         f"{(begin + datetime.timedelta(seconds=float(t))).strftime('%H:%M:%S.%f')},{a:.9g},{m:.9g}"
         for t, a, m in zip(TRIAL["t"], DEG, TRIAL["torque"], strict=True)
     ]
-    path.with_suffix(".csv").write_text("\n".join(["Timestamp,Angle (deg),Torque (Nm)", *lines]))
+    path.with_suffix(".csv").write_text("\n".join([f"{title},Angle (deg),Torque (Nm)", *lines]))
+
+
+def csv_clock_times(path):
+    clock_times(path, datetime.datetime(2024, 3, 2, 10, 59, 55))
 
 
 def csv_rounded_times(path):

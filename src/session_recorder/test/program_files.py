@@ -5,9 +5,10 @@ import datetime
 import h5py
 import numpy as np
 import openpyxl
-from laboratory_files import DEG, RATE, TRIAL, text
+from laboratory_files import DEG, RATE, TRIAL, clock_times, text
 from scipy.io import savemat
 
+BEFORE_MIDNIGHT = datetime.datetime(2024, 3, 2, 23, 59, 55)
 COLUMNS = [DEG, TRIAL["torque"], 1e3 * TRIAL["emg"]]
 
 
@@ -105,9 +106,8 @@ def matrix_73_with_labels(path):
 
 
 def dates_across_midnight(path):
-    begin = datetime.datetime(2024, 3, 2, 23, 59, 55)
     lines = [
-        f"{(begin + datetime.timedelta(seconds=float(t))).isoformat(' ', 'milliseconds')}"
+        f"{(BEFORE_MIDNIGHT + datetime.timedelta(seconds=float(t))).isoformat(' ', 'milliseconds')}"
         f";{angle:.9g};{torque:.9g}"
         for t, angle, torque in zip(TRIAL["t"], DEG, TRIAL["torque"], strict=True)
     ]
@@ -117,12 +117,7 @@ def dates_across_midnight(path):
 
 
 def clock_across_midnight(path):
-    begin = datetime.datetime(2024, 3, 2, 23, 59, 55)
-    lines = [
-        f"{(begin + datetime.timedelta(seconds=float(t))).strftime('%H:%M:%S.%f')},{a:.9g},{m:.9g}"
-        for t, a, m in zip(TRIAL["t"], DEG, TRIAL["torque"], strict=True)
-    ]
-    path.with_suffix(".csv").write_text("\n".join(["Clock time,Angle (deg),Torque (Nm)", *lines]))
+    clock_times(path, BEFORE_MIDNIGHT, "Clock time")
 
 
 def unit_behind_two_words(path):

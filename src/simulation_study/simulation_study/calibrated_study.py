@@ -28,6 +28,7 @@ from calibration.session_calibration import calibrate_session, require_gain
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.offline.recorded_estimates import estimate_signal
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.recording.recording import Recording
 from simulation_study.calibrated_recordings import (
     CALIBRATION_DURATION,
@@ -37,7 +38,7 @@ from simulation_study.calibrated_recordings import (
     sessions,
 )
 from simulation_study.robustness.conditions import NO_MISMATCH, Condition
-from simulation_study.robustness.estimation import DOUBT_THRESHOLD, fingerprint
+from simulation_study.robustness.estimation import fingerprint
 from simulation_study.robustness.summary import LARGE_ERROR, WIDTH
 from simulation_study.study import StudyError, settle
 

@@ -57,5 +57,6 @@ class ReflexStiffening(ReflexArc):
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         contraction = self.response_to(np.maximum(signals.drive, 0.0), values, state)
+        # Without a yield, and at rest at the first sample, wherever the joint stands.
         stretch = state["spring"].run(signals.foot_position, math.inf, float(values["recovery"]))
         return {"kr": contraction * stretch}

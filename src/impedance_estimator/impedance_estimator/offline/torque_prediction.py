@@ -145,7 +145,20 @@ def decimation(rate: float) -> int:
 
 
 def without_drift(values: np.ndarray, rate: float) -> np.ndarray:
-    """Return a signal, shape (n,), of `rate` [Hz] without what is slower than `HIGHPASS`."""
+    """Return a signal without what is slower than `HIGHPASS`, by a filter without delay.
+
+    Parameters
+    ----------
+    values
+        Shape (n,), in any unit.
+    rate
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    np.ndarray
+        Shape (n,), in the unit of the values.
+    """
     highpass = signal.butter(FILTER_ORDER, HIGHPASS, "highpass", fs=rate, output="sos")
     padding = min(len(values) - 1, round(PADDING * rate))
     return np.asarray(signal.sosfiltfilt(highpass, values, padtype="even", padlen=padding))

@@ -25,6 +25,7 @@ from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity
 from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from session_analysis.errors import AnalysisError
+from session_recorder.importing.statement import DIRECTIONS, TORQUE_SIGNS
 from session_recorder.importing.tables import READERS
 
 LAYOUT_VERSION = 1
@@ -45,8 +46,8 @@ NUMBERS = (
 """Numbers of a sidecar file, by the key ``symbol[unit]``."""
 CHOICES = {
     "side": ("left", "right"),
-    "torque_sign": ("rig", "subject"),
-    "positive": ("dorsiflexion", "plantarflexion"),
+    "torque_sign": tuple(TORQUE_SIGNS),
+    "positive": tuple(DIRECTIONS),
 }
 TEXTS = (
     "posture", "electrode_placement", "rig_calibration", "subject_calibration",

@@ -153,8 +153,8 @@ def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
         torque_sign=sign,
         rate=None if any(name.startswith("t[") for name in columns) else table.rate,
         resample=resample,
-        neutral=neutral or 0.0,
-        positive=positive or "dorsiflexion",
+        neutral=neutral,
+        positive=positive,
         overwrite=True,
     )
     return report.bag

@@ -177,16 +177,16 @@ def _conventions(
     which a right angle tells as well.
     """
     middle = float(np.median(values)) if len(values := even[name][np.isfinite(even[name])]) else 0.0
-    for candidate in (unit,) if unit else ("deg",):
-        right = _RIGHT_ANGLE * to_si("deg")[1] / to_si(candidate)[1]
-        if abs(abs(middle) - right) < _NEAR_RIGHT_ANGLE * right:
-            proposal.neutral = float(np.copysign(round(right, 4), middle))
-            even[name] = even[name] - proposal.neutral
-            proposal.doubts.append(
-                f"'{name}' is about {middle:.3g} {candidate}, as where {proposal.neutral:g} is the "
-                "neutral ankle: this is taken off"
-            )
-            unit = candidate
+    likely_unit = unit or "deg"
+    right = _RIGHT_ANGLE * to_si("deg")[1] / to_si(likely_unit)[1]
+    if abs(abs(middle) - right) < _NEAR_RIGHT_ANGLE * right:
+        unit = likely_unit
+        proposal.neutral = float(np.copysign(round(right, 4), middle))
+        even[name] = even[name] - proposal.neutral
+        proposal.doubts.append(
+            f"'{name}' is about {middle:.3g} {unit}, as where {proposal.neutral:g} is the neutral "
+            "ankle: this is taken off"
+        )
     if _PLANTARFLEXION.search(name) and not _DORSIFLEXION.search(name):
         proposal.positive = "plantarflexion"
         proposal.reasons.append(f"'{name}' rises in plantarflexion by its name")

@@ -6,6 +6,8 @@ import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from session_recorder.importing.statement import PROJECT_DIRECTION
+
 
 @dataclass
 class Proposal:
@@ -34,7 +36,7 @@ class Proposal:
     torque_sign: str | None = None
     resample: float | None = None
     neutral: float = 0.0
-    positive: str = "dorsiflexion"
+    positive: str = PROJECT_DIRECTION
     reasons: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -51,6 +53,6 @@ class Proposal:
             parts += ["--resample", f"{self.resample:.10g}"]
         if self.neutral:
             parts += ["--neutral", f"{self.neutral:.10g}"]
-        if self.positive != "dorsiflexion":
+        if self.positive != PROJECT_DIRECTION:
             parts += ["--positive", self.positive]
         return shlex.join(parts)

@@ -30,6 +30,7 @@ from session_recorder.importing.plausibility import (
 from session_recorder.importing.statement import (
     DIRECTIONS,
     EMG_TOPIC,
+    PROJECT_DIRECTION,
     TORQUE_SIGNS,
     check_grid,
     check_statement,
@@ -86,8 +87,8 @@ def import_recording(
     torque_sign: str | None = None,
     rate: float | None = None,
     resample: float | None = None,
-    neutral: float = 0.0,
-    positive: str = "dorsiflexion",
+    neutral: float | None = None,
+    positive: str | None = None,
     missing: str = "nan",
     force: bool = False,
     rig: RigFile | None = None,
@@ -116,10 +117,11 @@ def import_recording(
         Needed where the time column is irregular.
     neutral
         Angle of the neutral ankle, in the unit of the position's column: 90 where a file counts
-        the angle between shank and foot. It is taken off the measured and the commanded angle.
+        the angle between shank and foot. It is taken off the measured and the commanded angle;
+        None for 0.
     positive
         Direction in which the file's angle rises. With ``plantarflexion`` angles, velocities and
-        torque are turned round.
+        torque are turned round; None for this project's ``dorsiflexion``.
     missing
         What becomes of samples that are not finite: ``nan`` keeps them, ``gap`` leaves them out.
     force
@@ -157,7 +159,8 @@ def import_recording(
     if progress:
         progress(0.3)
     sign = TORQUE_SIGNS[torque_sign or "rig"]
-    signals = convert(columns, stated, chosen, sign, rate, resample, neutral, DIRECTIONS[positive])
+    direction = DIRECTIONS[positive or PROJECT_DIRECTION]
+    signals = convert(columns, stated, chosen, sign, rate, resample, neutral or 0.0, direction)
     signals.warnings[:0] = table.notes
     signals.contradictions += check_units(columns, table.units)
     found = _check_signals(signals, torque_sign or "rig")
@@ -178,8 +181,8 @@ def import_recording(
                     f"{name} = {column}" for name, column in columns.items()
                 ),
                 "stated_torque_sign": torque_sign or "no torque",
-                "stated_neutral": f"{neutral:g}",
-                "stated_positive": positive,
+                "stated_neutral": f"{neutral or 0.0:g}",
+                "stated_positive": positive or PROJECT_DIRECTION,
                 "sampling_rate[Hz]": f"{signals.rate!r}",
                 "warnings": "\n".join(signals.warnings),
             }
@@ -250,9 +253,9 @@ def _report_missing(signals: Signals, missing: str) -> None:
     alike: dict[bytes, list[str]] = {}
     for held in signals.columns.values():
         for name, values in held.items():
-            alike.setdefault(np.packbits(~np.isfinite(values)).tobytes(), []).append(name)
+            alike.setdefault((~np.isfinite(values)).tobytes(), []).append(name)
     for mask, names in alike.items():
-        bad = np.flatnonzero(np.unpackbits(np.frombuffer(mask, np.uint8)))
+        bad = np.flatnonzero(np.frombuffer(mask, dtype=bool))
         if len(bad):
             signals.warnings.append(
                 f"{', '.join(names)}: {len(bad)} samples are missing or not finite, from t = "

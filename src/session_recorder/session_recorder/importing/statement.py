@@ -15,7 +15,8 @@ from session_recorder.importing.laboratory_units import known_unit
 # subject exerts.
 TORQUE_SIGNS = {"rig": 1.0, "subject": -1.0}
 # The direction in which the angle of a file rises, as a factor to this project's.
-DIRECTIONS = {"dorsiflexion": 1.0, "plantarflexion": -1.0}
+PROJECT_DIRECTION = "dorsiflexion"
+DIRECTIONS = {PROJECT_DIRECTION: 1.0, "plantarflexion": -1.0}
 MISSING_POLICIES = ("nan", "gap")
 # Quantity -> topic and column there. EMG columns have the muscle's name and a unit of voltage.
 QUANTITIES = {
@@ -71,7 +72,7 @@ def check_statement(
     torque_sign: str | None,
     rate: float | None,
     missing: str,
-    positive: str,
+    positive: str | None,
 ) -> None:
     """Check that a statement is complete and does not contradict itself.
 
@@ -103,7 +104,7 @@ def check_statement(
         raise ImportRefused(
             f"torque sign '{torque_sign}' is not known; expected {' or '.join(TORQUE_SIGNS)}"
         )
-    if positive not in DIRECTIONS:
+    if positive is not None and positive not in DIRECTIONS:
         raise ImportRefused(
             f"positive direction '{positive}' is not known; expected {' or '.join(DIRECTIONS)}"
         )

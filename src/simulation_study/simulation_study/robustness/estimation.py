@@ -34,8 +34,6 @@ ARRIVED_OF_JUMP, ARRIVED_OF_VALUE = 0.1, 0.05
 """Tolerance about the new value: the larger of these shares of the jump and of the value. A tenth
 of a small jump lies inside the scatter of any estimator.
 """
-DOUBT_THRESHOLD = 0.5
-"""An estimate counts as called doubtful where its doubt is at least this."""
 
 
 def fingerprint() -> str:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from simulation_study.robustness.conditions import JUMP, JUMPS, NO_MISMATCH
-from simulation_study.robustness.estimation import DOUBT_THRESHOLD, OFFLINE, ONLINE
+from simulation_study.robustness.estimation import OFFLINE, ONLINE
 
 ESTIMATORS = (*ONLINE, OFFLINE)
 GAINS = ("K", "G")
