@@ -44,7 +44,7 @@ OwnTerms = Annotated[
 LOG_PERIOD = 10.0
 """[s] Shortest time between two lines of progress in a log: seldom enough to be read."""
 CORES = os.cpu_count() or 1
-Workers = Annotated[int, typer.Option(help="Processes on this machine.")]
+Workers = Annotated[int, typer.Option(min=1, help="Processes on this machine.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Address of a running Dask scheduler, instead of --workers.")
 ]

@@ -190,6 +190,16 @@ def test_a_file_that_is_no_recording_is_refused_with_the_verb_that_makes_one(tmp
         assert f"ankle import {file}" in str(refused.exception)
     refused = ankle("design-experiment", tmp_path)
     assert "the folder that 'ankle diagnose' has written" in str(refused.exception)
+    refused = ankle("design-experiment", tmp_path / "nothing")
+    assert "there is no" in str(refused.exception)
+    assert "the folder that 'ankle diagnose' has written" in str(refused.exception)
+
+
+@pytest.mark.parametrize("verb", [("table2",), ("robustness",), ("blind",), ("study", "run", ".")])
+def test_a_study_without_a_process_to_compute_it_is_refused(verb):
+    refused = ankle(*verb, "--workers", 0)
+    assert refused.exit_code == 2
+    assert "--workers" in refused.output
 
 
 def test_help_behind_a_node_describes_it_and_starts_nothing():

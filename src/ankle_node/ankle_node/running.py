@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from ankle_node.block_executor import BlockExecutor
 from ankle_node.domain import stay_on_this_host
@@ -73,6 +74,12 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
 
 
 def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
+    try:
+        other = remove_ros_args(arguments)[1:]
+    except RuntimeError as error:  # rclpy's own class for it is private
+        return _fail(error)
+    if other:
+        return _fail(f"argument '{other[0]}' is unknown; parameters and names follow --ros-args")
     # rclpy's own handlers would close the context at once, with the last blocks still on their way.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node: AnkleNode | None = None
@@ -89,10 +96,15 @@ def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        return 1
+        return _fail(error)
     finally:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _fail(reason: object) -> int:
+    """Write why the node ends, as one line on stderr; return the exit code."""
+    print(f"error: {reason}", file=sys.stderr, flush=True)
+    return 1

@@ -104,6 +104,22 @@ sys.exit(run(N))
 """
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--amplitude", "0.05"), "error: argument '--amplitude' is unknown; "),
+        (("--ros-args", "-p", "amplitude"), "error: Failed to parse ROS arguments: "),
+    ],
+)
+def test_an_argument_that_no_node_has_ends_with_one_line(arguments, words):
+    process = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, timeout=30
+    )
+    assert process.returncode == 1
+    (line,) = process.stderr.splitlines()
+    assert line.startswith(words)
+
+
 def test_a_typing_error_at_the_start_is_refused_and_what_is_of_other_nodes_is_named(tmp_path):
     process = start("amplitud:=0.05")
     _, error = process.communicate(timeout=30)

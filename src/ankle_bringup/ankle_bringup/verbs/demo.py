@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
-from ankle_bringup.terminal import Out, console
+from ankle_bringup.terminal import console
 
 
 def verb(
-    out: Out = Path("demo_results"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="A new folder for all results.")] = Path(
+        "demo_results"
+    ),
     seconds: Annotated[
         float,
         typer.Option(

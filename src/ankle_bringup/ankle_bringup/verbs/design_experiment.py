@@ -12,6 +12,7 @@ from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
 
 VERDICT_FILE = "verdict.json"
+ADVICE = "give the folder that 'ankle diagnose' has written"
 
 
 def verb(
@@ -28,10 +29,10 @@ def verb(
     """
     from model_discrepancy.tools.experiment_design import LISTED_DESIGNS, design_experiment
 
+    if not verdict.exists():
+        raise RunError(f"there is no {verdict}; {ADVICE}")
     if verdict.is_dir() and not (verdict / VERDICT_FILE).exists():
-        raise RunError(
-            f"{verdict} holds no {VERDICT_FILE}; give the folder that 'ankle diagnose' has written"
-        )
+        raise RunError(f"{verdict} holds no {VERDICT_FILE}; {ADVICE}")
     clear_folder(out, overwrite, "design.yaml")
     with working("designing") as step:
         found = design_experiment(verdict, progress=step)

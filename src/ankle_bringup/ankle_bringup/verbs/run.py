@@ -17,9 +17,14 @@ CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_optio
 
 def verb(
     context: typer.Context,
-    package: Annotated[str, typer.Argument(help="The package; --help lists them.")] = "--help",
+    package: Annotated[
+        str, typer.Argument(help="The package; --help lists them.", show_default=False)
+    ] = "--help",
     executable: Annotated[
-        str, typer.Argument(help="The executable; --help lists those of the package.")
+        str,
+        typer.Argument(
+            help="The executable; --help lists those of the package.", show_default=False
+        ),
     ] = "--help",
 ) -> None:
     """Run a single node, as `ros2 run` does. With --help behind the executable, show what the node

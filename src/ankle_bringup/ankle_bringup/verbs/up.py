@@ -32,7 +32,9 @@ def verb(
     params_file: Annotated[
         Path | None,
         typer.Option(
-            "--params-file", help="ROS parameter file; --set goes before it.", exists=True
+            "--params-file",
+            help="ROS parameter file; a value of --set replaces the file's.",
+            exists=True,
         ),
     ] = None,
     emulator: Annotated[
