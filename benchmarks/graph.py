@@ -27,7 +27,7 @@ from ankle_bringup.processes import Processes
 from ankle_node.domain import take_free_domain
 from session_recorder.bag_reader import BagReader
 
-STARTING = 64
+STARTUP_BLOCKS = 64
 """Estimates of the first second, in which five processes start at once."""
 
 
@@ -106,7 +106,7 @@ def main() -> int:
         ("samples missing here", f"{monitor.missing}"),
         ("estimates received", f"{len(estimate)}"),
         ("latency, block complete to estimate here", figures(estimate)),
-        ("the same after a second", figures(estimate[STARTING:])),
+        ("the same after a second", figures(estimate[STARTUP_BLOCKS:])),
         ("peer: generator's block to here", figures(reference)),
         ("ratio of medians", f"{np.median(estimate) / np.median(reference):.2f}"),
     ]

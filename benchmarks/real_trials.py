@@ -56,7 +56,7 @@ ms (van 't Veld et al. 2018).
 """
 TORQUE_NOISE = 0.05
 """[N.m] White, at every sample: a tenth of that of the paper's rig."""
-VOLUNTARY = ((0.0, 1.0), (0.5, 0.3), (1.0, 1.0))
+VOLUNTARY_TORQUES = ((0.0, 1.0), (0.5, 0.3), (1.0, 1.0))
 """Root mean square [N.m] and cut-off [Hz]."""
 COMPARED_ESTIMATORS = {
     "CE": ("CE", Settings()),
@@ -86,7 +86,7 @@ def known_joint(
 
 def print_known_joint(name: str, rate: float, time: np.ndarray, position: np.ndarray) -> None:
     """Print mean and standard deviation within the trial, by voluntary torque and estimator."""
-    for rms, cutoff in VOLUNTARY:
+    for rms, cutoff in VOLUNTARY_TORQUES:
         x, torque = known_joint(rate, position, rms, cutoff)
         for method, (algorithm, settings) in COMPARED_ESTIMATORS.items():
             rows = estimate_signal(time, x, None, torque, algorithm, settings).valid

@@ -19,7 +19,7 @@ BEFORE, AFTER = 0.1, 0.4  # s around a perturbation
 ONSET_SPEED = (
     0.3  # of the fastest movement; a push is well above, the way between pushes well below
 )
-LEAST_APART = (
+LEAST_SPACING = (
     0.15  # s between onsets; the shortest way between two steps of the real trials is 0.2 s
 )
 
@@ -92,7 +92,7 @@ def onsets(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarr
     starts = np.flatnonzero(fast[1:] & ~fast[:-1]) + 1
     chosen: list[int] = []
     for index in starts:
-        if not chosen or time[index] - time[chosen[-1]] > LEAST_APART:
+        if not chosen or time[index] - time[chosen[-1]] > LEAST_SPACING:
             chosen.append(int(index))
     kept = np.array(chosen, dtype=int)
     return time[kept], np.sign(speed[kept])

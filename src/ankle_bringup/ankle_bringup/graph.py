@@ -28,7 +28,7 @@ from ankle_bringup.executables import declared_parameters, find_executable
 from ankle_bringup.suggestion import require_known
 from ankle_interfaces.yaml_text import YamlError, load_named, names_in, parse_yaml, read_text
 
-OF_EVERY_NODE = ("use_sim_time",)  # rclpy declares it
+PARAMETERS_OF_RCLPY = ("use_sim_time",)  # rclpy declares it
 _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?", re.ASCII)
 _NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when"}
 
@@ -78,7 +78,7 @@ class NodeDescription:
         if declared is None:
             return
         for parameter in self.parameters:
-            require_known(f"parameter of {self.name}", parameter, [*declared, *OF_EVERY_NODE])
+            require_known(f"parameter of {self.name}", parameter, [*declared, *PARAMETERS_OF_RCLPY])
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 
 from ankle_node.qos import LATEST_QOS
 
-ACKNOWLEDGED = "/_acknowledged"
+ACKNOWLEDGEMENT_SUFFIX = "/_acknowledged"
 """Ending of the name of a topic's acknowledgements; the underscore hides it from ``ros2 topic
 list``."""
 GREETING = 0
@@ -49,7 +49,7 @@ class Acknowledgement:
     """
 
     def __init__(self, node: Node, topic: str) -> None:
-        self._publisher = node.create_publisher(String, topic + ACKNOWLEDGED, LATEST_QOS)
+        self._publisher = node.create_publisher(String, topic + ACKNOWLEDGEMENT_SUFFIX, LATEST_QOS)
         self._reader = f"{node.get_fully_qualified_name()} {os.getpid()}-{id(self)}"
         self.events = SubscriptionEventCallbacks(matched=self._greet)
 
@@ -80,7 +80,7 @@ class Greetings:
     """
 
     def __init__(self, node: Node, topic: str) -> None:
-        self._node, self._topic = node, topic + ACKNOWLEDGED
+        self._node, self._topic = node, topic + ACKNOWLEDGEMENT_SUFFIX
         self._readers: set[str] = set()
         self._subscription = node.create_subscription(
             String, self._topic, self._receive, EVERY_READER_QOS

@@ -39,7 +39,7 @@ RIG = Quantity(
     ),
     start_only=True,
 )
-_PAPER = SignalToNoise()
+_PAPER_RATIOS = SignalToNoise()
 RIG_PARAMETERS = (
     MODEL,
     TERMS,
@@ -81,7 +81,7 @@ RIG_PARAMETERS = (
         "dB",
         0.0,
         200.0,
-        _PAPER.position,
+        _PAPER_RATIOS.position,
         description="Signal-to-noise ratio of the position (section II-C of the paper).",
         start_only=True,
     ),
@@ -90,7 +90,7 @@ RIG_PARAMETERS = (
         "dB",
         0.0,
         200.0,
-        _PAPER.velocity,
+        _PAPER_RATIOS.velocity,
         description="Signal-to-noise ratio of the velocity (section II-D of the paper).",
         start_only=True,
     ),
@@ -99,7 +99,7 @@ RIG_PARAMETERS = (
         "dB",
         0.0,
         200.0,
-        _PAPER.torque,
+        _PAPER_RATIOS.torque,
         description="Signal-to-noise ratio of the torque (section II-C of the paper).",
         start_only=True,
     ),

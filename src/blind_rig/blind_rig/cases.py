@@ -101,7 +101,8 @@ def plan_cases(count: int, seed: int) -> list[Plan]:
                 (
                     i
                     for i in range(len(known))
-                    if effects.BY_NAME[known[i]].place != effects.BY_NAME[first].place
+                    if effects.EFFECTS_BY_NAME[known[i]].place
+                    != effects.EFFECTS_BY_NAME[first].place
                 ),
                 0,
             )
@@ -126,7 +127,7 @@ def _draw_trial(generator: np.random.Generator, hidden: tuple[str, ...]) -> Tria
     """Return a trial without effects, under a protocol that shows what will be hidden in it."""
     kinds = set(PROTOCOLS)
     for name in hidden:
-        kinds &= set(effects.BY_NAME[name].protocols or PROTOCOLS)
+        kinds &= set(effects.EFFECTS_BY_NAME[name].protocols or PROTOCOLS)
     return Trial(
         draw_subject(generator),
         draw_protocol(generator, sorted(kinds)),
@@ -173,7 +174,7 @@ def _hide(
         changes: dict[str, float] = {}
         hidden: list[dict[str, Any]] = []
         for name, wanted in zip(plan.hidden, plan.strengths, strict=True):
-            change, about = _brought_in(trial, effects.BY_NAME[name], wanted, generator)
+            change, about = _brought_in(trial, effects.EFFECTS_BY_NAME[name], wanted, generator)
             changes |= change
             hidden.append(about)
         if draw == DRAWS - 1 or all(
@@ -210,8 +211,8 @@ def make_case(plan: Plan, bag: Path) -> dict[str, Any]:
     needed = {
         column
         for name in plan.hidden
-        if name in effects.BY_NAME
-        for column in effects.BY_NAME[name].needs
+        if name in effects.EFFECTS_BY_NAME
+        for column in effects.EFFECTS_BY_NAME[name].needs
     }
     if "position_sign" in plan.hidden:
         # A tachometer is its own channel: without it a wrong sign of the angle is a wrong sign of

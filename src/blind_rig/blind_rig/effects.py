@@ -360,7 +360,7 @@ UNKNOWN_EFFECTS: tuple[Effect, ...] = (
     ),
 )
 
-BY_NAME = {effect.name: effect for effect in (*KNOWN_EFFECTS, *UNKNOWN_EFFECTS)}
+EFFECTS_BY_NAME = {effect.name: effect for effect in (*KNOWN_EFFECTS, *UNKNOWN_EFFECTS)}
 
 
 def draw_shape(

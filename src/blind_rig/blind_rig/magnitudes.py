@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from blind_rig import strength
-from blind_rig.effects import BY_NAME
+from blind_rig.effects import EFFECTS_BY_NAME
 from blind_rig.trial import Trial, run
 
 # Weak, moderate, strong, in the unit of the effect's magnitude.
@@ -74,7 +74,7 @@ def brought_in(trial: Trial, effect: str, level: str) -> Trial:
     KeyError
         No such effect or strength.
     """
-    known = BY_NAME[effect]
+    known = EFFECTS_BY_NAME[effect]
     magnitude = MAGNITUDES[effect][list(strength.STRENGTHS).index(level)]
     changes = {path: float(np.mean(limits)) for path, limits in known.shape.items()}
     changes[known.magnitude] = magnitude

@@ -29,7 +29,7 @@ def test_mix_of_kinds_and_every_effect_dealt() -> None:
     assert max(dealt.values()) - min(dealt.values()) <= 1
     for plan in plans:
         if plan.kind == "pair":
-            assert len({effects.BY_NAME[name].place for name in plan.hidden}) == 2
+            assert len({effects.EFFECTS_BY_NAME[name].place for name in plan.hidden}) == 2
 
 
 def test_plans_depend_on_the_seed_and_on_nothing_else() -> None:
@@ -46,8 +46,8 @@ def test_every_known_effect_has_an_answer_and_no_unknown_one() -> None:
 
     for path in [
         *setup_paths,
-        *(effect.magnitude for effect in effects.BY_NAME.values()),
-        *(p for e in effects.BY_NAME.values() for p in e.shape),
+        *(effect.magnitude for effect in effects.EFFECTS_BY_NAME.values()),
+        *(p for e in effects.EFFECTS_BY_NAME.values() for p in e.shape),
     ]:
         Setup().get(path)
 

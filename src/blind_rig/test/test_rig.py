@@ -164,13 +164,13 @@ def _reaches(effect: effects.Effect, wanted: str, seconds: float) -> strength.Sc
 
 @pytest.mark.parametrize("name", ["maxwell", "torque_delay"])
 def test_effect_adds_the_demanded_share(name: str) -> None:
-    scaled = _reaches(effects.BY_NAME[name], "moderate", 6.0)
+    scaled = _reaches(effects.EFFECTS_BY_NAME[name], "moderate", 6.0)
     assert scaled.share == pytest.approx(0.02, rel=0.15)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "effect", [e for e in effects.BY_NAME.values() if not e.levels], ids=lambda e: e.name
+    "effect", [e for e in effects.EFFECTS_BY_NAME.values() if not e.levels], ids=lambda e: e.name
 )
 def test_every_effect_can_be_made_visible(effect: effects.Effect) -> None:
     """Weak is within reach of every effect, and is met."""

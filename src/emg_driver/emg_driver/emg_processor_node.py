@@ -43,7 +43,7 @@ WAIT_FOR_READERS = Quantity(
 )
 PARAMETERS = (*PROCESSING, *ELECTRODES, WAIT_FOR_READERS)
 # The average of a hundred changes little with each; half the messages show the same.
-ENSEMBLE_EVERY = 2
+RESPONSES_PER_ENSEMBLE = 2
 
 
 class EmgProcessorNode(AnkleNode):
@@ -97,7 +97,7 @@ class EmgProcessorNode(AnkleNode):
         for row in due.rows:
             self._responses(row[None])
             self._published += 1
-            if self._published % ENSEMBLE_EVERY == 0:
+            if self._published % RESPONSES_PER_ENSEMBLE == 0:
                 self._ensemble(self._processor.ensemble())
         self.count("onsets", self._published)
         if not math.isnan(self._processor.lag):

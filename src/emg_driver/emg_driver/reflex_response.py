@@ -14,7 +14,7 @@ from emg_driver.settings import Settings
 
 # A sample on the edge of a window belongs to it whatever the rounding of its time; far below any
 # sampling interval.
-ON_SAMPLE = 1e-7  # s
+TIME_ROUNDING = 1e-7  # s
 
 
 def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | None:
@@ -31,7 +31,9 @@ def window(time: np.ndarray, start: float, end: float, rate: float) -> slice | N
     rate
         Sampling rate [Hz].
     """
-    first, stop = (int(k) for k in np.searchsorted(time, [start - ON_SAMPLE, end - ON_SAMPLE]))
+    first, stop = (
+        int(k) for k in np.searchsorted(time, [start - TIME_ROUNDING, end - TIME_ROUNDING])
+    )
     # How many samples fall into the window depends on where they lie by one.
     if stop - first < (end - start) * rate - 1.0:
         return None

@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray, String
 
 from ankle_interfaces.block import Block, pack, unpack
-from ankle_node.acknowledgement import ACKNOWLEDGED
+from ankle_node.acknowledgement import ACKNOWLEDGEMENT_SUFFIX
 from ankle_node.qos import BLOCK_QOS, LATEST_QOS, PUBLISHED_BLOCKS_QOS
 from emg_driver.muscles import RESPONSE_TOPIC, SAMPLE_COLUMNS, SAMPLES_TOPIC
 from perturbation_generator.pulse_step import PulseStep
@@ -63,7 +63,7 @@ class Laboratory:
         for topic in self.processed:
             self.node.create_subscription(
                 String,
-                topic + ACKNOWLEDGED,
+                topic + ACKNOWLEDGEMENT_SUFFIX,
                 lambda message, topic=topic: self.processed.update(
                     {topic: int(message.data.split()[-1])}
                 ),

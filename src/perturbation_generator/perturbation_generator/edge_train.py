@@ -13,7 +13,7 @@ import numpy as np
 from perturbation_generator.edges import Shape
 
 # An edge that falls on a sample belongs to it, whatever the rounding of time times rate.
-ON_SAMPLE = 1e-6  # samples
+INDEX_ROUNDING = 1e-6  # samples
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class EdgeTrain:
 
     def add(self, time: float, level: float) -> None:
         """Add an edge that starts at a time [s] and goes to a level."""
-        first = math.ceil(time * self._rate - ON_SAMPLE)
+        first = math.ceil(time * self._rate - INDEX_ROUNDING)
         self._moving.append(_Edge(time, first, level - self.level, level))
         self.level = level
 

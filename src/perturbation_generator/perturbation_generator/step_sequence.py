@@ -9,7 +9,7 @@ import numpy as np
 
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Value
-from perturbation_generator.edge_train import ON_SAMPLE, EdgeTrain
+from perturbation_generator.edge_train import INDEX_ROUNDING, EdgeTrain
 from perturbation_generator.edges import Extremes
 from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Onset, Signal
@@ -93,7 +93,7 @@ class StepSequence(Signal):
         return [onset for onset in self._onsets if onset.time < self.time]
 
     def _samples(self, first: int, n: int) -> np.ndarray:
-        while not self._over and self._start * self.settings.rate - ON_SAMPLE <= first + n - 1:
+        while not self._over and self._start * self.settings.rate - INDEX_ROUNDING <= first + n - 1:
             self._extend()
         return self._train.samples(first, n)
 

@@ -31,7 +31,7 @@ _QUESTION = (
     "extent that K goes with the background "
     "and G with the reflex, from one 60 s hold to the next; r = 1 is a perfect line."
 )
-_TOO_FEW = f"Too few holds for a correlation, which needs {LEAST_PAIRS} of one torque target."
+_TOO_FEW_HOLDS = f"Too few holds for a correlation, which needs {LEAST_PAIRS} of one torque target."
 _SIGN = (
     "Torque is what holds the ankle in place: a push of 5 N·m towards plantarflexion, the "
     "target of -5 N·m, is measured as +5 N·m."
@@ -96,7 +96,7 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
         "van 't Veld et al., BIOROB 2018.</p>",
         f"<p>{escape(_QUESTION)}</p>",
         "<h2>Correlation of impedance with EMG (the paper's table III)</h2>",
-        _table(correlation_rows(validation)) if correlated else f"<p>{_TOO_FEW}</p>",
+        _table(correlation_rows(validation)) if correlated else f"<p>{_TOO_FEW_HOLDS}</p>",
         f"<p>{escape(_RULES)}</p>",
     ]
     for caption, path in pictures:

@@ -26,7 +26,7 @@ METADATA_FILE = "metadata.yaml"
 VERSION = 9
 ROOT = "rosbag2_bagfile_information"
 # What rmw writes for "no deadline": the largest int64 of nanoseconds.
-INFINITE = QosTime(9223372036, 854775807)
+INFINITE_DURATION = QosTime(9223372036, 854775807)
 # rosbag2's starting time of a bag without messages.
 NO_TIME = 2**63 - 1
 
@@ -38,10 +38,10 @@ def qos(depth: int, reliable: bool = True, latched: bool = False) -> Qos:
         depth,
         QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
         QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        INFINITE,
-        INFINITE,
+        INFINITE_DURATION,
+        INFINITE_DURATION,
         QosLiveliness.AUTOMATIC,
-        INFINITE,
+        INFINITE_DURATION,
         False,
     )
 

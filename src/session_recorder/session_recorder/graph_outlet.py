@@ -16,7 +16,11 @@ from std_msgs.msg import String
 
 from ankle_interfaces.block import MESSAGE_TYPE
 from ankle_interfaces.topics import CLOCK
-from ankle_node.acknowledgement import ACKNOWLEDGED, EVERY_READER_QOS, read_acknowledgement
+from ankle_node.acknowledgement import (
+    ACKNOWLEDGEMENT_SUFFIX,
+    EVERY_READER_QOS,
+    read_acknowledgement,
+)
 from ankle_node.qos import publisher_qos
 from ankle_node.sources import publishers, readers
 from session_recorder.bag_reader import BagReader
@@ -89,7 +93,7 @@ class GraphOutlet:
         )
 
     def _acknowledged_topic(self, name: str) -> str:
-        return str(self._senders[name].topic_name) + ACKNOWLEDGED
+        return str(self._senders[name].topic_name) + ACKNOWLEDGEMENT_SUFFIX
 
     def _listen(self, name: str) -> None:
         def receive(message: String) -> None:

@@ -15,7 +15,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 
-from session_recorder.bag_metadata import INFINITE
+from session_recorder.bag_metadata import INFINITE_DURATION
 
 # Of a latched topic whose depth the graph did not state: one second of blocks.
 LATCHED_DEPTH = 64
@@ -44,7 +44,7 @@ def from_ros(profile: QoSProfile) -> Qos:
 
 def _time(duration: Duration) -> QosTime:
     seconds, rest = divmod(duration.nanoseconds, 1_000_000_000)
-    return INFINITE if duration.nanoseconds in (0, 2**63 - 1) else QosTime(seconds, rest)
+    return INFINITE_DURATION if duration.nanoseconds in (0, 2**63 - 1) else QosTime(seconds, rest)
 
 
 def to_record(offered: Collection[QoSProfile]) -> QoSProfile:

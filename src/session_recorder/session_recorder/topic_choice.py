@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable
 
 from session_recorder.replaying import ROS_TOPICS
 
-OF_EVERY_NAMESPACE = (*ROS_TOPICS, "/tf", "/tf_static")
+SHARED_TOPICS = (*ROS_TOPICS, "/tf", "/tf_static")
 """Topics that the laboratories of all namespaces share."""
 
 
@@ -29,7 +29,7 @@ class TopicChoice:
         """Return whether a topic is recorded."""
         if self._named:
             return topic in self._named
-        return topic in OF_EVERY_NAMESPACE or topic.startswith(self._prefix)
+        return topic in SHARED_TOPICS or topic.startswith(self._prefix)
 
     def missing(self, connected: Collection[str]) -> list[str]:
         """Return the named topics that are not connected."""
@@ -39,6 +39,6 @@ class TopicChoice:
         """Return the name without the namespace: a bag holds one laboratory, and whoever reads it
         finds ``/ankle/samples`` whatever the namespace was.
         """
-        if topic in OF_EVERY_NAMESPACE or not topic.startswith(self._prefix):
+        if topic in SHARED_TOPICS or not topic.startswith(self._prefix):
             return topic
         return f"/{topic.removeprefix(self._prefix)}"

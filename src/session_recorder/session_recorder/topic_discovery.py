@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from ankle_node.acknowledgement import ACKNOWLEDGED
+from ankle_node.acknowledgement import ACKNOWLEDGEMENT_SUFFIX
 from ankle_node.node import AnkleNode
 from session_recorder import bag_metadata
 from session_recorder.errors import BagError
@@ -75,7 +75,7 @@ class TopicDiscovery:
         """Look at the graph for new topics and publishers."""
         self._quiet_looks += 1
         for topic, types in self._node.get_topic_names_and_types():
-            refused = topic.endswith(ACKNOWLEDGED) or topic in self._refused
+            refused = topic.endswith(ACKNOWLEDGEMENT_SUFFIX) or topic in self._refused
             if refused or not self._choice.wants(topic):
                 continue
             offers = self._node.get_publishers_info_by_topic(topic)

@@ -29,7 +29,7 @@ from simulation_study.robustness.conditions import (
     NO_MISMATCH,
     SERVOS,
     USUAL_VARIATION,
-    VOLUNTARY,
+    VOLUNTARY_TORQUES,
     Condition,
     blind_trial,
 )
@@ -142,7 +142,7 @@ def sessions(count: int, seed: int) -> list[Condition]:
                 effect,
                 strength,
                 str(random.choice(list(SERVOS))),
-                str(random.choice(list(VOLUNTARY))),
+                str(random.choice(list(VOLUNTARY_TORQUES))),
                 USUAL_VARIATION,
                 (1.0, 1.0),
                 int(random.integers(2**62)),

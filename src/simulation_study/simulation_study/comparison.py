@@ -27,7 +27,11 @@ STREAM = 47
 """Labels the seeds of this study, so that they are not those of table II, of the tests, or of any
 tuning.
 """
-VOLUNTARY = {"none": (0.0, 0.3), "0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
+VOLUNTARY_TORQUES = {
+    "none": (0.0, 0.3),
+    "0.5 N.m below 0.3 Hz": (0.5, 0.3),
+    "1 N.m below 1 Hz": (1.0, 1.0),
+}
 """Root mean square [N.m] and cut-off [Hz] of the subject's own torque."""
 COMPARED_ESTIMATORS = ("CE", "CE all", "simultaneous")
 PICTURED_ESTIMATORS = (
@@ -43,7 +47,7 @@ RAMPS = (2.0, 10.0, 30.0)
 """[s] for K from 50 to 150 and G from 5 to 15"""
 FREQUENCIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """[Hz] of K 100 ± 30 and G 10 ± 3."""
-FULL, QUICK = (
+FULL_SIZE, QUICK_SIZE = (
     {"jump": 10, "fixed": 10, "reflex": 3, "moving": 3, "calibration": 200},
     {
         "jump": 2,
@@ -67,7 +71,7 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
 
     trials = []
     for (label, (rms, cutoff)), (part, course) in product(
-        VOLUNTARY.items(), (("jump", Course("jump")), ("fixed", None))
+        VOLUNTARY_TORQUES.items(), (("jump", Course("jump")), ("fixed", None))
     ):
         ankle = Ankle(voluntary_rms=rms, voluntary_cutoff=cutoff)
         trials += [
@@ -152,7 +156,7 @@ def main() -> None:
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options.add_argument("--scheduler", help="address of a running Dask scheduler")
     given = options.parse_args()
-    seeds = QUICK if given.quick else FULL
+    seeds = QUICK_SIZE if given.quick else FULL_SIZE
     asked = {"study": "comparison", "seed": given.seed, "seeds": seeds}
     trials = comparison_trials(seeds, given.seed)
     results = run_study(

@@ -32,7 +32,7 @@ ERRORS = [
     ESTIMATE_COLUMNS.index(name)
     for name in ("se_K[N.m/rad]", "se_B[N.m.s/rad]", "se_I[kg.m^2]", "se_G[N.m.s/rad]")
 ]
-VALID = ESTIMATE_COLUMNS.index("valid[1]")
+VALID_COLUMN = ESTIMATE_COLUMNS.index("valid[1]")
 
 CUTOFF_FACTORS = (2.0, 4.0)
 """The cut-offs of CE's averages are raised by these factors for the picture of speed against
@@ -117,7 +117,7 @@ def summarise(rows: np.ndarray, recording: Recording, trial: Trial) -> dict[str,
         error of K and G over half of their range [1].
     """
     rows = rows[rows[:, 0] > IGNORED_DURATION]
-    after = rows[rows[:, VALID] > 0.0]
+    after = rows[rows[:, VALID_COLUMN] > 0.0]
     out: dict[str, Any] = {
         "mean": after[:, VALUES].mean(axis=0).tolist(),
         "sd": after[:, VALUES].std(axis=0).tolist(),

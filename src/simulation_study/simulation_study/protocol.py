@@ -42,7 +42,7 @@ class Size:
     seconds: float = DURATION
 
 
-FULL, QUICK = Size(), Size(runs=8, seeds=5)
+FULL_SIZE, QUICK_SIZE = Size(), Size(runs=8, seeds=5)
 
 
 def table2_trials(size: Size, seed: int) -> list[Trial]:

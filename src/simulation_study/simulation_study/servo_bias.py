@@ -26,7 +26,7 @@ from impedance_estimator.offline.recorded_estimates import estimate_signal
 from simulation_study.robustness.conditions import (
     NO_MISMATCH,
     USUAL_VARIATION,
-    VOLUNTARY,
+    VOLUNTARY_TORQUES,
     Condition,
     blind_trial,
 )
@@ -57,7 +57,7 @@ def subjects(count: int, seed: int) -> list[Condition]:
         Draws subjects, perturbations and voluntary torque.
     """
     random = np.random.default_rng([STREAM, seed])
-    kinds = list(VOLUNTARY)
+    kinds = list(VOLUNTARY_TORQUES)
     return [
         Condition(
             f"{k:03d}",

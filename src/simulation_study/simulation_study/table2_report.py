@@ -10,7 +10,7 @@ from rich.console import Console
 
 from simulation_study.estimates import carry_out
 from simulation_study.figures import IntrinsicAccuracy, figure6, figure7, intrinsic_accuracies
-from simulation_study.protocol import COMBINATIONS, FULL, QUICK, table2_trials
+from simulation_study.protocol import COMBINATIONS, FULL_SIZE, QUICK_SIZE, table2_trials
 from simulation_study.study import run_study
 from simulation_study.table2 import Row, significant_deviation, table2
 
@@ -35,7 +35,7 @@ def reproduce_table2(
     study.StudyError
         Something else is in `out`.
     """
-    size = QUICK if quick else FULL
+    size = QUICK_SIZE if quick else FULL_SIZE
     asked = {
         "study": "table2",
         "seed": seed,

@@ -125,7 +125,9 @@ def _hidden(kind: str, count: int, generator: np.random.Generator) -> list[tuple
         return [(name,) for name in order[:count]]
     pairs: list[tuple[str, ...]] = []
     while len(pairs) < count:
-        first, second = (effects.BY_NAME[str(n)] for n in generator.choice(known, 2, replace=False))
+        first, second = (
+            effects.EFFECTS_BY_NAME[str(n)] for n in generator.choice(known, 2, replace=False)
+        )
         if first.place != second.place and _protocols((first.name, second.name)):
             pairs.append((first.name, second.name))
     return pairs
@@ -135,7 +137,11 @@ def _protocols(hidden: Sequence[str]) -> list[str]:
     """Return the protocols that show all of these effects; every one where none is hidden."""
     if not hidden:
         return list(EVERY_PROTOCOL)
-    wanted = [effects.BY_NAME[n].protocols or PROTOCOLS for n in hidden if n in effects.BY_NAME]
+    wanted = [
+        effects.EFFECTS_BY_NAME[n].protocols or PROTOCOLS
+        for n in hidden
+        if n in effects.EFFECTS_BY_NAME
+    ]
     return [kind for kind in PROTOCOLS if all(kind in some for some in wanted)]
 
 

@@ -6,11 +6,11 @@ import pytest
 from blind_rig import effects
 from simulation_study.robustness import estimation
 from simulation_study.robustness.conditions import (
-    FULL,
+    FULL_SIZE,
     JUMP,
     JUMPS,
     NO_MISMATCH,
-    QUICK,
+    QUICK_SIZE,
     Size,
     blind_trial,
     conditions,
@@ -22,26 +22,26 @@ from simulation_study.robustness.summary import arrivals, doubt, earlier, errors
 
 
 def test_a_plan_has_every_effect_at_three_strengths_and_both_servos():
-    planned = conditions(FULL, 3)
+    planned = conditions(FULL_SIZE, 3)
     assert len(planned) >= 150
     assert len({c.name for c in planned}) == len(planned)
-    for effect in effects.BY_NAME:
+    for effect in effects.EFFECTS_BY_NAME:
         assert {c.strength for c in planned if c.effect == effect} == {
             "weak",
             "moderate",
             "strong",
         }
     assert {c.servo for c in planned if c.effect == NO_MISMATCH} == {"stiff", "compliant"}
-    assert planned == conditions(FULL, 3)
-    assert [c.seed for c in planned] != [c.seed for c in conditions(FULL, 4)]
-    assert len(conditions(QUICK, 1)) == 24
+    assert planned == conditions(FULL_SIZE, 3)
+    assert [c.seed for c in planned] != [c.seed for c in conditions(FULL_SIZE, 4)]
+    assert len(conditions(QUICK_SIZE, 1)) == 24
     drawn = in_drawn_order(planned, 3)
     assert sorted(drawn, key=planned.index) == planned
     assert {c.effect == NO_MISMATCH for c in drawn[:40]} == {True, False}
 
 
 def test_a_condition_is_in_the_trial_that_it_describes():
-    by_name = {c.name: c for c in conditions(FULL, 3)}
+    by_name = {c.name: c for c in conditions(FULL_SIZE, 3)}
     jump = blind_trial(by_name["jump_1_1.4_1"]).setup.courses
     assert (jump.jump_muscle, jump.jump_reflex, jump.jump_at) == (1.0, 1.4, 60.0)
     strap = blind_trial(by_name["strap_strong"]).setup

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulation_study.figures import IntrinsicAccuracy
-from simulation_study.protocol import COMBINATIONS, QUICK, Size, table2_trials
+from simulation_study.protocol import COMBINATIONS, QUICK_SIZE, Size, table2_trials
 from simulation_study.table2 import published_numbers, significant_deviation, table2
 from simulation_study.table2_report import markdown, write_csv
 
@@ -36,8 +36,8 @@ def rows():
 
 
 def test_protocol_is_the_papers():
-    trials = table2_trials(QUICK, seed=1)
-    assert len(trials) == 3 * (3 * QUICK.runs + 2 * QUICK.seeds)
+    trials = table2_trials(QUICK_SIZE, seed=1)
+    assert len(trials) == 3 * (3 * QUICK_SIZE.runs + 2 * QUICK_SIZE.seeds)
     assert {trial.seconds for trial in trials} == {240.0}
     by_name = {trial.name: trial for trial in trials}
     assert len(by_name) == len(trials)
@@ -58,7 +58,7 @@ def test_protocol_is_the_papers():
     assert len(K) == 200
     assert 0.0 <= min(K) < 10.0
     assert 190.0 < max(K) <= 200.0
-    assert table2_trials(QUICK, seed=1) == trials != table2_trials(QUICK, seed=2)
+    assert table2_trials(QUICK_SIZE, seed=1) == trials != table2_trials(QUICK_SIZE, seed=2)
 
 
 def test_published_table_is_complete():

@@ -311,12 +311,12 @@ def schemas() -> dict[str, Any]:
     }
 
 
-_PLAIN = {float: "number", int: "integer", str: "string", bool: "boolean"}
+_SIMPLE_TYPES = {float: "number", int: "integer", str: "string", bool: "boolean"}
 
 
 def _schema(kind: Any) -> dict[str, Any]:
-    if kind in _PLAIN:
-        return {"type": _PLAIN[kind]}
+    if kind in _SIMPLE_TYPES:
+        return {"type": _SIMPLE_TYPES[kind]}
     if kind is Any:
         return {}
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)

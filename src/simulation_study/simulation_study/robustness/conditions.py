@@ -26,7 +26,7 @@ VARIATIONS = (0.1, 0.2, 0.3)
 """Standard deviation of the reflex from stretch to stretch [1]: 10 to 30 % in healthy subjects."""
 USUAL_VARIATION = 0.2
 JUMP_VARIATION = 0.25
-VOLUNTARY = {
+VOLUNTARY_TORQUES = {
     "1/f": "courses.pink_rms",
     "steps": "courses.steps_rms",
     "ramps": "courses.ramps_rms",
@@ -86,8 +86,8 @@ class Size:
     jumps: int
 
 
-FULL = Size(120.0, 1, tuple(MAGNITUDES), tuple(STRENGTHS), 6)
-QUICK = Size(60.0, 0, QUICK_EFFECTS, ("moderate",), 1)
+FULL_SIZE = Size(120.0, 1, tuple(MAGNITUDES), tuple(STRENGTHS), 6)
+QUICK_SIZE = Size(60.0, 0, QUICK_EFFECTS, ("moderate",), 1)
 QUICK_NULLS = 6
 
 
@@ -106,7 +106,7 @@ class Condition:
     servo
         A key of `SERVOS`.
     voluntary
-        A key of `VOLUNTARY`.
+        A key of `VOLUNTARY_TORQUES`.
     variation
         Of the reflex from stretch to stretch [1].
     jump
@@ -143,12 +143,12 @@ def conditions(size: Size, seed: int) -> list[Condition]:
     Parameters
     ----------
     size
-        `FULL`, `QUICK` or another.
+        `FULL_SIZE`, `QUICK_SIZE` or another.
     seed
         Seed of the study.
     """
     random = np.random.default_rng([STREAM, seed])
-    kinds, servos = list(VOLUNTARY), list(SERVOS)
+    kinds, servos = list(VOLUNTARY_TORQUES), list(SERVOS)
 
     def fresh() -> int:
         return int(random.integers(2**62))
@@ -212,7 +212,7 @@ def blind_trial(condition: Condition) -> Trial:
     peak = BURST_SIZE if condition.voluntary == "bursts" else 1.0
     changes = {
         "courses.voluntary_rms": 0.0,
-        VOLUNTARY[condition.voluntary]: peak * steadiness,
+        VOLUNTARY_TORQUES[condition.voluntary]: peak * steadiness,
         "courses.tremor_rms": TREMOR,
         "courses.stretch_variation": condition.variation,
         "rig.servo_k": SERVOS[condition.servo],
@@ -224,7 +224,7 @@ def blind_trial(condition: Condition) -> Trial:
             "courses.jump_muscle": condition.jump[0],
             "courses.jump_reflex": condition.jump[1],
         }
-    known = effects.BY_NAME.get(condition.effect)
+    known = effects.EFFECTS_BY_NAME.get(condition.effect)
     kind = known.protocols[0] if known is not None and known.protocols else "pulse_step"
     trial = Trial(
         setup.replaced(changes),

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simulation_study.robustness.conditions import FULL, QUICK, conditions, in_drawn_order
+from simulation_study.robustness.conditions import FULL_SIZE, QUICK_SIZE, conditions, in_drawn_order
 from simulation_study.robustness.estimation import estimate_condition, fingerprint
 from simulation_study.robustness.report import write_report
 from simulation_study.study import run_study
@@ -66,7 +66,7 @@ def robustness(
     StudyError
         Another study, or something else, is in `out`.
     """
-    size = QUICK if quick else FULL
+    size = QUICK_SIZE if quick else FULL_SIZE
     if seconds is not None:
         size = replace(size, seconds=seconds)
     planned = in_drawn_order(conditions(size, seed), seed)[:recordings]
