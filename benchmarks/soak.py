@@ -41,7 +41,7 @@ from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, RIG_STATE, Topic
 from ankle_node.block_executor import BlockExecutor
 from ankle_node.domain import take_free_domain
 from ankle_node.qos import reader_qos
-from ankle_node.real_time import RECORDER_PRIORITY, take_priority
+from ankle_node.real_time import RECORDER_PRIORITY, RIG_PRIORITY, take_priority
 from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_recorder.bag_reader import BagReader
 from session_recorder.loss import account_of_bag
@@ -218,6 +218,9 @@ def burden(count: int, minutes: float) -> Iterator[None]:
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
     )
+    with contextlib.suppress(PermissionError):
+        # An amplifier is a device that does nothing else, as the emulated rig is.
+        os.sched_setscheduler(amplifier.pid, os.SCHED_RR, os.sched_param(RIG_PRIORITY))
     try:
         yield
     finally:

@@ -162,6 +162,16 @@ MUTANTS = [
         ),
     ),
     *_of(
+        DRIVER + "safety/watchdog.py",
+        "test_line.py",
+        (
+            "a pause excuses silence for a while only",
+            "(now > self._excused_until or silence > LONGEST_SILENCE)",
+            "now > self._excused_until",
+            "put_aside_again_and_again",
+        ),
+    ),
+    *_of(
         DRIVER + "safety/bridge.py",
         "test_barrier.py",
         (

@@ -48,6 +48,43 @@ def test_a_driver_that_no_longer_hears_still_stops(laboratory):
     assert [parse(data).wanted for data in lab.packets[sent:]] == [Wanted.OFF]
 
 
+def stand_still(lab, seconds):
+    """The computer of driver and rig stands still for so long [s]."""
+    before = lab.rig_time
+    lab.now += seconds
+    lab.device.look(before, lab.rig_time)
+
+
+def test_a_computer_that_stood_still_is_no_silence_of_the_line(laboratory):
+    lab = laboratory(lead=0.6).running()
+    stand_still(lab, 0.12)
+    lab.run(0.5)
+    assert lab.state == "running"
+    assert lab.device.state is DeviceState.FOLLOW
+
+
+def test_a_computer_that_stood_still_for_longer_than_200_ms_stops_the_plate(laboratory):
+    lab = laboratory(lead=0.6).running()
+    stand_still(lab, 0.25)
+    lab.run(0.1)
+    assert lab.state in ("stopping", "fault")
+    assert lab.device.state is not DeviceState.FOLLOW
+
+
+@pytest.mark.parametrize("pause", [0.002, 0.03, 0.09])
+def test_a_silent_rig_is_noticed_within_200_ms_by_a_driver_that_is_put_aside_again_and_again(
+    laboratory, pause
+):
+    lab = laboratory(lead=0.6).running()
+    lab.up.faults = Faults(drop=1.0)
+    began = lab.now
+    while lab.state == "running" and lab.now < began + 1.0:
+        lab.now += pause
+        lab.run(0.002)
+    assert lab.now - began < 0.2 + pause + 0.03
+    assert "nothing valid came" in lab.bridge.states.reason
+
+
 def test_a_driver_that_hears_again_in_time_loses_nothing(laboratory):
     lab = laboratory(lead=0.6).running()
     lab.hearing = False

@@ -240,7 +240,8 @@ class SampleLine:
         self._foreign = (
             0.0  # what a clock that is not LSL's is off [s]; samples are then dated by arrival
         )
-        self._stamped = math.nan  # last stamp [s]
+        self._stamped = math.nan  # last stamp [s], as ROS time
+        self._own = math.nan  # the same by the sender's clock [s]
         self._end = math.nan  # of the line: time of the newest sample [s]
         self._slope = 0.0  # relative deviation of the sampling interval
         self._jitter = JITTER
@@ -289,19 +290,21 @@ class SampleLine:
         offset, n = self._ros_minus_lsl(), len(stamps)
         came, seconds = arrival + offset, n / self.rate
         # Of the last sample, by all stamps of the chunk.
-        stamped = (
-            float(np.mean(stamps)) + 0.5 * (n - 1) / self.rate + correction + offset + self._foreign
-        )
+        own = float(np.mean(stamps)) + 0.5 * (n - 1) / self.rate
+        stamped = own + correction + offset + self._foreign
         if math.isnan(self._end):
-            self._stamped, self._end, self._window_start = (
-                stamped - seconds,
-                stamped - seconds,
-                came,
-            )
+            self._own = own - seconds
+            self._stamped = self._end = stamped - seconds
+            self._window_start = came
         expected = self._end + (1.0 + self._slope) * seconds
         jumps: list[Jump] = []
-        step = stamped - self._stamped - seconds
-        if abs(step) > max(JUMP_JITTER_RATIO * self._jitter, 0.75 / self.rate):
+        step, own_step = stamped - self._stamped - seconds, own - self._own - seconds
+        self._own = own
+        largest = max(JUMP_JITTER_RATIO * self._jitter, 0.75 / self.rate)
+        if abs(own_step) <= largest and abs(step) <= largest + LARGEST_STEP_OF_CORRECTION:
+            # The difference of the clocks was measured anew; the loop follows it.
+            step = own_step
+        elif abs(step) > largest:
             jump, stamped = self._explain(step, stamped, came)
             jumps.append(jump)
             expected += max(stamped - self._stamped - seconds, 0.0)

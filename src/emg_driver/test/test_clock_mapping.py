@@ -83,6 +83,22 @@ def test_a_clock_that_is_set_is_followed_within_two_seconds_though_the_first_chu
     assert np.abs(errors[seconds > 7.0]).max() < 1e-3
 
 
+def test_a_correction_that_is_measured_anew_is_followed_and_is_no_missing_sample():
+    line = SampleLine(RATE, lambda: ROS_MINUS_LSL)
+    line.start([0.001])
+    ends, found = [], []
+    for k in range(round(60 * RATE / CHUNK)):
+        true = 1e5 + (k * CHUNK + np.arange(CHUNK)) / RATE
+        correction = 0.0015 if 1e5 + 20.0 < true[0] < 1e5 + 22.0 else 0.0
+        times, jumps = line.place(true, correction, true[-1] + 0.001)
+        found += jumps
+        ends.append(times[[0, -1]])
+    between = np.array(ends)
+    assert found == []
+    assert np.abs((between[1:, 0] - between[:-1, 1]) * RATE - 1.0).max() < 0.45
+    assert abs(between[-1, 1] - true[-1] - ROS_MINUS_LSL) < 0.5e-3
+
+
 def test_an_odd_correction_is_left_out_and_one_that_many_measurements_agree_on_is_taken():
     correction = SteadyCorrection(0.010)
     for k in range(5):

@@ -151,6 +151,13 @@ class EmulatedDevice:
         """Return the session of the driver that is obeyed; 0 for none."""
         return self._host.session
 
+    def look(self, before: float, now: float) -> None:
+        """Note when the line was looked at before and is looked at now, by the rig's clock [s].
+
+        See `Watchdog.look`: the computer of an emulator may be put aside, a servo's is not.
+        """
+        self._heartbeats.look(before, now)
+
     def receive(self, data: bytes, now: float) -> Union[Heartbeat, Refusal]:
         """Process bytes from the line at a time of the rig's clock [s].
 

@@ -65,6 +65,7 @@ class EmulatedRig:
         self._down, self._up = FaultyLine(seed), FaultyLine(seed + 1)
         self._peer: tuple[str, int] | None = None
         self._shown: tuple[DeviceState, str] | None = None
+        self._looked = self.clock()
         self.switch(settings.faults)
 
     def clock(self) -> float:
@@ -80,6 +81,8 @@ class EmulatedRig:
         """Receive what has come, run the servo up to now, send what is due."""
         datagrams = self._line.receive(POLL)
         now = self.clock()
+        self.device.look(self._looked, now)
+        self._looked = now
         for data, age, sender in datagrams:
             if not self._from_a_stranger(sender):
                 self._obey(data, sender, now - age)

@@ -213,6 +213,8 @@ class Bridge:
         bool
             Whether ROS time was set, so that the mapping of the rig's clock has to begin again.
         """
+        for watchdog in (self._rig, self._samples_came):
+            watchdog.look(self._listened, now)
         self._listened = now
         was_set = self._follow_ros_clock(now, ros)
         before = self.states.wanted
