@@ -40,7 +40,7 @@ from simulation_study.calibrated_recordings import (
 from simulation_study.robustness.conditions import NO_MISMATCH, Condition
 from simulation_study.robustness.estimation import fingerprint
 from simulation_study.robustness.summary import LARGE_ERROR, WIDTH
-from simulation_study.study import StudyError, settle
+from simulation_study.study_folder import StudyError, settle
 
 RIG_FILE, SUBJECT_FILE, FAILURE_FILE = "rig.yaml", "subject.yaml", "failure.txt"
 TABLE, RESULTS = "calibrated.md", "estimates"

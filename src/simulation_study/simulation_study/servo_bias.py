@@ -31,7 +31,7 @@ from simulation_study.robustness.conditions import (
     blind_trial,
 )
 from simulation_study.robustness.estimation import fingerprint
-from simulation_study.study import StudyError, settle
+from simulation_study.study_folder import StudyError, settle
 
 STREAM = 61
 """Labels the seeds of this study, so that they are not those of any other."""

@@ -32,7 +32,7 @@ def reproduce_table2(
 
     Raises
     ------
-    study.StudyError
+    StudyError
         Something else is in `out`.
     """
     size = QUICK_SIZE if quick else FULL_SIZE

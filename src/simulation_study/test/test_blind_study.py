@@ -11,6 +11,7 @@ from rich.console import Console
 from blind_rig.cases import plan_cases
 from simulation_study.blind import concealment, study
 from simulation_study.blind.seal import SealError
+from simulation_study.study_folder import StudyError
 
 # Says no_mismatch whatever it is given, counts its runs beside the bags, and reports whether it saw
 # what it must not see.
@@ -109,7 +110,7 @@ def test_study_from_seal_to_score_and_nothing_done_twice(
             file: file.stat().st_mtime_ns for file in (laboratory["out"] / "bags").rglob("*.mcap")
         }
 
-        with pytest.raises(study.StudyError, match="other seed"):
+        with pytest.raises(StudyError, match="seed 1 instead of 2"):
             study.blind(2, 2, laboratory["out"], _command(laboratory), console=console)
         bag = next(iter(bags))
         bag.write_bytes(bag.read_bytes() + b"\0")
@@ -118,13 +119,13 @@ def test_study_from_seal_to_score_and_nothing_done_twice(
 
 
 def test_refusals(laboratory: dict[str, Path], tmp_path: Path) -> None:
-    with pytest.raises(study.StudyError, match="must lie apart"):
+    with pytest.raises(StudyError, match="must lie apart"):
         study.blind(
             2, 1, laboratory["out"], _command(laboratory), truth=laboratory["out"] / "truth"
         )
-    with pytest.raises(study.StudyError, match="must say"):
+    with pytest.raises(StudyError, match="must say"):
         study.blind(2, 1, laboratory["out"], ["diagnose"])
-    with pytest.raises(study.StudyError, match="not a blind study"):
+    with pytest.raises(StudyError, match="not a study"):
         study.blind(2, 1, tmp_path, _command(laboratory))
 
 

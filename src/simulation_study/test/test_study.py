@@ -7,7 +7,8 @@ import json
 import pytest
 
 from simulation_study.estimates import carry_out
-from simulation_study.study import StudyError, run_study, settle
+from simulation_study.study import run_study
+from simulation_study.study_folder import StudyError, settle
 from simulation_study.trial import Trial
 
 REQUEST = {"study": "test", "seed": 1}

@@ -18,23 +18,11 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import dask
 import numpy as np
-from dask.distributed import Client, LocalCluster, as_completed
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 import blind_rig
 from blind_rig.bag import fingerprint
@@ -44,96 +32,11 @@ from simulation_study.blind.diagnosis import RUN_FILE, diagnose_case, is_diagnos
 from simulation_study.blind.report import write_report
 from simulation_study.blind.scoring import CaseScore, score_case, summarise
 from simulation_study.blind.seal import Seal, SealError, commitment, root
+from simulation_study.study_folder import StudyError, settle
+from simulation_study.study_workers import spread
 
 # Five times what a diagnosis of the longest bag may take.
 TIME_LIMIT = 600.0
-# Dask has the allocator give memory back at once; with arrays of a few hundred kB the kernel then
-# takes two thirds of the time.
-KEEP_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
-
-
-class StudyError(RuntimeError):
-    """Reports a study that cannot begin or go on as asked."""
-
-
-@contextmanager
-def _cluster(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """Give Dask workers: those of a running scheduler, or processes on this machine that end with
-    the block.
-    """
-    if scheduler is not None:
-        with Client(scheduler) as client:
-            yield client
-        return
-    with (
-        dask.config.set(KEEP_MEMORY),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=40,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
-
-
-def _spread(
-    task: Callable[..., Any],
-    jobs: dict[str, tuple[Any, ...]],
-    done: int,
-    what: str,
-    workers: int,
-    scheduler: str | None,
-    console: Console,
-) -> Iterator[tuple[str, Any]]:
-    """Return results of ``task(*arguments)`` for each job by name, as they finish, with a progress
-    bar.
-
-    Raises
-    ------
-        Whatever a task raises, after the others that were finished have been given out.
-    """
-    if not jobs:
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with _cluster(workers, scheduler) as client, Progress(*columns, console=console) as progress:
-        bar = progress.add_task(what, total=done + len(jobs), completed=done)
-        futures = {
-            client.submit(task, *arguments, pure=False): name for name, arguments in jobs.items()
-        }
-        for future in as_completed(list(futures)):
-            yield futures[future], future.result()
-            future.release()
-            progress.advance(bar)
-
-
-def _settle(out: Path, asked: dict[str, Any]) -> None:
-    """Begin a study in `out`, or go on with the one that is there."""
-    file = out / "study.json"
-    if file.exists():
-        there = json.loads(file.read_text())
-        if there != asked:
-            different = ", ".join(key for key in asked if asked[key] != there.get(key))
-            raise StudyError(
-                f"{out} holds a study with other {different}: {there}; nothing is overwritten, "
-                "choose another folder"
-            )
-        return
-    if out.exists() and any(out.iterdir()):
-        raise StudyError(
-            f"{out} is there and is not a blind study; nothing is overwritten, choose another "
-            "folder"
-        )
-    out.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(asked, indent=1))
 
 
 def _commit(out: Path, commitments: dict[str, str]) -> str:
@@ -226,12 +129,12 @@ def blind(
             f"the diagnosing command must say {{bag}} and {{out}}: {' '.join(diagnose_command)}"
         )
     plans = plan_cases(n_cases, seed)
-    _settle(out, {"cases": n_cases, "seed": seed, "command": diagnose_command})
+    settle(out, {"cases": n_cases, "seed": seed, "command": diagnose_command})
     hidden = _hidden_folders(truth, console)
     seal = Seal(truth, store_key=bool(hidden))
 
     commitments = seal.sealed()
-    for name, secret in _spread(
+    for name, secret in spread(
         make_case,
         _unmade(plans, commitments, out),
         len(commitments),
@@ -255,7 +158,7 @@ def blind(
         for plan in plans
         if not is_diagnosed(out / "verdicts" / plan.name)
     }
-    for _ in _spread(
+    for _ in spread(
         diagnose_case, jobs, n_cases - len(jobs), "diagnosing", workers, scheduler, console
     ):
         pass
