@@ -95,6 +95,7 @@ def echo(node: Node, topic: str, show: Callable[[str], None], count: int, second
     RunError
         Nobody publishes the topic.
     """
+    topic = node.resolve_topic_name(topic)
     deadline = time.monotonic() + ANSWER_SECONDS
     while not (types := dict(node.get_topic_names_and_types()).get(topic)):
         if time.monotonic() > deadline:
@@ -201,8 +202,8 @@ def _ask(node: Node, name: str, kind: Any, service: str, request: Any) -> Any:
     if not client.wait_for_service(timeout_sec=ANSWER_SECONDS):
         known = ", ".join(
             sorted(
-                other
-                for other, _ in node.get_node_names_and_namespaces()
+                f"{namespace.rstrip('/')}/{other}"
+                for other, namespace in node.get_node_names_and_namespaces()
                 if other != node.get_name()
             )
         )
