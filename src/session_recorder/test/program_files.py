@@ -161,6 +161,89 @@ def plantarflexion(path):
     path.with_suffix(".csv").write_text(text([TRIAL["t"], -DEG, -TRIAL["torque"]], header=[header]))
 
 
+def nexus_sections(path, order):
+    """Vicon Nexus with several tables below one another: 500 Hz, markers at 50 Hz."""
+    k = np.arange(len(DEG))
+    sections = {
+        "Devices": (
+            ["Devices", f"{RATE:.0f}", ",,Rig #1,,EMG #2", "Frame,Sub Frame,Angle,Torque,SOL"],
+            ",,deg,N.mm,V",
+            [k // 10 + 1, k % 10, DEG, 1e3 * TRIAL["torque"], TRIAL["emg"]],
+        ),
+        "Trajectories": (
+            ["Trajectories", "50", ",,S04:LANK,,,S04:LTOE,,", "Frame,Sub Frame,X,Y,Z,X,Y,Z"],
+            ",,mm,mm,mm,mm,mm,mm",
+            [k[::10], 0 * k[::10], *np.random.default_rng(2).normal(100, 1, (6, len(k[::10])))],
+        ),
+    }
+    parts = [text(sections[t][2], header=[*sections[t][0], sections[t][1]]) for t in order]
+    path.with_suffix(".csv").write_text("\r\n".join(parts).replace("\n", "\r\n"))
+
+
+def nexus_devices_first(path):
+    nexus_sections(path, ["Devices", "Trajectories"])
+
+
+def nexus_devices_last(path):
+    nexus_sections(path, ["Trajectories", "Devices"])
+
+
+def log_sheet_with_more_rows(path):
+    book = openpyxl.Workbook()
+    book.active.append(["Participant", "P04"])
+    sheet = book.create_sheet("Trial")
+    sheet.append(["Dynamometer export", None, None])
+    sheet.append([])
+    sheet.append(["Time", "Position", "Torque"])
+    sheet.append(["sec", "deg", "N-m"])
+    for row in zip(TRIAL["t"], DEG, TRIAL["torque"], strict=True):
+        sheet.append([float(value) for value in row])
+    log = book.create_sheet("Log")
+    for k in range(len(DEG) + 10):
+        log.append([k, "ok"])
+    book.save(path.with_suffix(".xlsx"))
+
+
+def means_below_the_numbers(path):
+    rows = text([TRIAL["t"], DEG, TRIAL["torque"]], header=["Time (s),Angle (deg),Torque (Nm)"])
+    path.with_suffix(".csv").write_text(f"{rows}\nMean,2.87,-5.98\nMaximum,4.5,3.1\n")
+
+
+def groups_of_thousands(path):
+    rows = zip(1e3 * TRIAL["t"], DEG, 1e3 * TRIAL["torque"], strict=True)
+    lines = [f'"{t:,.1f}",{angle:.9g},"{torque:,.7f}"' for t, angle, torque in rows]
+    path.with_suffix(".csv").write_text("\n".join(["Time (ms),Angle (deg),Torque (Nmm)", *lines]))
+
+
+def groups_of_thousands_german(path):
+    rows = zip(1e3 * TRIAL["t"], DEG, 1e3 * TRIAL["torque"], strict=True)
+    lines = [f"{t:,.1f};{angle:.9g};{torque:,.7f}" for t, angle, torque in rows]
+    swapped = [line.translate(str.maketrans(",.", ".,")) for line in lines]
+    path.with_suffix(".csv").write_text("\n".join(["Zeit (ms);Winkel (°);Moment (Nmm)", *swapped]))
+
+
+def force_plate(path):
+    """Three axes in N.mm, of which the second is the ankle's; the others are noise."""
+    noise = np.random.default_rng(6).normal(0, 10, (2, len(DEG)))
+    header = "Time (s),Fz (N),Mx (Nmm),My (Nmm),Mz (Nmm),Ankle angle (deg),velocity_rad_s"
+    torque = 1e3 * TRIAL["torque"]
+    columns = [TRIAL["t"], 0 * DEG + 700, noise[0], torque, noise[1], DEG, TRIAL["velocity"]]
+    path.with_suffix(".csv").write_text(text(columns, header=[header]))
+
+
+def left_leg_at_rest(path):
+    rest = np.random.default_rng(7).normal(0, 0.01, (3, len(DEG)))
+    header = "Time (s),Left angle (deg),Right angle (deg),Left torque (Nm),Right torque (Nm)"
+    columns = [TRIAL["t"], rest[0], DEG, rest[1], TRIAL["torque"], 1e-3 * rest[2], TRIAL["emg"]]
+    path.with_suffix(".csv").write_text(text(columns, header=[f"{header},LSOL (V),RSOL (V)"]))
+
+
+def foot_pounds_and_minutes(path):
+    header = "Time (min),Angle (deg),Torque (ft-lb)"
+    columns = [TRIAL["t"] / 60, DEG, TRIAL["torque"] / 1.3558179483314]
+    path.with_suffix(".csv").write_text(text(columns, header=[header]))
+
+
 PROGRAMS = [
     nexus,
     labchart,
@@ -176,6 +259,15 @@ PROGRAMS = [
     two_legs_below_groups,
     right_angle,
     plantarflexion,
+    nexus_devices_first,
+    nexus_devices_last,
+    log_sheet_with_more_rows,
+    means_below_the_numbers,
+    groups_of_thousands,
+    groups_of_thousands_german,
+    force_plate,
+    left_leg_at_rest,
+    foot_pounds_and_minutes,
 ]
 HAVE_EMG = [
     nexus,
@@ -185,5 +277,8 @@ HAVE_EMG = [
     matrix_with_labels,
     unit_behind_two_words,
     right_angle,
+    nexus_devices_first,
+    nexus_devices_last,
+    left_leg_at_rest,
 ]
 HAVE_A_COMMAND = [matrix_with_labels]

@@ -14,14 +14,21 @@ from laboratory_files import (
     TRIAL,
     csv_emg,
     csv_reference,
+    csv_titles,
     edf_mechanics,
     irregular,
     trial,
+    two_trials,
 )
 from program_files import (
     HAVE_A_COMMAND,
     HAVE_EMG,
     PROGRAMS,
+    force_plate,
+    left_leg_at_rest,
+    means_below_the_numbers,
+    nexus_devices_first,
+    nexus_devices_last,
     plantarflexion,
     right_angle,
     rows_written_twice,
@@ -31,12 +38,17 @@ from session_recorder.bag_reader import BagReader
 from session_recorder.errors import ImportRefused
 from session_recorder.importing import import_recording, propose, read_table
 from session_recorder.importing.laboratory_units import known_unit, split_header
-from session_recorder.importing.sampling import judge_times, resample_columns
+from session_recorder.importing.sampling import judge_times, repeated_times, resample_columns
 
 # What the proposed line or the import says of a file, and what it must not say.
 SAID = {
     right_angle: {"--neutral 90": True, "--positive": False},
     plantarflexion: {"--positive plantarflexion": True, "--neutral": False},
+    nexus_devices_first: {"--section Devices": True, "not 'Trajectories'": True},
+    nexus_devices_last: {"--section Devices": True, "--rate 500": True},
+    means_below_the_numbers: {"2 lines below the numbers are left out": True, "--section": False},
+    force_plate: {"torque[N.mm]=My (Nmm)": True, "velocity[rad/s]=velocity_rad_s": True},
+    left_leg_at_rest: {"torque[N.m]=Right torque (Nm)": True, "SOL[V]=RSOL (V)": True},
     rows_written_twice: {"16 of them hold the same numbers": True, "--resample": False},
 }
 
@@ -86,6 +98,29 @@ def test_laboratory_files_are_imported_by_the_proposed_line(make, tmp_path):
         assert (
             BagReader(tmp_path / "bag").signal("/perturbation/reference")[0][1] == "position[rad]"
         )
+
+
+def test_a_table_of_several_is_chosen_by_title_number_or_stated_columns(tmp_path):
+    two_trials(tmp_path / "file")
+    source = tmp_path / "file.csv"
+    half = len(TRIAL["t"]) // 2
+    for asked in ("Trial 2", "trial 2", "2"):
+        table = read_table(source, asked)
+        np.testing.assert_allclose(table.columns["Torque (Nm)"], TRIAL["torque"][half:], rtol=1e-8)
+    with pytest.raises(ImportRefused, match=r"no table 'Trial 3'; it holds 1 'Trial 1': 2500 rows"):
+        read_table(source, "Trial 3")
+    nexus_devices_first(tmp_path / "nexus")
+    table = read_table(tmp_path / "nexus.csv", wanted=["S04:LANK X"])
+    assert (table.section, table.rate) == ("Trajectories", 50.0)
+
+
+def test_a_text_among_the_numbers_does_not_divide_a_table(tmp_path):
+    csv_titles(tmp_path / "file")
+    lines = (tmp_path / "file.csv").read_text().splitlines()
+    lines.insert(2000, "trigger,pressed,0")
+    (tmp_path / "file.csv").write_text("\n".join(lines))
+    with pytest.raises(ImportRefused, match=r"line 2001: 'trigger' in column 'Time \(s\)'"):
+        propose(read_table(tmp_path / "file.csv"))
 
 
 def import_as_proposed(source, bag):
@@ -141,6 +176,14 @@ def test_times_are_judged_by_their_steps():
         judge_times(-even)
 
 
+def test_times_that_were_cut_to_milliseconds_lose_no_sample():
+    cut = (1000 * np.arange(12_000) / 1000 - 1e-9 * (np.arange(12_000) % 97 == 5)) // 1 / 1000
+    assert (np.diff(cut) == 0).sum() == 124
+    assert not repeated_times(cut).any()
+    assert judge_times(cut).kind == "rounded"
+    assert judge_times(cut).rate == 1000.0
+
+
 @pytest.mark.parametrize(
     ("spelled", "unit"),
     [
@@ -159,6 +202,8 @@ def test_times_are_judged_by_their_steps():
         ("mV", "mV"),
         ("sec", "s"),
         ("rad s^-1", "rad/s"),
+        ("ft-lb", "lbf.ft"),
+        ("deg_s", "deg/s"),
         ("furlong", None),
         ("", None),
     ],
@@ -178,6 +223,8 @@ def test_spellings_of_units(spelled, unit):
         ("EMG SOL", ("EMG SOL", None)),
         ("velocity (deg/s)", ("velocity", "deg/s")),
         ("Phase (hold)", ("Phase (hold)", None)),
+        ("torque_min", ("torque_min", None)),
+        ("Torque_N_m", ("Torque", "N.m")),
     ],
 )
 def test_units_in_headers(header, parts):

@@ -35,6 +35,13 @@ def verb(
             "is proposed.",
         ),
     ] = [],  # noqa: B006
+    section: Annotated[
+        str | None,
+        typer.Option(
+            help="Title or number of the table to read, where the file holds several: a sheet, or "
+            "tables below one another. Without it the one with an ankle's signals is read."
+        ),
+    ] = None,
     torque_sign: Annotated[
         str | None,
         typer.Option(
@@ -96,7 +103,7 @@ def verb(
     target = out or Path(source.stem)
     stated = dict(_statement(text) for text in column)
     with progress(f"reading {source}") as share:
-        table = read_table(source)
+        table = read_table(source, section, tuple(stated.values()))
         table.rate = rate or table.rate
         share(1.0)
         proposal = None if stated else propose(table)

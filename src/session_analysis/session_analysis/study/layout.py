@@ -51,7 +51,7 @@ CHOICES = {
 }
 TEXTS = (
     "posture", "electrode_placement", "rig_calibration", "subject_calibration",
-    "software_version", "task", "recorded", "remarks",
+    "software_version", "task", "recorded", "remarks", "section",
 )  # fmt: skip
 IMPORT_KEYS = ("columns", "rate[Hz]", "resample[Hz]", "neutral")
 """Keys that say how a file of another system is imported."""

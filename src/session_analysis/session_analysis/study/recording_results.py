@@ -135,9 +135,9 @@ def imported_bag(derived: Path) -> Path:
 
 def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
     """Return the bag of a file of another system, by what is stated or else by what is likely."""
-    table = read_table(entry.source)
-    table.rate = stated.get("rate[Hz]") or table.rate
     columns, sign = stated.get("columns"), stated.get("torque_sign")
+    table = read_table(entry.source, stated.get("section"), tuple((columns or {}).values()))
+    table.rate = stated.get("rate[Hz]") or table.rate
     resample = stated.get("resample[Hz]")
     neutral, positive = stated.get("neutral"), stated.get("positive")
     if columns is None:

@@ -39,8 +39,8 @@ TRANSPOSED_BELOW = 4
 """A matrix with more than this many times more columns than rows holds its signals in rows."""
 
 
-def read(source: Path) -> Table:
-    """Read a file of arrays; see `tables.read_table`.
+def read(source: Path) -> list[Table]:
+    """Read a file of arrays as one table; see `tables.read_table`.
 
     Raises
     ------
@@ -49,14 +49,14 @@ def read(source: Path) -> Table:
     """
     suffix = source.suffix.lower()
     if suffix == ".npz":
-        return _table(source, _npz(source))
+        return [_table(source, _npz(source))]
     with source.open("rb") as stream:
         head = stream.read(MATLAB_HEADER + len(HDF5_MARK))
     if HDF5_MARK in (head[: len(HDF5_MARK)], head[MATLAB_HEADER:]):
-        return _table(source, _hdf5(source))
+        return [_table(source, _hdf5(source))]
     if suffix != ".mat":
         raise ImportRefused(f"{source} is not an HDF5 file")
-    return _mat(source)
+    return [_mat(source)]
 
 
 def _npz(source: Path) -> dict[str, Any]:

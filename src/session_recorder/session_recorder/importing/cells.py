@@ -12,6 +12,22 @@ Cell = str | float | None
 EMPTY_CELLS = frozenset(
     {"", "nan", "na", "n/a", "null", "none", "-", "--", "#n/a", "#num!", "#div/0!", "#value!"}
 )
+_GROUP_SIGNS = "'’ \u00a0\u202f"
+"""What groups the thousands and is never a decimal mark: an apostrophe or a blank."""
+
+
+def _grouped(decimal: str) -> re.Pattern[str]:
+    mark, other = re.escape(decimal), "," if decimal == "." else r"\."
+    return re.compile(
+        rf"^[-+]?[1-9]\d{{0,2}}(?:(?:{other}\d{{3}})+{mark}\d*|(?:{other}\d{{3}}){{2,}}"
+        rf"|(?:[{_GROUP_SIGNS}]\d{{3}})+(?:{mark}\d*)?)$"
+    )
+
+
+_GROUPED = {decimal: _grouped(decimal) for decimal in ".,"}
+"""Numbers with groups of thousands, by decimal mark. One group behind a point or comma, as in
+``1,000``, is no such number: it may be a decimal mark."""
+_ONE_POINT = re.compile(r"^[-+]?\d*\.\d*(?:[eE][-+]?\d+)?$")
 _DAY = 86_400.0
 """[s]"""
 _CLOCK = re.compile(r"^(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)$")
@@ -43,7 +59,11 @@ def number(cell: Cell, decimal: str = ".") -> float | None:
     text = cell.strip()
     if text.lower() in EMPTY_CELLS:
         return float("nan")
+    if _GROUPED[decimal].match(text):
+        text = re.sub(rf"[^-+\d{re.escape(decimal)}]", "", text)
     if decimal == ",":
+        if _ONE_POINT.match(text):
+            return None  # a group of thousands, or a number with a decimal point
         text = text.replace(",", ".")
     try:
         return float(text.replace("\u2212", "-")) if "_" not in text else None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 
-from ankle_interfaces.units import to_si
-from session_recorder.importing.laboratory_units import split_header
+from session_recorder.importing.laboratory_units import split_header, to_si
 
 # Words for each quantity, in the languages that laboratories' files speak. The first that fits
 # decides; torque stands before angle, because "ankle torque" has both.
@@ -23,6 +22,12 @@ MUSCLES = {
     "GL": r"\b(r?gl|r?lg|gasl|lgas|lgm)\b|gas\w* ?lat|lat\w* ?gas",
     "GM": r"\b(r?gm|r?mg|gasm|mgas|mgm)\b|gas\w* ?med|med\w* ?gas",
 }
+_ANKLE = re.compile(r"ankle|enkel|sprunggelenk|fu(ß|ss)|foot|voet|cheville")
+_OTHER_JOINT = re.compile(r"knee|hip|knie|heup|h[üu]ft|genou|hanche")
+_SIDES = {
+    "left": r"\b(left|links|linkes|gauche|l)\b|\bl(sol|ta|gl|gm|lg|mg|ankle)",
+    "right": r"\b(right|rechts|rechtes|droite?|r)\b|\br(sol|ta|gl|gm|lg|mg|ankle)",
+}
 _NO_SIGNAL = r"frame|index|count|sample ?(no|number|nr)|\brow\b|trial|marker|event|trigger"
 
 
@@ -30,7 +35,7 @@ def _plain(name: str) -> str:
     """Return a column's name as words."""
     text = split_header(name)[0]
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
-    return re.sub(r"[^0-9a-zäöüé]+", " ", text.lower()).strip()
+    return re.sub(r"[^0-9a-zäöüßé]+", " ", text.lower()).strip()
 
 
 def quantity_of(name: str, unit: str | None) -> str | None:
@@ -51,6 +56,8 @@ def quantity_of(name: str, unit: str | None) -> str | None:
     if said is None and re.search(_NO_SIGNAL, words):
         return None
     by_unit = _quantity_of_unit(unit)
+    if by_unit == "t" and said is not None and said != "t":
+        return None
     if by_unit is not None and by_unit != said:
         # The unit is surer than a word: "reference [N.m]", "ankle [deg]".
         said = by_unit if said is None or by_unit != "position" else said
@@ -77,6 +84,25 @@ def _quantity_of_unit(unit: str | None) -> str | None:
         "rad/s^2": "acceleration",
         "N.m": "torque",
     }.get(si)
+
+
+def has_unit_of(quantity: str, unit: str | None) -> bool:
+    """Return whether a unit can be one of a quantity; none at all can."""
+    if unit is None or quantity in MUSCLES:
+        return True
+    return _quantity_of_unit(unit) == quantity.removeprefix("reference_")
+
+
+def likeliest(names: list[str]) -> list[str]:
+    """Return the names that say the ankle; without any, those that say no other joint; else all."""
+    ankle = [name for name in names if _ANKLE.search(_plain(name))]
+    return ankle or [name for name in names if not _OTHER_JOINT.search(_plain(name))] or names
+
+
+def side_of(name: str) -> str | None:
+    """Return ``left`` or ``right`` where a column's name says it."""
+    words = _plain(name)
+    return next((side for side, pattern in _SIDES.items() if re.search(pattern, words)), None)
 
 
 def is_commanded(name: str) -> bool:

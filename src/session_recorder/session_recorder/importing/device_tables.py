@@ -13,15 +13,15 @@ from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.tables import Table, optional_library
 
 
-def read(source: Path) -> Table:
-    """Read a device's file; see `tables.read_table`.
+def read(source: Path) -> list[Table]:
+    """Read a device's file as one table; see `tables.read_table`.
 
     Raises
     ------
     ImportRefused
         It is not such a file, or its library is not installed.
     """
-    return _c3d(source) if source.suffix.lower() == ".c3d" else _tdms(source)
+    return [_c3d(source) if source.suffix.lower() == ".c3d" else _tdms(source)]
 
 
 def _c3d(source: Path) -> Table:

@@ -14,8 +14,8 @@ from session_recorder.importing.laboratory_units import known_unit
 from session_recorder.importing.tables import Table
 
 
-def read(source: Path) -> Table:
-    """Read signals by their label, in the unit that the file declares; see `tables.read_table`.
+def read(source: Path) -> list[Table]:
+    """Read signals by their label, in the unit that the file declares, as one table.
 
     Raises
     ------
@@ -37,4 +37,4 @@ def read(source: Path) -> Table:
             known_unit(unit) or unit or None,
             float(signal.sampling_frequency),
         )
-    return table
+    return [table]

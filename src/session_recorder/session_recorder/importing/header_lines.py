@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from session_recorder.importing.cells import Cell, number
-from session_recorder.importing.laboratory_units import known_unit
+from session_recorder.importing.laboratory_units import is_surely_a_unit, known_unit
 
 _RATE = re.compile(
     r"(?:sampl\w*[\s_-]*(?:rate|freq\w*|frequenz)?|abtastrate|frame\s*rate|frequency|fs|rate)"
@@ -58,7 +58,7 @@ def names_and_units(above: Sequence[Row], width: int) -> tuple[tuple[str, ...], 
     lines = _names_of_lines(above, width)
     if lines is not None:
         return lines
-    candidates = [row for row in above if fits(row, width)]
+    candidates = [row for row in above if fits(row, width) and stated_rate([row]) is None]
     if not candidates:
         return tuple(str(k + 1) for k in range(width)), {}
     labelled = {_label(row).lower(): row for row in candidates if _label(row) and len(row) == width}
@@ -158,6 +158,6 @@ def _stretched(row: Row, width: int) -> list[str]:
 
 def _is_units(row: Row) -> bool:
     texts = [text for text in _texts(row) if text]
-    known = [known_unit(text) is not None for text in texts]
+    known = [is_surely_a_unit(text) for text in texts]
     odd = [text for text, is_known in zip(texts, known, strict=True) if not is_known]
     return any(known) and all(text[0] in "([{" or len(text) <= 3 for text in odd)

@@ -5,13 +5,20 @@ allows.
 from __future__ import annotations
 
 import re
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 
-from ankle_interfaces.units import to_si
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.column_names import MUSCLES, is_commanded, quantity_of
+from session_recorder.importing.column_names import (
+    MUSCLES,
+    has_unit_of,
+    is_commanded,
+    likeliest,
+    quantity_of,
+    side_of,
+)
+from session_recorder.importing.laboratory_units import to_si, unknown_unit
 from session_recorder.importing.plausibility import (
     LARGEST_EMG,
     LARGEST_TORQUE,
@@ -41,8 +48,11 @@ _NEAR_RIGHT_ANGLE = 1.0 / 3.0
 """Part of a right angle by which the middle of such a recording may differ from it."""
 _PLANTARFLEXION = re.compile(r"plantar|(?<![a-z])pf(?![a-z])", re.IGNORECASE)
 _DORSIFLEXION = re.compile(r"dorsi|(?<![a-z])df(?![a-z])", re.IGNORECASE)
-_MAX_UNNAMED = 6
-"""Columns without names that are tried as position and torque, each with each."""
+_MAX_TRIED = 6
+"""Columns that are tried as position and torque, each with each."""
+_PER_MASS = re.compile(r"/\s*kg|kg\s*(\^|\*\*)?\s*-1|bw|body", re.IGNORECASE)
+"""Units of a torque that is divided by the subject's mass."""
+_SHOWN_OTHERS = 4
 
 
 def propose(table: Table) -> Proposal:
@@ -59,40 +69,98 @@ def propose(table: Table) -> Proposal:
         Nothing looks like a position, a torque or EMG, or nothing gives the time; the message says
         what to state.
     """
-    proposal = Proposal()
-    found = _by_name(table, proposal)
+    proposal = Proposal(section=table.section)
+    candidates = _by_name(table, proposal)
+    found = {quantity: names[0] for quantity, names in candidates.items()}
     sampling = find_time(table, found, proposal)
     if "torque" not in found and "position" not in found:
         _by_data(table, found, sampling, proposal)
+    else:
+        _by_movement(table, candidates, found, sampling, proposal)
     _mechanics(table, found, sampling, proposal)
     _emg(table, found, proposal)
     if not any(not name.startswith("t[") for name in proposal.columns):
         raise ImportRefused(
             f"{table.source}: no column looks like a position, a torque or EMG; it holds "
             f"{', '.join(table.names)}. State them, as in --column 'position[deg]=NAME' --column "
-            "'torque[N.m]=NAME'"
+            "'torque[N.m]=NAME', or --column 'SOL[mV]=NAME' for EMG"
         )
     return proposal
 
 
-def _by_name(table: Table, proposal: Proposal) -> dict[str, str]:
-    """Return columns whose name says what they are, by quantity."""
+def _by_name(table: Table, proposal: Proposal) -> dict[str, list[str]]:
+    """Return columns whose name says what they are, by quantity, the likeliest first."""
     candidates: dict[str, list[str]] = {}
+    unusable: dict[str, str] = {}
     for name in table.columns:
-        quantity = quantity_of(name, table.units.get(name))
-        if quantity is not None:
+        unit = table.units.get(name)
+        quantity = quantity_of(name, unit)
+        if quantity is None:
+            continue
+        if not has_unit_of(quantity, unit):
+            unusable[name] = f"'{name}' is in {unit}: multiply it by the factor of its sensor"
+        elif (own := unknown_unit(name)) and _PER_MASS.search(own):
+            unusable[name] = f"'{name}' is in {own}: multiply it by the subject's body mass [kg]"
+        else:
             candidates.setdefault(quantity, []).append(name)
-    found = {}
-    for quantity, names in candidates.items():
-        # "Ankle angle" before "knee angle"; then the file's order.
-        names.sort(key=lambda name: ("ankle" not in name.lower(), "knee" in name.lower()))
-        found[quantity] = names[0]
-        first = table.columns[names[0]]
-        names[1:] = [name for name in names[1:] if not np.array_equal(table.columns[name], first)]
-        if len(names) > 1:
-            others = ", ".join(f"'{name}'" for name in names[1:4])
-            proposal.doubts.append(f"{quantity} is taken from '{names[0]}', not from {others}")
-    return found
+    for name, reason in {**table.refused, **unusable}.items():
+        quantity = quantity_of(name, table.units.get(name))
+        if quantity in candidates or quantity is None or f"{name}:1" in table.columns:
+            continue
+        if quantity in ("t", "position", "torque"):
+            raise ImportRefused(
+                f"{reason}. Mend the file, or state the columns to take without it, as in --column "
+                "'position[deg]=NAME'"
+            )
+        proposal.doubts.append(f"'{name}' is left out: {reason}")
+    return {quantity: _different(table, likeliest(names)) for quantity, names in candidates.items()}
+
+
+def _different(table: Table, names: list[str]) -> list[str]:
+    """Return the first column and those that hold other numbers."""
+    first = table.columns[names[0]]
+    others = [name for name in names[1:] if not np.array_equal(table.columns[name], first)]
+    return [names[0], *others]
+
+
+def _by_movement(
+    table: Table,
+    candidates: dict[str, list[str]],
+    found: dict[str, str],
+    sampling: Sampling,
+    proposal: Proposal,
+) -> None:
+    """Choose among several columns of a quantity: of angles and torques those that move and answer
+    as an ankle's do; of other quantities those of the same side of the body.
+    """
+    angles, torques = candidates.get("position", []), candidates.get("torque", [])
+    if len(angles) * len(torques) > 1:
+        even = even_columns(table, [*angles, *torques], sampling, proposal)
+        best = 0.0
+        for angle, torque in product(angles[:_MAX_TRIED], torques[:_MAX_TRIED]):
+            if len(even[angle]) != len(even[torque]):
+                continue
+            around = even[angle] - np.nanmedian(even[angle])
+            units = table.units.get(angle), table.units.get(torque)
+            for fit, _, _ in readings(around, even[torque], *units, sampling.rate):
+                if fit.explained > best:
+                    best, found["position"], found["torque"] = fit.explained, angle, torque
+        if best:
+            proposal.reasons.append(
+                f"of {len(angles)} angles and {len(torques)} torques '{found['position']}' moves "
+                f"and '{found['torque']}' answers as an ankle's do ({100 * best:.0f} % explained)"
+            )
+    side = side_of(found.get("torque", "")) or side_of(found.get("position", ""))
+    for quantity in found:
+        same = [name for name in candidates.get(quantity, []) if side_of(name) == side]
+        if side and same and side_of(found[quantity]) != side:
+            found[quantity] = same[0]
+        others = [name for name in candidates.get(quantity, []) if name != found[quantity]]
+        if others:
+            proposal.doubts.append(
+                f"{quantity} is taken from '{found[quantity]}', not from "
+                + ", ".join(f"'{name}'" for name in others[:_SHOWN_OTHERS])
+            )
 
 
 def _by_data(table: Table, found: dict[str, str], sampling: Sampling, proposal: Proposal) -> None:
@@ -101,7 +169,7 @@ def _by_data(table: Table, found: dict[str, str], sampling: Sampling, proposal: 
     They are the pair that an ankle explains best.
     """
     used = {*found.values(), *proposal.columns.values()}
-    free = [name for name in table.columns if name not in used][:_MAX_UNNAMED]
+    free = [name for name in table.columns if name not in used][:_MAX_TRIED]
     even = even_columns(table, free, sampling, proposal)
     best: tuple[float, str, str] | None = None
     for position, torque in permutations(free, 2):
@@ -200,6 +268,8 @@ def _conventions(
 
 def _state(proposal: Proposal, quantity: str, unit: str, name: str, table: Table) -> None:
     proposal.columns[f"{quantity}[{unit}]"] = name
+    if name not in table.units and (text := unknown_unit(name)):
+        proposal.doubts.append(f"'{text}' of '{name}' is no unit that is known: is it in {unit}?")
     if name in table.units:
         proposal.reasons.append(f"'{name}' is {quantity}: its name or the file says so, in {unit}")
 

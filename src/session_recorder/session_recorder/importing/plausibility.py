@@ -44,6 +44,8 @@ LEAST_EXPLAINED = 0.05
 # A measured velocity may have its own filter and calibration, not another factor or no resemblance.
 VELOCITY_GAIN_RANGE = (0.7, 1.4)
 LEAST_CORRELATION = 0.7
+# Share of impossible samples that are faults of single ones; a wrong unit makes more impossible.
+MAX_CODED_SHARE = 0.01
 # Units that are mistaken for each other, as factors to SI.
 ANGLE_UNITS = {"deg": np.pi / 180, "mrad": 1e-3}
 TORQUE_UNITS = {"mN.m": 1e-3, "N.cm": 1e-2, "kN.m": 1e3}
@@ -107,9 +109,16 @@ def check_ranges(columns: dict[str, np.ndarray]) -> list[str]:
         values = columns.get(name)
         if values is not None and (largest := float(np.max(np.abs(values)))) > limit:
             quantity, unit = name[:-1].split("[")
+            beyond = int(np.sum(np.abs(values) > limit))
             found.append(
                 f"{quantity} reaches {largest:.4g} {unit}, more than {limit:g} {unit} is not "
-                "possible" + _suggest(largest, units, limit)
+                "possible"
+                + (
+                    f"; {beyond} of {len(values)} samples do: is {largest:.4g} written where a "
+                    "value is missing? Then leave these cells empty"
+                    if beyond <= MAX_CODED_SHARE * len(values)
+                    else _suggest(largest, units, limit)
+                )
             )
     return found
 
@@ -207,7 +216,7 @@ def check_intrinsic(found: Intrinsic, stated_sign: str) -> list[str]:
         )
     if not lowest <= abs(value) <= highest:
         guess = (
-            "position in degrees, or torque already in N.m"
+            "position in degrees, torque already in N.m, or torque by body mass"
             if abs(value) < lowest
             else "torque in mN.m, or position already in rad"
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ankle_interfaces.units import to_si
+from session_recorder.importing.laboratory_units import to_si
 from session_recorder.importing.plausibility import (
     INERTIA_RANGE,
     LARGEST_POSITION,

@@ -145,7 +145,9 @@ def import_recording(
     stated = {name: meaning(name) for name in columns}
     check_statement(stated, torque_sign, rate, missing, positive)
     check_grid(resample)
-    table = source if isinstance(source, Table) else read_table(source)
+    table = (
+        source if isinstance(source, Table) else read_table(source, wanted=tuple(columns.values()))
+    )
     source = table.source
     chosen = table.choose(list(dict.fromkeys(columns.values())))
     times = [chosen[column] for name, column in columns.items() if name.startswith("t[")]
@@ -177,6 +179,7 @@ def import_recording(
         writer.custom_data.update(
             {
                 "imported_from": Path(source).name,
+                "imported_table": table.section or "the only one",
                 "stated_columns": ", ".join(
                     f"{name} = {column}" for name, column in columns.items()
                 ),

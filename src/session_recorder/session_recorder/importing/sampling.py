@@ -18,6 +18,8 @@ sample once in a while is a fault of the recording, more is its nature."""
 MAX_REPEATED_SHARE = 0.01
 """Largest share of samples that may have the time of the one before, as where a writer repeats a
 row once in a while; more are times with too few digits."""
+CUT_STEPS = 16
+"""Steps within which a time that was cut to whole milliseconds makes up for a repeated one."""
 MAX_BRIDGED = 5.0
 """Largest number of median intervals that resampling bridges by a line; a longer pause stays a gap.
 """
@@ -58,10 +60,26 @@ def repeated_times(time: np.ndarray) -> np.ndarray:
     Returns
     -------
     np.ndarray
-        Booleans of shape (n,); all False where more than `MAX_REPEATED_SHARE` repeat a time.
+        Booleans of shape (n,); all False where more than `MAX_REPEATED_SHARE` repeat a time, and
+        where the times are even ones with their digits cut off.
     """
     repeated = np.diff(time, prepend=np.nan) == 0.0
-    return repeated & (np.count_nonzero(repeated) <= MAX_REPEATED_SHARE * len(time))
+    few = np.count_nonzero(repeated) <= MAX_REPEATED_SHARE * len(time)
+    return repeated & (few and not _are_cut(np.diff(time)))
+
+
+def _are_cut(steps: np.ndarray) -> bool:
+    """Return whether every repeated time is made up for by a doubled step nearby, as where
+    ``0.29 * 1000`` is cut to 289 ms.
+    """
+    step = float(np.median(steps))
+    repeated = np.flatnonzero(steps == 0.0)
+    doubled = np.flatnonzero(np.abs(steps - 2.0 * step) < GAP_TOLERANCE * step)
+    return (
+        len(repeated) > 0
+        and len(repeated) == len(doubled)
+        and int(np.max(np.abs(repeated - doubled))) <= CUT_STEPS
+    )
 
 
 def judge_times(time: np.ndarray) -> Sampling:
@@ -111,7 +129,8 @@ def _rounded(time: np.ndarray, steps: np.ndarray) -> Sampling | None:
         return None
     digit = float(np.min(np.diff(different)))
     step = float((time[-1] - time[0]) / (len(time) - 1))
-    if np.sort(counts)[-2] < MAX_IRREGULAR_SHARE * len(steps) or digit > MAX_BRIDGED * step:
+    few = np.sort(counts)[-2] < MAX_IRREGULAR_SHARE * len(steps) and not _are_cut(steps)
+    if few or digit > MAX_BRIDGED * step:
         return None  # a gap or two, not rounding
     line = time[0] + step * np.arange(len(time))
     if np.max(np.abs(time - line)) > 1.01 * digit or digit < 0.02 * step:

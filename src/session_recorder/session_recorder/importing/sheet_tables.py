@@ -9,21 +9,29 @@ from typing import Any
 import numpy as np
 
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.cell_grid import MAX_HEADER_ROWS, understand
-from session_recorder.importing.cells import Cell, number
+from session_recorder.importing.cell_grid import (
+    CONFIRMING_ROWS,
+    MAX_HEADER_ROWS,
+    Layout,
+    Numbers,
+    numbers_of,
+    section_end,
+    understand,
+)
+from session_recorder.importing.cells import Cell
 from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.tables import Table, optional_library
 
 
-def read(source: Path) -> Table:
-    """Read a sheet; see `tables.read_table`.
+def read(source: Path) -> list[Table]:
+    """Read a Parquet file as one table, or each table of each sheet of a workbook.
 
     Raises
     ------
     ImportRefused
         It is not such a file, holds no numbers, or its library is not installed.
     """
-    return _parquet(source) if source.suffix.lower() == ".parquet" else _xlsx(source)
+    return [_parquet(source)] if source.suffix.lower() == ".parquet" else _xlsx(source)
 
 
 def _parquet(source: Path) -> Table:
@@ -48,40 +56,74 @@ def _parquet(source: Path) -> Table:
     return table
 
 
-def _xlsx(source: Path) -> Table:
+def _xlsx(source: Path) -> list[Table]:
     openpyxl: Any = optional_library("openpyxl", source, "Excel")
     book = openpyxl.load_workbook(source, read_only=True, data_only=True)
-    sheets = {sheet.title: _filled_rows(sheet) for sheet in book.worksheets}
+    tables = []
+    for sheet in book.worksheets:
+        tables += _sheet_tables(source, sheet.title, _filled_rows(sheet))
     book.close()
-    chosen = max(sheets, key=lambda title: len(sheets[title]), default=None)
-    if chosen is None:
-        raise ImportRefused(f"{source} holds no sheet")
-    rows = _without_empty_columns(sheets[chosen])
-    layout = understand(rows[:MAX_HEADER_ROWS]) if rows else None
-    if layout is None:
-        raise ImportRefused(f"{source}: sheet '{chosen}' holds no rows of numbers")
-    table = Table(source, rate=layout.rate)
-    if len(sheets) > 1:
-        others = ", ".join(f"'{title}'" for title in sheets if title != chosen)
-        table.notes.append(f"sheet '{chosen}' is read, because it has most rows; not {others}")
+    if not tables:
+        titles = ", ".join(f"'{sheet.title}'" for sheet in book.worksheets)
+        raise ImportRefused(f"{source}: no sheet holds rows of numbers; it has {titles or 'none'}")
+    return tables
+
+
+def _sheet_tables(source: Path, title: str, numbered: list[tuple[int, list[Cell]]]) -> list[Table]:
+    """Return the tables of a sheet, below one another; rows come with their numbers in it."""
+    numbers = [row_number for row_number, _ in numbered]
+    rows = _without_empty_columns([row for _, row in numbered])
+    tables: list[Table] = []
+    while rows and (layout := understand(rows[:MAX_HEADER_ROWS])) is not None:
+        if tables and len(rows) <= CONFIRMING_ROWS:
+            break
+        if layout.start:
+            tables += _sheet_tables(
+                source,
+                title,
+                list(zip(numbers[: layout.start], rows[: layout.start], strict=True)),
+            )
+            rows, numbers = rows[layout.start :], numbers[layout.start :]
+            continue
+        body = rows[layout.first :]
+        values = numbers_of(body)
+        end = section_end(body, values)
+        table = Table(source, rate=layout.rate, section=title)
+        numbers = numbers[layout.first :]
+        _add_columns(table, layout, body[:end], values[:end], numbers)
+        tables.append(table)
+        rows, numbers = body[end:], numbers[end:]
+    if rows and tables:
+        tables[-1].notes.append(
+            f"{len(rows)} rows below the numbers are left out, from row {numbers[0]} on"
+        )
+    return tables
+
+
+def _add_columns(
+    table: Table,
+    layout: Layout,
+    rows: list[list[Cell]],
+    values: Numbers,
+    row_numbers: list[int],
+) -> None:
     for index, name in enumerate(layout.names):
-        cells = [row[index] for row in rows[layout.first :]]
-        values = [number(cell) for cell in cells]
-        bad = [k for k, value in enumerate(values) if value is None]
-        if bad:
+        column = [row[index] for row in values]
+        if None in column:
+            bad = column.index(None)
             table.refused[name] = (
-                f"{source}, row {layout.first + bad[0] + 1}: '{cells[bad[0]]}' in column '{name}' "
+                f"{table.source}, row {row_numbers[bad]}: '{rows[bad][index]}' in column '{name}' "
                 "is not a number"
             )
             continue
         unit = layout.units.get(name) or split_header(name)[1]
-        table.add(name, np.array(values, dtype=float), unit)
-    return table
+        table.add(name, np.array(column, dtype=float), unit)
 
 
-def _filled_rows(sheet: Any) -> list[list[Cell]]:
+def _filled_rows(sheet: Any) -> list[tuple[int, list[Cell]]]:
+    """Return the rows that are not empty, with their numbers in the sheet."""
     rows = ([_cell(value) for value in row] for row in sheet.iter_rows(values_only=True))
-    return [row for row in rows if any(_filled(cell) for cell in row)]
+    return [(k, row) for k, row in enumerate(rows, 1) if any(_filled(cell) for cell in row)]
 
 
 def _filled(cell: Cell) -> bool:

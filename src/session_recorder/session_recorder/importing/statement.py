@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from ankle_interfaces.block import TIME_COLUMN
 from ankle_interfaces.errors import UnitError
 from ankle_interfaces.topics import ANKLE_SAMPLES, EMG_SAMPLES, PERTURBATION_REFERENCE
-from ankle_interfaces.units import split_column, to_si
+from ankle_interfaces.units import split_column
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.laboratory_units import known_unit
+from session_recorder.importing.laboratory_units import known_unit, to_si
 
 # Torque positive in dorsiflexion: what the rig needs to move the ankle (this project), or what the
 # subject exerts.

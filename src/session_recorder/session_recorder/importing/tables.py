@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from session_recorder.errors import ImportRefused
+from session_recorder.importing.sections import choose_section
 
 TIME = "t"
 """Name of the column with the time since the start [s], where the file states a sampling rate."""
@@ -30,7 +31,7 @@ READERS = {
 
 @dataclass
 class Table:
-    """Holds the columns of one file.
+    """Holds the columns of one file, or of one of the tables that it holds.
 
     Attributes
     ----------
@@ -48,6 +49,8 @@ class Table:
         Columns that are there and cannot be used, by name with the reason.
     notes
         What a reader should know about how the file was read, one sentence each.
+    section
+        Title or number of the table, where the file holds several; empty where it holds one.
     """
 
     source: Path
@@ -57,6 +60,7 @@ class Table:
     rate: float | None = None
     refused: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    section: str = ""
 
     @property
     def names(self) -> list[str]:
@@ -153,7 +157,7 @@ class Table:
             self.rates[new] = self.rates.pop(old)
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str, section: str | None = None, wanted: Collection[str] = ()) -> Table:
     """Read a file.
 
     Parameters
@@ -162,6 +166,11 @@ def read_table(path: Path | str) -> Table:
         Text (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``, ``.mot``, ``.sto``),
         ``.npz``, ``.mat`` (all versions), ``.h5``, ``.xlsx``, ``.parquet``, ``.edf``, ``.bdf``,
         ``.c3d`` or ``.tdms``.
+    section
+        Title or number of a table, where the file holds several: a sheet, or one below another.
+        None takes the one that holds an ankle's signals.
+    wanted
+        Columns that the table has to hold; empty where they are not known yet.
 
     Returns
     -------
@@ -173,7 +182,8 @@ def read_table(path: Path | str) -> Table:
     Raises
     ------
     ImportRefused
-        No such file, not a format that is read, or not readable as what its name says.
+        No such file, not a format that is read, not readable as what its name says, or several
+        of its tables can be meant.
     """
     source = Path(path)
     room = READERS.get(source.suffix.lower())
@@ -183,9 +193,9 @@ def read_table(path: Path | str) -> Table:
         )
     if not source.is_file():
         raise ImportRefused(f"{source}: no such file")
-    read: Callable[[Path], Table] = import_module(f"session_recorder.importing.{room}").read
+    read: Callable[[Path], list[Table]] = import_module(f"session_recorder.importing.{room}").read
     try:
-        table = read(source)
+        tables = read(source)
     except ImportRefused:
         raise
     except OSError as error:
@@ -194,9 +204,10 @@ def read_table(path: Path | str) -> Table:
         raise ImportRefused(
             f"{source} is not a readable '{source.suffix}' file: {error or type(error).__name__}"
         ) from None
-    if not table.columns and not table.refused:
+    tables = [table for table in tables if table.columns or table.refused]
+    if not tables:
         raise ImportRefused(f"{source} holds no column of numbers")
-    return table
+    return choose_section(tables, section, wanted)
 
 
 def optional_library(name: str, source: Path, kind: str) -> object:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.cell_grid import COMMENTS, MAX_HEADER_ROWS, Layout, understand
+from session_recorder.importing.cell_grid import (
+    COMMENTS,
+    CONFIRMING_ROWS,
+    MAX_HEADER_ROWS,
+    Layout,
+    Numbers,
+    numbers_of,
+    section_end,
+    understand,
+)
 from session_recorder.importing.cells import Cell, is_time_of_day, number, past_midnight
 from session_recorder.importing.laboratory_units import split_header
 from session_recorder.importing.tables import Table
@@ -26,8 +36,10 @@ DIALECTS: tuple[tuple[str | None, str], ...] = (
     (None, "."),
     (None, ","),
 )
-MIN_NUMERIC_SHARE = 0.5
-"""Share of a column's cells that must be numbers; a column with fewer is text."""
+MAX_TEXT_SHARE = 0.5
+"""Share of a column's cells above which it is a column of texts, not one with a fault."""
+MAX_TITLE = 60
+"""Characters of the title of a table; a longer line is a remark."""
 
 
 @dataclass(frozen=True)
@@ -36,38 +48,80 @@ class _Lines:
 
     numbers: list[int]
     texts: list[str]
-    comments: list[str]
+    comments: dict[int, str]
+    """By their number in the file."""
+
+    def part(self, begin: int, end: int | None = None) -> _Lines:
+        """Return the lines of a part with the comments in and directly above it."""
+        numbers = self.numbers[begin:end]
+        above = self.numbers[begin - 1] if begin else 0
+        last = numbers[-1] if numbers else 0
+        comments = {k: text for k, text in self.comments.items() if above < k < last}
+        return _Lines(numbers, self.texts[begin:end], comments)
 
 
-def read(source: Path) -> Table:
-    """Read a text file; see `tables.read_table`.
+def read(source: Path) -> list[Table]:
+    """Read a text file, each of its tables; see `tables.read_table`.
 
     Raises
     ------
     ImportRefused
         It holds no numbers, or decimal commas between commas.
     """
-    table = Table(source)
-    lines = _lines(_text(source, table.notes))
+    notes: list[str] = []
+    lines = _lines(_text(source, notes))
     if not lines.texts:
         raise ImportRefused(f"{source} holds no numbers")
-    found = [
-        (layout, dialect)
-        for dialect in DIALECTS
-        if (layout := _layout(lines, *dialect)) is not None
-    ]
-    if not found:
+    tables = _tables(source, lines)
+    if not tables:
         raise ImportRefused(
             f"{source} holds no rows of numbers; its first line is '{lines.texts[0][:80]}'"
         )
-    layout, (delimiter, decimal) = max(found, key=lambda entry: entry[0].score)
-    _refuse_ambiguous_commas(source, lines, layout, delimiter)
-    if decimal == ",":
-        table.notes.append("numbers have decimal commas")
-    table.rate = layout.rate
-    values = _numbers(lines, layout, delimiter, decimal)
-    _add_columns(table, layout, values, lines, delimiter)
-    return table
+    for table in tables:
+        table.notes[:0] = notes
+    return tables
+
+
+def _tables(source: Path, lines: _Lines) -> list[Table]:
+    """Return the tables that stand below one another."""
+    tables: list[Table] = []
+    while lines.texts:
+        found = [
+            (layout, dialect)
+            for dialect in DIALECTS
+            if (layout := _layout(lines, *dialect)) is not None
+        ]
+        if not found or (tables and len(lines.texts) <= CONFIRMING_ROWS):
+            break
+        layout, (delimiter, decimal) = max(found, key=lambda entry: entry[0].score)
+        if layout.start:
+            tables += _tables(source, lines.part(0, layout.start))
+            lines = lines.part(layout.start)
+            continue
+        _refuse_ambiguous_commas(source, lines, layout, delimiter)
+        title = _title([_split(line, delimiter) for line in lines.texts[: layout.first]])
+        table = Table(source, rate=layout.rate, section=title)
+        if decimal == ",":
+            table.notes.append("numbers have decimal commas")
+        end, values = _numbers(lines, layout, delimiter, decimal)
+        _add_columns(table, layout, values, lines.part(0, end), delimiter)
+        tables.append(table)
+        lines = lines.part(end)
+    if lines.texts and tables:
+        tables[-1].notes.append(
+            f"{len(lines.texts)} lines below the numbers are left out, from line "
+            f"{lines.numbers[0]} on: '{lines.texts[0][:MAX_TITLE]}'"
+        )
+    return tables
+
+
+def _title(header: Sequence[Sequence[str]]) -> str:
+    """Return the title of a table: the first line above it that holds one text."""
+    for row in header:
+        filled = [cell for cell in row if cell]
+        if len(filled) == 1 and number(filled[0]) is None and len(filled[0]) <= MAX_TITLE:
+            return filled[0]
+    return ""
 
 
 def _text(source: Path, notes: list[str]) -> str:
@@ -87,14 +141,14 @@ def _text(source: Path, notes: list[str]) -> str:
 
 
 def _lines(text: str) -> _Lines:
-    lines = _Lines([], [], [])
+    lines = _Lines([], [], {})
     for number_, line in enumerate(text.splitlines(), 1):
         stripped = line.strip()
         if not stripped:
             continue
         if stripped.startswith(COMMENTS):
             if len(lines.comments) < MAX_HEADER_ROWS:
-                lines.comments.append(stripped.lstrip("#%/").strip())
+                lines.comments[number_] = stripped.lstrip("#%/").strip()
             continue
         lines.numbers.append(number_)
         lines.texts.append(line)
@@ -115,7 +169,7 @@ def _layout(lines: _Lines, delimiter: str | None, decimal: str) -> Layout | None
     rows: list[list[Cell]] = [
         list(_split(line, delimiter)) for line in lines.texts[:MAX_HEADER_ROWS]
     ]
-    comments: list[list[Cell]] = [list(_split(line, delimiter)) for line in lines.comments]
+    comments: list[list[Cell]] = [list(_split(line, delimiter)) for line in lines.comments.values()]
     return understand(rows, decimal, comments)
 
 
@@ -135,33 +189,46 @@ def _refuse_ambiguous_commas(
 
 def _numbers(
     lines: _Lines, layout: Layout, delimiter: str | None, decimal: str
-) -> list[list[float | None]] | np.ndarray:
-    """Return the numbers row by row: an array where every cell is a plain number, else cell by
-    cell.
+) -> tuple[int, Numbers | np.ndarray]:
+    """Return behind which line the table ends, and its numbers row by row: an array where every
+    cell is a plain number, else cell by cell.
     """
     body = lines.texts[layout.first :]
+    plain = _plain_numbers(body, layout, delimiter, decimal)
+    if plain is not None:
+        return len(lines.texts), plain
+    cells: list[list[Cell]] = [list(_split(line, delimiter)) for line in body]
+    values = numbers_of(cells, decimal)
+    end = section_end(cells, values)
+    if end < len(body):
+        plain = _plain_numbers(body[:end], layout, delimiter, decimal)
+        if plain is not None:
+            return layout.first + end, plain
+    width = len(layout.names)
+    empty = [float("nan")] * width
+    return layout.first + end, [[*row, *empty][:width] for row in values[:end]]
+
+
+def _plain_numbers(
+    body: list[str], layout: Layout, delimiter: str | None, decimal: str
+) -> np.ndarray | None:
+    """Return lines as an array, None where a cell is anything else than a plain number."""
     text = "\n".join(body)
     if decimal == "," and delimiter != ",":
+        if "." in text:  # what groups the thousands, not what ends the whole number
+            return None
         text = text.replace(",", ".")
     try:
         data = np.loadtxt(io.StringIO(text), delimiter=delimiter, ndmin=2, comments=None)
-        if data.shape == (len(body), len(layout.names)):
-            return data
     except ValueError:
-        pass
-    width = len(layout.names)
-    rows = []
-    for line in body:
-        cells = _split(line, delimiter)[:width]
-        cells += [""] * (width - len(cells))
-        rows.append([number(cell, decimal) for cell in cells])
-    return rows
+        return None
+    return data if data.shape == (len(body), len(layout.names)) else None
 
 
 def _add_columns(
     table: Table,
     layout: Layout,
-    values: list[list[float | None]] | np.ndarray,
+    values: Numbers | np.ndarray,
     lines: _Lines,
     delimiter: str | None,
 ) -> None:
@@ -171,15 +238,12 @@ def _add_columns(
         else:
             column = [row[index] for row in values]
             bad = [k for k, value in enumerate(column) if value is None]
-            if len(bad) > (1 - MIN_NUMERIC_SHARE) * len(column):
-                table.refused[name] = f"{table.source}: column '{name}' holds text, not numbers"
-                continue
             if bad:
                 at = layout.first + bad[0]
                 cell = _split(lines.texts[at], delimiter)[index]
-                table.refused[name] = (
-                    f"{table.source}, line {lines.numbers[at]}: '{cell}' in column '{name}' is not "
-                    "a number"
+                place = f"{table.source}, line {lines.numbers[at]}: '{cell}' in column '{name}'"
+                table.refused[name] = f"{place} is not a number" + (
+                    ", as most of its cells" if len(bad) > MAX_TEXT_SHARE * len(column) else ""
                 )
                 continue
             data = np.array(column, dtype=float)

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ankle_interfaces.units import to_si
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.column_names import counts_samples
+from session_recorder.importing.laboratory_units import to_si
 from session_recorder.importing.proposal import Proposal
 from session_recorder.importing.sampling import (
     MAX_GRID,
@@ -20,6 +20,8 @@ from session_recorder.importing.tables import TIME, Table
 
 _TIME_UNITS = ("s", "ms", "us")
 _LIKELY_RATE = (50.0, 20_000.0)  # Hz
+_SERIAL_DATES = (20_000.0, 80_000.0)
+"""[d] Dates as Excel counts them, in days since 1900: from 1954 to 2119."""
 
 
 def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampling:
@@ -100,7 +102,8 @@ def _time_unit(times: np.ndarray) -> str | None:
     step = float(np.mean(steps[steps > 0])) if np.any(steps > 0) else 0.0
     if step <= 0 or (step == 1.0 and np.array_equal(times, np.round(times))):
         return None
-    for unit in _TIME_UNITS:
+    dated = _SERIAL_DATES[0] < times[0] < _SERIAL_DATES[1] and step < 1e-6
+    for unit in ("d",) if dated else _TIME_UNITS:
         if _LIKELY_RATE[0] <= 1.0 / (step * to_si(unit)[1]) <= _LIKELY_RATE[1]:
             return unit
     return None
