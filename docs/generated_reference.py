@@ -98,7 +98,7 @@ def nodes_page() -> str:
         if declared:
             rows = [("parameter", "default", "allowed", "what it is"), ("---",) * 4]
             rows += [
-                (f"`{p.name}`", _cell(p.default), _cell(p.allowed), _cell(p.description))
+                (f"`{p.name}`", _cell(p.default), _cell(p.allowed), _cell(p.explanation))
                 for p in declared.values()
             ]
             parts.append("\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n")

@@ -42,8 +42,9 @@ def of_node(name: str, parameters: Iterable[Quantity]) -> str:
     lines = [f"{name}:", "  ros__parameters:"]
     for parameter in parameters:
         start = "; at start only" if parameter.start_only else ""
-        text = " ".join(part for part in (parameter.description, parameter.source) if part)
-        lines.append(_comment(f"{text} Allowed: {parameter.allowed}{start}.", "    "))
+        lines.append(
+            _comment(f"{parameter.explanation} Allowed: {parameter.allowed}{start}.", "    ")
+        )
         value = yaml.safe_dump({parameter.name: parameter.default}, width=10**6).strip()
         lines.append(f"    {value}")
     return "\n".join(lines) + "\n"

@@ -10,7 +10,7 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +19,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.status import Status
+from rich.table import Column, Table
 
 from ankle_bringup.errors import RunError
 
@@ -77,6 +78,23 @@ def clear_folder(out: Path, overwrite: bool, mark: str) -> None:
             f"{out} is not replaced: it has no '{mark}', so it is no earlier result of this verb"
         )
     shutil.rmtree(out)
+
+
+def new_table(columns: Iterable[str]) -> Table:
+    """Return an empty table whose first column is never cut, and whose others are broken where they
+    are too long: a name has to be typed as it stands there.
+
+    Parameters
+    ----------
+    columns
+        Titles of the columns.
+    """
+    first, *others = columns
+    return Table(Column(first, no_wrap=True, overflow="ignore"), *map(_folding, others))
+
+
+def _folding(title: str) -> Column:
+    return Column(title, overflow="fold")
 
 
 class LogLines:

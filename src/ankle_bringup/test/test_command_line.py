@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 from ankle_bringup import verbs
 from ankle_bringup.command_line import app, load_verb, main, verb_names
 from ankle_bringup.errors import GraphError, RunError
+from ankle_bringup.executables import declared_parameters, executables, packages_with_nodes
 from ankle_bringup.graph import load_graph
-from ankle_bringup.terminal import LOG_PERIOD, LogLines, as_json, clear_folder
+from ankle_bringup.terminal import LOG_PERIOD, LogLines, as_json, clear_folder, new_table
 from ankle_bringup.verbs.diagnose import base_values
 
 RATE = 1000
@@ -209,6 +210,22 @@ def test_help_behind_a_node_describes_it_and_starts_nothing():
     assert "algorithm" in result.output
     listed = ankle("run", "--help").output
     assert "perturbation_generator" in listed
+
+
+def test_every_parameter_of_every_node_says_what_it_is():
+    for package in packages_with_nodes():
+        for entry in executables(package).values():
+            for name, parameter in (declared_parameters(entry, {"subject": 0}) or {}).items():
+                assert parameter.explanation, f"{entry.name}: {name}"
+
+
+def test_a_narrow_terminal_cuts_no_name():
+    text = io.StringIO()
+    table = new_table(("parameter", "what it is"))
+    table.add_row("voluntary_torque.cutoff", "see hard_acceleration_limit_of_the_driver")
+    Console(file=text, width=48).print(table)
+    assert "voluntary_torque.cutoff" in text.getvalue()
+    assert "…" not in text.getvalue()
 
 
 def test_a_recording_goes_in_and_out_and_is_not_replaced_unasked(table, tmp_path):

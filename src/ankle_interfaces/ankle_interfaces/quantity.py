@@ -65,14 +65,20 @@ class Quantity:
         return f"{self.symbol}[{self.unit}]"
 
     @property
+    def explanation(self) -> str:
+        """Return what the quantity is and where its range comes from, as far as both are stated."""
+        return " ".join(part for part in (self.description, self.source) if part)
+
+    @property
     def allowed(self) -> str:
         """Return the allowed values in words, as ``0 to 1000 N.m/rad``."""
         if isinstance(self.default, bool):
             return "true or false"
         if isinstance(self.default, str):
             return "one of " + ", ".join(self.choices) if self.choices else "any text"
-        kind = "whole number " if isinstance(self.default, int) else ""
-        return f"{kind}{self.lower:g} to {self.upper:g}{self._unit_after_number}"
+        if isinstance(self.default, int) and math.isfinite(self.upper - self.lower):
+            return f"whole number {self.lower:.0f} to {self.upper:.0f}{self._unit_after_number}"
+        return f"{self.lower:g} to {self.upper:g}{self._unit_after_number}"
 
     def check(self, value: object) -> Value:
         """Return the value in the quantity's type.

@@ -27,9 +27,10 @@ def declaration(quantity: Quantity) -> ParameterDescriptor:
     Neither range nor ``read_only`` are there: rclpy would check them before the quantity does, and
     answer without the unit, or refuse a value that is the present one. `describe` adds them.
     """
-    text = " ".join(part for part in (quantity.description, quantity.source) if part)
     unit = f" [{quantity.unit}]" if quantity.unit else ""
-    descriptor = ParameterDescriptor(description=f"{text}{unit}", dynamic_typing=True)
+    descriptor = ParameterDescriptor(
+        description=f"{quantity.explanation}{unit}", dynamic_typing=True
+    )
     descriptor.additional_constraints = f"allowed: {quantity.allowed}" + (
         "; at start only" if quantity.start_only else ""
     )

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from ankle_bringup.errors import RunError
-from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, new_table, working
 
 VERDICT_FILE = "verdict.json"
 ADVICE = "give the folder that 'ankle diagnose' has written"
@@ -47,7 +46,7 @@ def verb(
         for proposal in found.proposals[:LISTED_DESIGNS]
     ]
     if proposals:
-        table = Table(*proposals[0])
+        table = new_table(proposals[0])
         for proposal in proposals:
             table.add_row(*proposal.values())
         console.print(table)

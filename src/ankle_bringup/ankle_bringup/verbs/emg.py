@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
-from ankle_bringup.terminal import Out, Overwrite, console, progress
+from ankle_bringup.terminal import Out, Overwrite, console, new_table, progress
 
 NOTES_SHOWN = 10  # a bad electrode gives one for every onset
 
@@ -34,7 +33,7 @@ def verb(
     for note in found.notes[:NOTES_SHOWN]:
         console.print(f"note: {note}")
     columns = ("muscle", "onsets", "background [uV]", "reflex [uV.s]")
-    table = Table(*columns)
+    table = new_table(columns)
     rows = [dict(zip(columns, row, strict=True)) for row in summary(found)]
     for row in rows:
         table.add_row(*row.values())

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import (
@@ -16,6 +15,7 @@ from ankle_bringup.terminal import (
     OwnTerms,
     clear_folder,
     console,
+    new_table,
     progress,
     steps,
     working,
@@ -83,7 +83,7 @@ def verb(
     for remark in found.remarks():
         console.print(f"note: {remark}", soft_wrap=True)
     head, *rows = value_rows(found)
-    table = Table(*head)
+    table = new_table(head)
     for row in rows:
         table.add_row(*row)
     console.print(table)

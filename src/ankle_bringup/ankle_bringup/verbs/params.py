@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
-from ankle_bringup.terminal import console
+from ankle_bringup.terminal import console, new_table
 
 
 def verb(
@@ -32,7 +31,7 @@ def verb(
             set_parameter(looking, node, parameter, value)
             console.print(f"{node}: {parameter} = {value}")
             return [{"parameter": parameter, "value": value}]
-    table = Table(*columns)
+    table = new_table(columns)
     rows = []
     for name, (descriptor, present) in found.items():
         row = (name, present, descriptor.description, descriptor.additional_constraints)

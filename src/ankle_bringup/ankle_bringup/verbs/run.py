@@ -6,9 +6,8 @@ from importlib.metadata import EntryPoint
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from ankle_bringup.terminal import console
+from ankle_bringup.terminal import console, new_table
 
 HELP = {"-h", "--help"}
 # What follows the executable is for the node, its --help included.
@@ -51,7 +50,7 @@ def verb(
 def _list_executables(package: str = "") -> None:
     from ankle_bringup.executables import executables, packages_with_nodes
 
-    table = Table("package", "executable")
+    table = new_table(("package", "executable"))
     for name in [package] if package else packages_with_nodes():
         for executable in executables(name):
             table.add_row(name, executable)
@@ -67,8 +66,8 @@ def _describe(entry: EntryPoint) -> None:
     declared = declared_parameters(entry, {})
     if declared is None:
         return
-    table = Table("parameter", "default", "allowed", "what it is")
+    table = new_table(("parameter", "default", "allowed", "what it is"))
     for name, parameter in declared.items():
-        table.add_row(name, str(parameter.default), parameter.allowed, parameter.description)
+        table.add_row(name, str(parameter.default), parameter.allowed, parameter.explanation)
     console.print(table)
     console.print(f"Set one with: --ros-args -p {next(iter(declared))}:=VALUE")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.table import Table
-
-from ankle_bringup.terminal import console
+from ankle_bringup.terminal import console, new_table
 
 
 def verb() -> list[dict[str, Any]]:
@@ -19,7 +17,7 @@ def verb() -> list[dict[str, Any]]:
     columns = ("topic", "type", "publishers", "readers")
     with observer() as node:
         rows = [dict(zip(columns, row, strict=True)) for row in topics(node)]
-    table = Table(*columns)
+    table = new_table(columns)
     for row in rows:
         table.add_row(*map(str, row.values()))
     console.print(table)
