@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -28,6 +29,9 @@ from ankle_interfaces.topics import RIG_STATE
 from ankle_node.node import LATEST_QOS
 
 DRIVER = "ankle_actuator_driver"
+ESTIMATOR = "impedance_estimator"
+ESTIMATED = (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2"))
+"""Quantities of the terminal's table, with their units."""
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, `kill`, and the end of the terminal or of the connection to this computer."""
 STOP_PATIENCE = 1.0
@@ -35,21 +39,32 @@ STOP_PATIENCE = 1.0
 
 
 def status_table(
-    monitor: LiveMonitor, seconds_left: float | None, rig: Sequence[str] = ()
+    monitor: LiveMonitor,
+    seconds_left: float | None,
+    rig: Sequence[str] = (),
+    has_estimator: bool = True,
 ) -> Table:
-    """Show the latest estimate, the true value where it is known, and the state of a rig."""
-    table = Table("", "estimated", "true", "unit")
-    for symbol, unit in (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2")):
-        column = f"{symbol}[{unit}]"
-        truth = monitor.latest(TRUTH, column) if symbol in "KG" else float("nan")
+    """Show the latest estimate, the true value where it is known, and the state of a rig; torque
+    and angle where no estimator runs.
+    """
+    if has_estimator:
+        table = Table("", "estimated", "true", "unit")
+        for symbol, unit in ESTIMATED:
+            column = f"{symbol}[{unit}]"
+            truth = monitor.latest(TRUTH, column) if symbol in "KG" else math.nan
+            estimate = _in_words(monitor.latest(ESTIMATE, column), "not yet")
+            table.add_row(symbol, estimate, _in_words(truth, ""), unit)
+        valid = monitor.latest(ESTIMATE, "valid[1]")
         table.add_row(
-            symbol,
-            f"{monitor.latest(ESTIMATE, column):.4g}",
-            "" if truth != truth else f"{truth:.4g}",
-            unit,
+            "valid", "yes" if valid == 1.0 else "not yet" if math.isnan(valid) else "no", "", ""
         )
-    valid = monitor.latest(ESTIMATE, "valid[1]")
-    table.add_row("valid", "yes" if valid == 1.0 else "not yet" if valid != valid else "no", "", "")
+    else:
+        table = Table("", "measured", "", "unit")
+        torque = monitor.latest(SAMPLES, "torque[N.m]")
+        angle = math.degrees(monitor.latest(SAMPLES, "position[rad]"))
+        table.add_row("torque", _in_words(torque, "not yet"), "", "N.m")
+        table.add_row("angle", _in_words(angle, "not yet"), "", "deg")
+        table.add_row("K, B, I, G", "none", "no estimator in this graph", "")
     table.add_row(
         "samples received", str(monitor.streams[SAMPLES].samples), "", f"{monitor.missing} missing"
     )
@@ -58,6 +73,10 @@ def status_table(
     if seconds_left is not None:
         table.add_row("time left", f"{max(seconds_left, 0.0):.0f}", "", "s")
     return table
+
+
+def _in_words(value: float, absent: str) -> str:
+    return absent if math.isnan(value) else f"{value:.4g}"
 
 
 def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> None:
@@ -90,6 +109,7 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         show_pages(graph)
         monitor = LiveMonitor(node)
         rig: list[str] = []
+        has_estimator = any(one.package == ESTIMATOR for one in graph.nodes)
 
         def receive_state(message: Any) -> None:
             rig.append(str(message.data))
@@ -97,16 +117,15 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         node.create_subscription(String, RIG_STATE.name, receive_state, LATEST_QOS)
         began = time.monotonic()
         try:
-            with Live(
-                status_table(monitor, None, rig), console=console, refresh_per_second=4
-            ) as live:
+            first = status_table(monitor, None, rig, has_estimator)
+            with Live(first, console=console, refresh_per_second=4) as live:
                 while not (seconds and time.monotonic() - began > seconds):
                     if processes.ended("perturbation_generator"):
                         console.print("the perturbation is over")
                         break
                     monitor.spin(0.25)
                     left = began + seconds - time.monotonic() if seconds else None
-                    live.update(status_table(monitor, left, rig))
+                    live.update(status_table(monitor, left, rig, has_estimator))
         except KeyboardInterrupt:
             with contextlib.suppress(OSError):  # the terminal may be gone
                 console.print("stopping ...")

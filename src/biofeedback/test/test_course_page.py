@@ -47,10 +47,10 @@ def open_state(browser, laboratory):
     """Return what opens the operator's page of a state."""
     pages = []
 
-    def open_one(state, width=1280, height=720):
+    def open_one(state, width=1280, height=720, traces=TRACES):
         def answer(socket):
             socket.on_message(lambda text: None)
-            for message in (messages.Command(True), state, TRACES, FRAME):
+            for message in (messages.Command(True), state, traces, FRAME):
                 socket.send(json.dumps(asdict(message)))
 
         page = browser.new_page(viewport={"width": width, "height": height})
@@ -79,6 +79,19 @@ def test_an_activity_without_a_contraction_to_compare_with_is_explained(open_sta
     share.filter(has_text="EMG counts from the maximal push of the check list").wait_for()
     done = replace(COURSE, checks=[replace(one, state="done") for one in COURSE.checks])
     open_state(done).locator("#share").filter(has_text="no EMG").wait_for()
+
+
+def test_a_course_of_the_emg_reflex_says_nothing_of_estimates(open_state):
+    """No estimator runs: the page asks for EMG, and leaves out what it cannot show."""
+    groups = {name: bins for name, bins in TRACES.groups.items() if name != "estimate"}
+    page = open_state(COURSE, traces=replace(TRACES, groups=groups))
+    words = "(document.getElementById('traces').words ?? []).map(({ text }) => text)"
+    page.wait_for_function(f"{words}.includes('SOL')")
+    drawn = page.evaluate(words)
+    assert not {"K", "G", "no valid estimate"} & set(drawn)
+    assert page.locator("#target-of-course").inner_text().startswith("The course sets the target")
+    assert page.locator("#target label").first.is_hidden()
+    assert page.locator("#axis-now").inner_text() == "from the subject's own reflexes"
 
 
 def test_a_finished_session_says_what_follows(open_state):

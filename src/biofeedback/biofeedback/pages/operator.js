@@ -16,11 +16,16 @@ const view = new View(by("preview"), { id: "screen", units: true, silence: () =>
 const traces = new Traces(by("traces"), [
   { title: "Torque", unit: "N·m, measured", group: "ankle", names: ["torque"], colours: [SKY], least: 2 },
   { title: "Angle", unit: "degrees", group: "ankle", names: ["angle"], colours: [YELLOW], least: 1 },
-  { title: "K", unit: "N·m/rad", group: "estimate", names: ["K"], colours: [ORANGE], zero: true, value: true, marks: marks("K"), absent: "no valid estimate" },
-  { title: "G", unit: "N·m·s/rad", group: "estimate", names: ["G"], colours: [GREEN], zero: true, value: true, marks: marks("G"), absent: "no valid estimate" },
+  { title: "K", unit: "N·m/rad", group: "estimate", names: ["K"], colours: [ORANGE], zero: true, value: true, marks: marks("K"), absent: "no valid estimate", needed: (state) => !ofReflex(state) },
+  { title: "G", unit: "N·m·s/rad", group: "estimate", names: ["G"], colours: [GREEN], zero: true, value: true, marks: marks("G"), absent: "no valid estimate", needed: (state) => !ofReflex(state) },
   ...[["SOL", SKY], ["TA", PINK], ["GL", ORANGE], ["GM", GREEN]].map(([name, colour]) => (
     { title: name, unit: "EMG, µV", group: "emg", names: [name], colours: [colour], least: 10, absent: "no /emg/samples in this graph" })),
 ]);
+
+// A course of the EMG reflex needs no estimator: then nothing is said of estimates.
+function ofReflex({ target }) {
+  return target.feedback === "reflex";
+}
 
 function marks(symbol) {
   return ({ target }) => (target.feedback === symbol && target.lower !== null ? [target.lower, target.upper] : []);
@@ -97,7 +102,9 @@ function showFrame(frame) {
   const { trials } = last;
   const part = trials && session.kind === "trials" ? trials.done / trials.planned : session.duration > 0 && counting ? frame.elapsed / session.duration : 0;
   by("bar").style.width = `${Math.min(100 * part, 100)}%`;
-  const quality = { valid: "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet" };
+  const quality = ofReflex(last)
+    ? { valid: "", invalid: "EMG is not usable", stale: "EMG is stale", waiting: "no EMG yet: do the amplifier and the node emg_processor run?" }
+    : { valid: "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet: does the node impedance_estimator run?" };
   const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
   const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
   by("share").className = said ? "warn" : "";
@@ -117,7 +124,8 @@ function showRelative({ K, G, torque }, { checks, body_mass: mass }) {
     if (mass > 0) parts.push(`${three(value / mass)} ${perMass}`);
     return parts.join(", ");
   };
-  put(by("relative"), `K ${relative(K, "%MVC/rad", "N·m/rad/kg")}; G ${relative(G, "%MVC·s/rad", "N·m·s/rad/kg")}; at ${
+  const estimates = ofReflex(last) && K === null ? "torque" : `K ${relative(K, "%MVC/rad", "N·m/rad/kg")}; G ${relative(G, "%MVC·s/rad", "N·m·s/rad/kg")}; at`;
+  put(by("relative"), `${estimates} ${
     torque === null ? "–" : torque.toFixed(1)} N·m${largest > 0 && torque !== null ? ` (${Math.round(Math.abs(100 * torque) / largest)} %MVC)` : ""}`);
 }
 
@@ -209,8 +217,9 @@ function showForms(state, target) {
   document.querySelectorAll(".unit").forEach((element) => put(element, unit));
   const region = target.lower === null ? "no region" : `${fine(target.lower)}–${fine(target.upper)} ${unit}`;
   put(by("target-now"), `${fine(target.torque)} ± ${fine(target.torque_half_width)} N·m; ${target.feedback}: ${region}`);
-  put(by("axis-now"), state.baseline ? `baseline K ${fine(state.baseline.K)}, G ${fine(state.baseline.G)}${ofMvc(state)}` : "no baseline yet");
-  by("set-target").disabled = Boolean(state.trials); // a course sets its target from the subject's own reflexes
+  put(by("axis-now"), ofReflex(state) ? "from the subject's own reflexes" : state.baseline ? `baseline K ${fine(state.baseline.K)}, G ${fine(state.baseline.G)}${ofMvc(state)}` : "no baseline yet");
+  for (const part of by("target").querySelectorAll("label, button")) part.hidden = Boolean(state.trials);
+  by("target-of-course").hidden = !state.trials;
   fill(by("target"), { "torque[N.m]": target.torque, "torque_half_width[N.m]": target.torque_half_width, feedback: target.feedback, lower: target.lower, upper: target.upper });
   fill(by("axis"), { x_upper: state.axes.x[1], "y_lower[N.m]": state.axes.y[0], "y_upper[N.m]": state.axes.y[1] });
 }

@@ -27,7 +27,7 @@ class Channel {
 }
 
 export class Traces {
-  // rows: [{title, unit, group, names: [name, ...], colours: [...], marks: (state) => [values]}]
+  // rows: [{title, unit, group, names: [name, ...], colours: [...], marks: (state) => [values], needed: (state) => whether an empty row is shown}]
   constructor(canvas, rows, window = 30) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
@@ -78,13 +78,19 @@ export class Traces {
     const width = canvas.clientWidth, height = canvas.clientHeight;
     context.clearRect(0, 0, width, height);
     const left = 92, right = width - 12, bottom = height - 22;
-    const tall = bottom / this.rows.length;
-    this.rows.forEach((row, index) => this.drawRow(row, left, index * tall, right - left, tall));
+    const rows = this.rows.filter((row) => this.holds(row) || !this.state || (row.needed?.(this.state) ?? true));
+    const tall = bottom / rows.length;
+    rows.forEach((row, index) => this.drawRow(row, left, index * tall, right - left, tall));
     context.fillStyle = "#9aa7b5";
     context.font = '11px "Inter", "DejaVu Sans", system-ui, sans-serif';
     context.textBaseline = "top";
     context.textAlign = "center";
     for (let s = 0; s <= this.window; s += 5) context.fillText(`−${this.window - s} s`.replace("−0 s", "now"), left + ((right - left) * s) / this.window, bottom + 5);
+  }
+
+  // Whether anything of a row has come.
+  holds({ group, names }) {
+    return names.some((name) => this.channels[`${group}.${name}`]?.last >= 0);
   }
 
   drawRow(row, left, top, width, tall) {
