@@ -110,7 +110,7 @@ class LiveRig:
     setup
         What the rig is made of; its model is changed by `set`.
     tell
-        Called with a sentence when something happens that a person should know.
+        Called with a sentence when something happens that an operator should know.
     noisy
         Whether the samples have noise; may be changed at any time.
 

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.live
 
 
 class Queue:
-    """A reader with a queue of 64 that forgets the oldest, as DDS with keep-last 64, and works off
+    """A reader with a queue of 64 that forgets the oldest, as DDS with keep-last 64, and processes
     one message at a time.
     """
 
