@@ -31,6 +31,9 @@ QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
 MIN_RECORDING = 10.0
 """[s] Shortest recording that gives estimates: the estimators' memories hold about 15 s; the first
 valid estimate comes after 5 to 10 s."""
+START_TIME = 3.0
+"""[s] Shorter recordings may have no estimate at all, not even one that is not valid: samples wait
+for their reference for 2 s, then the sampling rate is found."""
 MIN_MOVEMENT = 1e-3
 """[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
 below 1e-4, perturbations are above 5e-3."""
@@ -255,6 +258,27 @@ def _movement(position: np.ndarray, rate: float) -> float:
     pieces = position[: len(position) // length * length].reshape(-1, length)
     finite = np.isfinite(pieces).all(axis=1)
     return float(np.median(pieces[finite].std(axis=1))) if finite.any() else 0.0
+
+
+def require_start(bag: Path) -> None:
+    """Refuse a recording that ends before an estimator begins.
+
+    Parameters
+    ----------
+    bag
+        With the ankle's samples.
+
+    Raises
+    ------
+    AnalysisError
+        It does; the message says what to do.
+    BagError
+        The bag cannot be read, or has no such samples.
+    """
+    time = BagReader(bag).signal(ANKLE_SAMPLES.absolute)[1][:, 0]
+    time = time[np.isfinite(time)]
+    if len(time) < 2 or np.ptp(time) < START_TIME:
+        raise AnalysisError(f"{bag}: no estimate: {why_nothing_is_valid(bag)}")
 
 
 def require_valid(found: Answer) -> None:

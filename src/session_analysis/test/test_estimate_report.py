@@ -14,7 +14,12 @@ from impedance_estimator.judgements import Judgement
 from impedance_estimator.offline.recorded_estimates import OfflineResult
 from model_discrepancy.recording.recording import Recording
 from session_analysis.errors import AnalysisError
-from session_analysis.estimate_answer import answer, require_valid, why_nothing_is_valid
+from session_analysis.estimate_answer import (
+    answer,
+    require_start,
+    require_valid,
+    why_nothing_is_valid,
+)
 from session_analysis.estimate_report import value_rows, write_estimates
 from session_analysis.second_opinion import second_opinion
 from session_recorder.bag_writer import BagWriter
@@ -187,3 +192,10 @@ def test_why_nothing_is_valid(tmp_path, change, seconds, words):
         require_valid(found)
     write_estimates(found, tmp_path)
     require_valid(answer(bag, estimates(20.0), "CE", ""))
+
+
+def test_a_recording_that_ends_before_an_estimator_begins_is_refused_by_its_length(tmp_path):
+    bag = write_bag(tmp_path / "bag", ankle(2.0))
+    with pytest.raises(AnalysisError, match=r"no estimate: the recording lasts 2\.0 s; .* longer"):
+        require_start(bag)
+    require_start(write_bag(tmp_path / "long", ankle(4.0)))

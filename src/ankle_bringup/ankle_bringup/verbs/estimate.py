@@ -47,13 +47,12 @@ def verb(
     Example: ankle estimate session --out session_estimates --rig rig.yaml
     """
     from ankle_interfaces.quantity import quantities
-    from ankle_interfaces.topics import ANKLE_SAMPLES
     from ankle_physics.own_terms import load_terms
     from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
     from impedance_estimator.known_physics import load_known_physics
     from impedance_estimator.offline.recorded_estimates import estimate_bag
     from impedance_estimator.stream import compile_estimator
-    from session_analysis.estimate_answer import answer, require_valid
+    from session_analysis.estimate_answer import answer, require_start, require_valid
     from session_analysis.estimate_report import value_rows, write_estimates
     from session_recorder.bag_reader import BagReader
 
@@ -67,7 +66,7 @@ def verb(
     settings = own(**given)
     load_terms(terms or "")
     known = load_known_physics(str(model or ""), str(rig or ""))
-    BagReader(bag).topic(ANKLE_SAMPLES.absolute)  # before an earlier result is removed
+    require_start(bag)  # before an earlier result is removed
     clear_folder(out, overwrite, "metadata.yaml")
     with working(f"{chosen}: loading compiled code, or compiling it (up to two minutes, once)"):
         compile_estimator(chosen)

@@ -19,6 +19,7 @@ from session_analysis.estimate_answer import (
     QUANTITIES,
     Answer,
     answer,
+    require_start,
     require_valid,
 )
 from session_analysis.estimate_report import write_estimates
@@ -116,6 +117,7 @@ def _numbers(row: dict[str, Any]) -> dict[str, Any]:
 def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
     stated = entry.stated()
     bag = entry.source if entry.source.is_dir() else _import(entry, derived, stated)
+    require_start(bag)
     result = estimate_bag(bag, derived / "estimates", overwrite=True)
     settings = BagReader(derived / "estimates").custom_data.get("settings", "")
     found = answer(bag, result, DEFAULT, settings)
