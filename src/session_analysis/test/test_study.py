@@ -1,4 +1,4 @@
-"""A study: layout and pseudonyms, processing once, reliability, report, export."""
+"""A study: layout and pseudonyms, processing once, report."""
 
 import contextlib
 import json
@@ -9,21 +9,13 @@ import sys
 import time
 from pathlib import Path
 
-import edfio
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from study_recordings import ankle, write_bag
 
-from ankle_interfaces.block import Block
 from ankle_node.session_event import SessionEvent
 from session_analysis.errors import AnalysisError
-from session_analysis.study.bids_export import export_bids, left_out
-from session_analysis.study.detectable_change import (
-    EMPTY_SCATTER,
-    detectable_change,
-    detectable_changes,
-    scatter,
-)
 from session_analysis.study.layout import (
     Study,
     check_pseudonym,
@@ -32,48 +24,13 @@ from session_analysis.study.layout import (
     init_study,
 )
 from session_analysis.study.recording_results import Row, process, verdict_rows
-from session_analysis.study.reliability import reliability
 from session_analysis.study.running import read_results, run_study, write_results
 from session_analysis.study.study_report import visit_table, write_study_report
 from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_writer import BagWriter
 from session_recorder.message_definitions import typestore
 
-RATE = 1000
 ANKLE = Path(sys.executable).with_name("ankle")
-SHROUT_FLEISS = np.array(
-    [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], float
-)
-
-
-def ankle(seconds=30.0):
-    """Time, angle [rad] and torque [N.m] of an ankle of 90 N.m/rad under random steps."""
-    n = int(seconds * RATE)
-    steps = np.repeat(np.random.default_rng(1).uniform(-0.03, 0.03, n // 200), 200)
-    position = np.convolve(steps, np.hanning(20) / np.hanning(20).sum(), "same")
-    velocity = np.gradient(position, 1 / RATE)
-    torque = 0.0137 * np.gradient(velocity, 1 / RATE) + 0.6 * velocity + 90 * position
-    return np.arange(n) / RATE, position, torque + 0.05 * np.random.default_rng(2).normal(size=n)
-
-
-def write_bag(path, emg=False):
-    time, position, torque = ankle()
-    with BagWriter(path) as writer:
-        writer.add_topic("/ankle/samples")
-        names = ("t[s]", "position[rad]", "torque[N.m]")
-        for first in range(0, len(time), 32):
-            piece = slice(first, first + 32)
-            data = np.column_stack([time[piece], position[piece], torque[piece]])
-            writer.write_block("/ankle/samples", Block(names, data))
-        if emg:
-            writer.add_topic("/emg/samples")
-            data = np.column_stack([time, 2e-5 * np.sin(100 * time)])
-            writer.write_block("/emg/samples", Block(("t[s]", "SOL[V]"), data))
-
-
-@pytest.fixture
-def study(tmp_path):
-    return init_study(tmp_path / "study", "Training")
 
 
 def test_a_recording_gets_the_next_run_of_its_visit(study):
@@ -122,63 +79,6 @@ def test_names_of_persons_are_refused(subject):
 def test_sidecar_files_are_checked(stated, words):
     with pytest.raises(AnalysisError, match=words):
         check_stated(stated, "x.json")
-
-
-def test_reliability_is_that_of_shrout_and_fleiss():
-    found = reliability(SHROUT_FLEISS)
-    # Their table 4; pingouin and R's psych print 0.2898 for the same data.
-    assert found.icc == pytest.approx(0.2898, abs=5e-5)
-    assert (found.subjects, found.visits) == (6, 4)
-
-
-def test_reliability_of_a_known_scatter_and_of_one_subject():
-    random = np.random.default_rng(1)
-    values = random.normal(100, 20, (400, 1)) + random.normal(0, 5, (400, 3))
-    found = reliability(values)
-    assert found.sem == pytest.approx(5.0, rel=0.1)
-    assert found.icc == pytest.approx(400 / 425, abs=0.02)
-    alone = reliability(np.array([[10.0, 12.0, 14.0]]))
-    assert np.isnan(alone.icc)
-    assert alone.sem == pytest.approx(2.0)
-    assert reliability(np.array([[1.0]])) is None
-    assert reliability(np.full((3, 2), np.nan)) is None
-
-
-def test_a_detectable_change_grows_with_the_correlation_of_visits_and_with_ignorance():
-    random = np.random.default_rng(3)
-    steps = random.normal(0, 1, (40, 8))
-    wandering = np.cumsum(steps, axis=1)
-    near, far = (
-        detectable_change(sum((scatter(np.arange(8), row) for row in wandering), EMPTY_SCATTER), d)
-        for d in (1, 7)
-    )
-    # Between neighbours of a random walk lies one step, between the ends seven.
-    assert near == pytest.approx(2.17 * 1.0, rel=0.15)
-    assert far > 1.8 * near
-    few = detectable_changes([1, 2], steps[:2, :2])
-    many = detectable_changes([1, 2], steps[:, :2])
-    assert many == pytest.approx(2.17 * np.sqrt(2.0), rel=0.25)
-    assert few[0] != few[1]  # each is known from the other alone
-    assert few[0] > 20.0 * abs(steps[1, 1] - steps[1, 0])
-
-
-def test_a_subject_is_not_part_of_what_judges_their_change():
-    values = np.random.default_rng(4).normal(100, 2, (5, 3))
-    before = detectable_changes([1, 2, 3], values)
-    values[0, 2] += 50.0
-    after = detectable_changes([1, 2, 3], values)
-    assert after[0] == before[0]
-    assert after[1] > before[1]
-
-
-def test_without_others_the_own_earlier_visits_say_what_is_detectable():
-    alone = detectable_changes([1, 2, 5, 6], np.array([[10.0, 12.0, np.nan, 40.0]]))
-    same = detectable_changes([1, 2, 5, 6], np.array([[10.0, 12.0, np.nan, 90.0]]))
-    assert alone == same
-    assert alone > 2.0
-    # Two visits alone say nothing of how far two visits are apart without a change.
-    assert np.isnan(detectable_changes([1, 2], np.array([[10.0, 12.0]]))).all()
-    assert np.isnan(detectable_changes([1, 2], np.array([[10.0, np.nan], [9.0, 10.0]]))[0])
 
 
 def rows_of(subject, visit, K, run=1, torque=-3.0, error=1.0, doubt=0.1):
@@ -424,66 +324,6 @@ def test_a_recording_of_a_study_is_diagnosed(study):
     assert (study.derived(entry) / "diagnosis" / "report.html").exists()
 
 
-def test_bids_has_motion_and_emg_with_their_descriptions(study, tmp_path):
-    entry = study.next_entry("S07", 1)
-    study.add(entry, {"side": "left", "electrode_placement": "SENIAM"})
-    write_bag(entry.source, emg=True)
-    written = export_bids(study, tmp_path / "bids")
-    motion, emg = written
-    assert motion.name == "sub-S07_ses-01_task-anklePerturbation_tracksys-rig_run-01_motion.tsv"
-    np.testing.assert_allclose(np.loadtxt(motion)[:, 1], ankle()[1], atol=1e-8)
-    about = json.loads(motion.with_suffix(".json").read_text())
-    assert about["SamplingFrequency"] == RATE
-    assert about["side"] == "left"
-    assert (
-        len(
-            motion.with_name(motion.name.replace("_motion.tsv", "_channels.tsv"))
-            .read_text()
-            .splitlines()
-        )
-        == 4
-    )
-    signal = edfio.read_bdf(emg).signals[0]
-    assert signal.label == "SOL"
-    np.testing.assert_allclose(signal.data[:1000], 20 * np.sin(100 * ankle()[0][:1000]), atol=1e-4)
-    assert json.loads((tmp_path / "bids" / "dataset_description.json").read_text())["BIDSVersion"]
-
-
-def test_a_gap_of_emg_keeps_its_place_in_a_file_without_times(study, tmp_path):
-    entry = study.next_entry("S07", 1)
-    study.add(entry, {})
-    time = np.delete(np.arange(8000) / 1000, slice(3000, 5000))
-    volts = np.where(np.abs(time - 2.0) < 0.01, np.nan, 2e-5 * np.sin(100 * time))
-    with BagWriter(entry.source) as writer:
-        writer.add_topic("/emg/samples")
-        rows = np.column_stack([10 + time, volts])
-        for first in range(0, len(rows), 32):
-            block = Block(("t[s]", "SOL[V]"), rows[first : first + 32])
-            writer.write_block("/emg/samples", block)
-    (emg,) = export_bids(study, tmp_path / "bids")
-    values = edfio.read_bdf(emg).signals[0].data
-    np.testing.assert_allclose(values[6000:8000], 20 * np.sin(100 * time[4000:6000]), atol=1e-3)
-    about = json.loads(emg.with_name(emg.name.replace(".bdf", ".json")).read_text())
-    assert about["StartTime"] == 10.0
-    first, second = about["AbsentSamples"]
-    assert first == {"onset": 1.991, "duration": pytest.approx(0.019, abs=0.0015)}
-    assert second == {"onset": 3.0, "duration": 2.0}
-
-
-def test_a_file_that_could_not_be_imported_does_not_keep_the_others_from_export(study, tmp_path):
-    good, bad = study.next_entry("S07", 1), study.next_entry("S08", 1)
-    study.add(good, {})
-    write_bag(good.source)
-    study.add(bad, {})
-    bad.source.with_name(f"{bad.name}.csv").write_text("no,numbers\n")
-    rows, failures = run_study(study, 1, None, False)
-    assert {row.subject for row in rows} == {"S07"}
-    assert "Refused" not in failures[bad.name]
-    assert left_out(study) == study.failures()
-    (motion,) = export_bids(study, tmp_path / "bids")
-    assert motion.name.startswith("sub-S07")
-
-
 def test_what_is_no_recording_is_not_added(tmp_path):
     (tmp_path / "notes.docx").write_text("x")
     (tmp_path / "empty").mkdir()
@@ -499,20 +339,6 @@ def test_a_pseudonym_that_differs_by_capitals_alone_is_refused(study):
     with pytest.raises(AnalysisError, match="the study has 'S07'"):
         study.next_entry("s07", 2)
     assert study.next_entry("S07", 2).visit == 2
-
-
-def test_bids_has_imported_files_or_says_that_they_are_missing(study, tmp_path):
-    entry = study.next_entry("S08", 1)
-    study.add(entry, {})
-    entry.source.with_name(f"{entry.name}.csv").write_text("Time (s),Ankle Angle (deg)\n")
-    with pytest.raises(AnalysisError, match="not imported yet: 'ankle study run"):
-        export_bids(study, tmp_path / "bids")
-    assert not (tmp_path / "bids").exists()
-    write_bag(study.derived(entry) / "imported")
-    (motion,) = export_bids(study, tmp_path / "bids")
-    assert motion.name.startswith("sub-S08_ses-01")
-    with pytest.raises(AnalysisError, match="no recording"):
-        export_bids(init_study(tmp_path / "empty"), tmp_path / "nothing")
 
 
 def test_a_diagnosis_becomes_rows_with_their_units(study):
