@@ -217,7 +217,13 @@ def _head(columns: tuple[str, ...], n: int) -> bytes:
 
 
 def pack(block: Block) -> bytes:
-    """Return the CDR bytes of the block's message (little endian)."""
+    """Return the CDR bytes of the block's message (little endian).
+
+    Parameters
+    ----------
+    block
+        Its samples, shape (n, m), become float64.
+    """
     return (
         _head(block.columns, block.data.shape[0])
         + np.ascontiguousarray(block.data, dtype="<f8").tobytes()
@@ -289,6 +295,11 @@ def unpack(message: bytes | bytearray | memoryview) -> Block:
     """Return the block in the CDR bytes of a Float64MultiArray.
 
     The data is a read-only view of the bytes where that is possible.
+
+    Parameters
+    ----------
+    message
+        The whole message, as a bag or a raw subscription gives it.
 
     Raises
     ------
