@@ -2,7 +2,8 @@
 
     python examples/simulate_a_model.py my_bag --stiffness 80 --reflex-gain 12
 
-Any program of ROS opens the bag; `ankle estimate my_bag` estimates K and G from it.
+Any program of ROS opens the bag; `ankle estimate my_bag` estimates K and G from it. With --table it
+is also written as a table, as a laboratory without ROS has it.
 """
 
 import argparse
@@ -27,6 +28,7 @@ def main() -> None:
     parser.add_argument("--stiffness", type=float, default=80.0, help="K [N.m/rad]")
     parser.add_argument("--reflex-gain", type=float, default=12.0, help="G [N.m.s/rad]")
     parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--table", help="a CSV file of the same recording, in degrees")
     asked = parser.parse_args()
 
     gains = {"stiffness": {"K": asked.stiffness}, "reflex": {"G": asked.reflex_gain}}
@@ -44,6 +46,13 @@ def main() -> None:
                 block = Block(topic.columns_of(rows.shape[1]), rows[start : start + BLOCK])
                 bag.write_block(topic.absolute, block)
     print(f"{asked.seconds:g} s in {asked.bag}")
+    if asked.table:
+        position, torque = recording.measured[:, 0], recording.measured[:, -1]
+        angles = np.degrees([reference[:, 0], position])
+        table = np.column_stack([recording.time, *angles, torque])
+        names = "Time (s),Commanded Angle (deg),Ankle Angle (deg),Torque (Nm)"
+        np.savetxt(asked.table, table, "%.9g", ",", header=names, comments="")
+        print(f"and as a table in {asked.table}")
 
 
 if __name__ == "__main__":

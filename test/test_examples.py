@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from session_recorder.importing import propose, read_table
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 K, G = 80.0, 12.0  # what the simulated joint has
 
@@ -26,8 +28,21 @@ def run(name, *arguments, timeout=240):
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
     path = tmp_path_factory.mktemp("examples") / "bag"
-    run("simulate_a_model.py", path, "--stiffness", K, "--reflex-gain", G, "--seconds", 20)
+    gains = ("--stiffness", K, "--reflex-gain", G)
+    table = path.with_name("table.csv")
+    run("simulate_a_model.py", path, *gains, "--seconds", 20, "--table", table)
     return path
+
+
+def test_the_table_of_a_simulated_model_is_imported_with_its_commanded_angle(bag):
+    proposed = propose(read_table(bag.with_name("table.csv")))
+    assert set(proposed.columns) == {
+        "t[s]",
+        "reference_position[deg]",
+        "position[deg]",
+        "torque[N.m]",
+    }
+    assert proposed.torque_sign == "rig"
 
 
 def test_read_a_bag(bag):

@@ -23,10 +23,11 @@ from session_analysis.study.layout import (
     check_stated,
     init_study,
 )
-from session_analysis.study.recording_results import Row, process, verdict_rows
+from session_analysis.study.recording_results import Row, imported_bag, process, verdict_rows
 from session_analysis.study.running import read_results, run_study, write_results
 from session_analysis.study.study_report import visit_table, write_study_report
 from session_analysis.visit_measures import measured_in_visit
+from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.message_definitions import typestore
 
@@ -369,3 +370,20 @@ def test_the_largest_torque_of_the_check_list_is_in_the_recording(tmp_path):
             message = event(f"check {name}", float(time), **details)
             writer.write("/session/event", 1_000_000_000 * (1 + time), message)
     assert measured_in_visit(tmp_path / "bag") == {"mvc_plantarflexion[N.m]": 92.5}
+
+
+def test_a_table_of_several_is_read_once_the_sidecar_names_it(study):
+    entry = study.next_entry("S07", 1)
+    study.add(entry, {})
+    source = entry.source.with_name(f"{entry.name}.csv")
+    rows = [f"{a:.3f},{p:.8f},{m:.6f}" for a, p, m in zip(*ankle(), strict=True)]
+    head = "Time (s),Angle (rad),Torque (Nm)"
+    lines = ["Trial 1", head, *rows[:5000], "", "Trial 2", head, *rows]
+    source.write_text("\n".join(lines))
+    (held,) = study.entries()
+    with pytest.raises(AnalysisError, match=rf"stand in {entry.name}\.json, as .*section"):
+        process(study.folder, held, False)
+    held.sidecar.write_text(json.dumps({"section": "Trial 2"}))
+    assert {row.quantity for row in process(study.folder, held, False)} > {"K[N.m/rad]"}
+    bag = BagReader(imported_bag(study.derived(held)))
+    assert bag.custom_data["imported_table"] == "Trial 2"

@@ -46,12 +46,24 @@ def list_(folder: Folder) -> list[dict[str, Any]]:
     from session_analysis.study.layout import Study
 
     study = Study(folder)
-    entries = study.entries()
+    entries, failures = study.entries(), study.failures()
+    states = {}
     for entry in entries:
-        done = "processed" if (study.derived(entry) / "results.json").exists() else "new"
-        console.print(f"{entry.name}  {done}  {entry.source}", soft_wrap=True)
+        states[entry.name] = (
+            "processed"
+            if (study.derived(entry) / "results.json").exists()
+            else "failed"
+            if entry.name in failures
+            else "new"
+        )
+        console.print(f"{entry.name}  {states[entry.name]}  {entry.source}", soft_wrap=True)
+    for name in [name for name, state in states.items() if state == "failed"]:
+        console.print(f"no result: {name}: {failures[name]}", soft_wrap=True)
     console.print(f"{len(entries)} recording(s) of {len({e.subject for e in entries})} subject(s)")
-    return [{"name": entry.name, "source": entry.source} for entry in entries]
+    return [
+        {"name": entry.name, "source": entry.source, "state": states[entry.name]}
+        for entry in entries
+    ]
 
 
 @verb.command()
@@ -107,7 +119,7 @@ def run(
     with steps() as step:
         rows, failures = run_study(study, workers, scheduler, diagnose, step)
     for name, why in failures.items():
-        console.print(f"no result: {name}: {why}")
+        console.print(f"no result: {name}: {why}", soft_wrap=True)
     console.print(f"{len(rows)} numbers in {study.results.resolve()}", soft_wrap=True)
     console.print(f"next: ankle study report {folder}", soft_wrap=True)
     if failures and not rows:

@@ -15,6 +15,7 @@ import numpy as np
 from ankle_interfaces.topics import ANKLE_SAMPLES
 from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.offline.recorded_estimates import estimate_bag
+from session_analysis.errors import AnalysisError
 from session_analysis.estimate_answer import (
     QUANTITIES,
     Answer,
@@ -26,10 +27,13 @@ from session_analysis.estimate_report import write_estimates
 from session_analysis.study.layout import Entry, Study, software_version
 from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_reader import BagReader
+from session_recorder.errors import ImportRefused
 from session_recorder.importing import import_recording, propose, read_table
 
 RESULTS_FILE = "results.json"
 PERCENT = 100.0
+IMPORT_EXAMPLE = '{"section": "2", "columns": {"position[deg]": "Angle"}, "torque_sign": "rig"}'
+"""What a sidecar file says of a file of another system."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,16 @@ def imported_bag(derived: Path) -> Path:
 
 
 def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
+    try:
+        return _imported(entry, derived, stated)
+    except ImportRefused as error:
+        raise AnalysisError(
+            f"{error}. In a study, options of 'ankle import' stand in {entry.sidecar.name}, as "
+            f"{IMPORT_EXAMPLE}"
+        ) from None
+
+
+def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
     """Return the bag of a file of another system, by what is stated or else by what is likely."""
     columns, sign = stated.get("columns"), stated.get("torque_sign")
     table = read_table(entry.source, stated.get("section"), tuple((columns or {}).values()))
