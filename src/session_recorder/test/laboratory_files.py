@@ -392,6 +392,12 @@ def angle_in_volts(path):
     )
 
 
+def unknown_unit_of_torque(path):
+    path.with_suffix(".csv").write_text(
+        text([TRIAL["t"], DEG, TRIAL["torque"]], header=["Time (s),Angle (deg),Torque (ozf.in)"])
+    )
+
+
 def number_for_a_missing_value(path):
     torque = np.where(np.arange(N) == 700, 9999.0, TRIAL["torque"])
     path.with_suffix(".csv").write_text(
@@ -416,6 +422,7 @@ REFUSED = {
     two_trials: "--section 'Trial 1'",
     torque_by_body_mass: "multiply it by the subject's body mass",
     angle_in_volts: "multiply it by the factor of its sensor",
+    unknown_unit_of_torque: "is in ozf.in, which is no unit that is known: convert it",
     number_for_a_missing_value: "is 9999 written where a value is missing",
-    one_group_of_thousands: "line 1002: '1,000' in column 'Time (ms)' is not a number",
+    one_group_of_thousands: "line 1002: '1,000' in column 'Time (ms)', a group of thousands or",
 }

@@ -204,6 +204,14 @@ def log_sheet_with_more_rows(path):
     book.save(path.with_suffix(".xlsx"))
 
 
+def texts_with_decimal_commas_in_a_sheet(path):
+    book = openpyxl.Workbook()
+    book.active.append(["Zeit [s]", "Winkel [°]", "Drehmoment [Nm]"])
+    for row in zip(TRIAL["t"], DEG, TRIAL["torque"], strict=True):
+        book.active.append([f"{value:.9g}".replace(".", ",") for value in row])
+    book.save(path.with_suffix(".xlsx"))
+
+
 def means_below_the_numbers(path):
     rows = text([TRIAL["t"], DEG, TRIAL["torque"]], header=["Time (s),Angle (deg),Torque (Nm)"])
     path.with_suffix(".csv").write_text(f"{rows}\nMean,2.87,-5.98\nMaximum,4.5,3.1\n")
@@ -262,6 +270,7 @@ PROGRAMS = [
     nexus_devices_first,
     nexus_devices_last,
     log_sheet_with_more_rows,
+    texts_with_decimal_commas_in_a_sheet,
     means_below_the_numbers,
     groups_of_thousands,
     groups_of_thousands_german,

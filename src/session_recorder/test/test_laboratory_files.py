@@ -17,6 +17,7 @@ from laboratory_files import (
     csv_titles,
     edf_mechanics,
     irregular,
+    plain,
     trial,
     two_trials,
 )
@@ -123,6 +124,18 @@ def test_a_text_among_the_numbers_does_not_divide_a_table(tmp_path):
         propose(read_table(tmp_path / "file.csv"))
 
 
+@pytest.mark.parametrize(
+    ("header", "doubt"),
+    [
+        (["Sampling rate: 1000 Hz", "Time (s),Angle (deg),Torque (Nm)"], "rate of 1000 Hz is stat"),
+        (["Time (s),Angle (deg),Load cell (N)"], "a force has to be multiplied by its lever arm"),
+    ],
+)
+def test_what_a_file_contradicts_or_lacks_is_a_doubt(header, doubt, tmp_path):
+    (tmp_path / "file.csv").write_text(plain(*header))
+    assert any(doubt in sentence for sentence in propose(read_table(tmp_path / "file.csv")).doubts)
+
+
 def import_as_proposed(source, bag):
     table = read_table(source)
     import_recording(table, bag, propose(table).columns, torque_sign="rig")
@@ -202,6 +215,7 @@ def test_times_that_were_cut_to_milliseconds_lose_no_sample():
         ("mV", "mV"),
         ("sec", "s"),
         ("rad s^-1", "rad/s"),
+        ("Grad", "deg"),
         ("ft-lb", "lbf.ft"),
         ("deg_s", "deg/s"),
         ("furlong", None),

@@ -14,6 +14,7 @@ IMPORTED_UNITS: dict[str, tuple[str, float]] = {
     "lbf.ft": ("N.m", 4.4482216152605 * 0.3048),
     "lbf.in": ("N.m", 4.4482216152605 * 0.0254),
     "kgf.m": ("N.m", 9.80665),
+    "kgf.cm": ("N.m", 0.0980665),
     "rpm": ("rad/s", math.tau / 60.0),
 }
 """Units that files of others have and the project does not write, with SI unit and exact factor."""
@@ -26,7 +27,7 @@ _SPELLINGS = {
     "us": ("usec", "microsecond", "microseconds"),
     "rad": ("radian", "radians", "radiant", "radialen", "radians"),
     "mrad": ("milliradian", "milliradians"),
-    "deg": ("degree", "degrees", "degs", "graden", "degrés", "altgrad"),
+    "deg": ("degree", "degrees", "degs", "grad", "graden", "degrés", "altgrad"),
     "rad/s": (
         "rad/sec",
         "rads-1",
@@ -89,6 +90,7 @@ _SPELLINGS = {
     ),
     "lbf.in": ("in-lb", "in-lbs", "in-lbf", "in.lb", "in.lbs", "in.lbf", "inlb", "lb-in", "lb.in"),
     "kgf.m": ("kgf-m", "kp.m", "kpm", "kg-m", "kgm"),
+    "kgf.cm": ("kgf-cm", "kp.cm", "kpcm", "kg-cm", "kgcm", "kg.cm"),
     "rpm": ("r/min", "rev/min", "1/min", "min-1"),
 }
 _ALSO_WORDS = {"min", "d"}

@@ -52,6 +52,8 @@ _MAX_TRIED = 6
 """Columns that are tried as position and torque, each with each."""
 _PER_MASS = re.compile(r"/\s*kg|kg\s*(\^|\*\*)?\s*-1|bw|body", re.IGNORECASE)
 """Units of a torque that is divided by the subject's mass."""
+_LIKE_A_UNIT = re.compile(r"[/·*^%]|\w\.\w|kg|lb|oz")
+"""What stands in the brackets behind a name and is a unit, not a remark."""
 _SHOWN_OTHERS = 4
 
 
@@ -79,6 +81,12 @@ def propose(table: Table) -> Proposal:
         _by_movement(table, candidates, found, sampling, proposal)
     _mechanics(table, found, sampling, proposal)
     _emg(table, found, proposal)
+    missing = [quantity for quantity in ("position", "torque") if quantity not in found]
+    if len(missing) == 1:
+        proposal.doubts.append(
+            f"no column looks like a {missing[0]}: 'ankle estimate' needs angle and torque, and a "
+            "force has to be multiplied by its lever arm first"
+        )
     if not any(not name.startswith("t[") for name in proposal.columns):
         raise ImportRefused(
             f"{table.source}: no column looks like a position, a torque or EMG; it holds "
@@ -101,6 +109,8 @@ def _by_name(table: Table, proposal: Proposal) -> dict[str, list[str]]:
             unusable[name] = f"'{name}' is in {unit}: multiply it by the factor of its sensor"
         elif (own := unknown_unit(name)) and _PER_MASS.search(own):
             unusable[name] = f"'{name}' is in {own}: multiply it by the subject's body mass [kg]"
+        elif own and quantity in ("position", "torque") and _LIKE_A_UNIT.search(own):
+            unusable[name] = f"'{name}' is in {own}, which is no unit that is known: convert it"
         else:
             candidates.setdefault(quantity, []).append(name)
     for name, reason in {**table.refused, **unusable}.items():

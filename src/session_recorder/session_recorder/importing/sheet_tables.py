@@ -74,7 +74,8 @@ def _sheet_tables(source: Path, title: str, numbered: list[tuple[int, list[Cell]
     numbers = [row_number for row_number, _ in numbered]
     rows = _without_empty_columns([row for _, row in numbered])
     tables: list[Table] = []
-    while rows and (layout := understand(rows[:MAX_HEADER_ROWS])) is not None:
+    while rows and (found := _understood(rows)) is not None:
+        layout, decimal = found
         if tables and len(rows) <= CONFIRMING_ROWS:
             break
         if layout.start:
@@ -86,9 +87,11 @@ def _sheet_tables(source: Path, title: str, numbered: list[tuple[int, list[Cell]
             rows, numbers = rows[layout.start :], numbers[layout.start :]
             continue
         body = rows[layout.first :]
-        values = numbers_of(body)
+        values = numbers_of(body, decimal)
         end = section_end(body, values)
         table = Table(source, rate=layout.rate, section=title)
+        if decimal == ",":
+            table.notes.append("numbers stand as texts with decimal commas")
         numbers = numbers[layout.first :]
         _add_columns(table, layout, body[:end], values[:end], numbers)
         tables.append(table)
@@ -98,6 +101,16 @@ def _sheet_tables(source: Path, title: str, numbered: list[tuple[int, list[Cell]
             f"{len(rows)} rows below the numbers are left out, from row {numbers[0]} on"
         )
     return tables
+
+
+def _understood(rows: list[list[Cell]]) -> tuple[Layout, str] | None:
+    """Return the layout of rows and their decimal mark; a comma only in cells that are texts."""
+    found = [
+        (layout, decimal)
+        for decimal in ".,"
+        if (layout := understand(rows[:MAX_HEADER_ROWS], decimal)) is not None
+    ]
+    return max(found, key=lambda entry: entry[0].score, default=None)
 
 
 def _add_columns(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,7 @@ MAX_TEXT_SHARE = 0.5
 """Share of a column's cells above which it is a column of texts, not one with a fault."""
 MAX_TITLE = 60
 """Characters of the title of a table; a longer line is a remark."""
+ONE_GROUP = re.compile(r"^[-+]?\d{1,3}[.,]\d{3}$")
 
 
 @dataclass(frozen=True)
@@ -242,6 +244,8 @@ def _add_columns(
                 at = layout.first + bad[0]
                 cell = _split(lines.texts[at], delimiter)[index]
                 place = f"{table.source}, line {lines.numbers[at]}: '{cell}' in column '{name}'"
+                if ONE_GROUP.match(cell):
+                    place += ", a group of thousands or a decimal mark,"
                 table.refused[name] = f"{place} is not a number" + (
                     ", as most of its cells" if len(bad) > MAX_TEXT_SHARE * len(column) else ""
                 )

@@ -20,6 +20,8 @@ from session_recorder.importing.tables import TIME, Table
 
 _TIME_UNITS = ("s", "ms", "us")
 _LIKELY_RATE = (50.0, 20_000.0)  # Hz
+_RATE_AGREEMENT = 0.01
+"""Part by which a stated rate may differ from that of the time column without a doubt."""
 _SERIAL_DATES = (20_000.0, 80_000.0)
 """[d] Dates as Excel counts them, in days since 1900: from 1954 to 2119."""
 
@@ -58,6 +60,11 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
             proposal.reasons.append(
                 f"'{name}' is the time in {unit}: it steps at {sampling.rate:.6g} Hz"
             )
+            if table.rate and abs(sampling.rate / table.rate - 1.0) > _RATE_AGREEMENT:
+                proposal.doubts.append(
+                    f"a rate of {table.rate:.6g} Hz is stated, but '{name}' steps at "
+                    f"{sampling.rate:.6g} Hz, which counts: is '{name}' in {unit}?"
+                )
             if sampling.kind == "irregular":
                 proposal.resample = sampling.rate
             if sampling.sentence:
