@@ -22,7 +22,12 @@ from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from session_analysis.errors import AnalysisError
-from session_analysis.second_opinion import SecondOpinion, second_opinion
+from session_analysis.second_opinion import (
+    MIN_MOVEMENT,
+    SecondOpinion,
+    movements,
+    second_opinion,
+)
 from session_recorder.bag_reader import BagReader
 from session_recorder.importing.sampling import judge_times
 from session_recorder.loss import LossAccount, account_of_bag
@@ -34,9 +39,6 @@ valid estimate comes after 5 to 10 s."""
 START_TIME = 3.0
 """[s] Shorter recordings may have no estimate at all, not even one that is not valid: samples wait
 for their reference for 2 s, then the sampling rate is found."""
-MIN_MOVEMENT = 1e-3
-"""[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
-below 1e-4, perturbations are above 5e-3."""
 
 
 @dataclass(frozen=True)
@@ -250,14 +252,9 @@ def why_nothing_is_valid(bag: Path) -> str:
     )
 
 
-def _movement(position: np.ndarray, rate: float) -> float:
-    """Return the standard deviation of position [rad] about its mean of each second, as a
-    median.
-    """
-    length = max(2, min(round(rate), len(position)))
-    pieces = position[: len(position) // length * length].reshape(-1, length)
-    finite = np.isfinite(pieces).all(axis=1)
-    return float(np.median(pieces[finite].std(axis=1))) if finite.any() else 0.0
+def _movement(values: np.ndarray, rate: float) -> float:
+    """Return the typical movement [rad] within a second."""
+    return float(np.median(movements(values, rate)))
 
 
 def require_start(bag: Path) -> None:

@@ -24,6 +24,9 @@ MIN_STRETCHES = 3
 """Least number of stretches for a scatter, and so for a standard error."""
 SEGMENT = 4.0
 """[s] Length of a segment of the spectra; resolves 0.25 Hz, and 60 s give 29 overlapping ones."""
+MIN_MOVEMENT = 1e-3
+"""[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
+below 1e-4, perturbations are above 5e-3."""
 BAND = (0.5, 40.0)
 """[Hz] Band in which the perturbation of the paper has power."""
 
@@ -79,6 +82,27 @@ class SecondOpinion:
     response: FrequencyResponse
 
 
+def movements(position: np.ndarray, rate: float) -> np.ndarray:
+    """Return the standard deviation of a position about its mean of each second.
+
+    Parameters
+    ----------
+    position
+        [rad], shape (n,).
+    rate
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    numpy.ndarray
+        [rad], one value for each second without a gap; a single 0 where there is none.
+    """
+    length = max(2, min(round(rate), len(position)))
+    pieces = position[: len(position) // length * length].reshape(-1, length)
+    finite = np.isfinite(pieces).all(axis=1)
+    return np.asarray(pieces[finite].std(axis=1)) if finite.any() else np.zeros(1)
+
+
 def second_opinion(recording: Recording) -> SecondOpinion:
     """Fit the parallel cascade to a recording and to its parts.
 
@@ -93,6 +117,12 @@ def second_opinion(recording: Recording) -> SecondOpinion:
         It is too short, not finite, or does not move.
     """
     position, torque, velocity = recording.position, recording.torque, recording.velocity
+    largest = float(np.max(movements(position, recording.rate)))
+    if largest < MIN_MOVEMENT:
+        raise ValueError(
+            f"the position moves by no more than {largest:.2g} rad within a second: no "
+            "perturbation to learn from"
+        )
     middle = len(position) // 2
     parts = (slice(0, middle), slice(middle, None))
 

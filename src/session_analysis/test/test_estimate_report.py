@@ -199,3 +199,10 @@ def test_a_recording_that_ends_before_an_estimator_begins_is_refused_by_its_leng
     with pytest.raises(AnalysisError, match=r"no estimate: the recording lasts 2\.0 s; .* longer"):
         require_start(bag)
     require_start(write_bag(tmp_path / "long", ankle(4.0)))
+
+
+def test_an_ankle_that_rests_has_no_second_opinion(tmp_path):
+    data = ankle(20.0)
+    data[:, 1] = 0.1 + 1e-5 * np.random.default_rng(3).normal(size=len(data))
+    with pytest.raises(ValueError, match=r"moves by no more than 1(\.\d)?e-05 rad within a second"):
+        second_opinion(Recording.from_bag(write_bag(tmp_path / "bag", data)))
