@@ -122,7 +122,9 @@ def entry_of(name, at_bounds, first, standing):
     final = SimpleNamespace(
         values={name: {"k": 30.0, "T": 0.1}}, errors={}, score=1.0, at_bounds=at_bounds
     )
-    return effect_entry(effect, final, Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1), first, standing)
+    return effect_entry(
+        effect, final, final, Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1), first, standing
+    )
 
 
 def test_what_is_predicted_in_a_loop_is_not_called_missing_physics():

@@ -156,7 +156,7 @@ def _predicted(half: Half, result: OfflineResult) -> str:
         predict_with_model(own.rate, half.known, own.position, own.torque).vaf,
         predict_with_model(own.rate, half.known, own.position, own.torque, result.rows).vaf,
     ]
-    numbers = " | ".join(f"{value:.1f}" for value in vaf)
+    numbers = " | ".join(f"{value:.2f}" for value in vaf)
     return f"| {half.trial}, {half.name} | {numbers} | {half.known.describe()} |"
 
 

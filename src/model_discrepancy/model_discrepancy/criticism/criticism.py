@@ -10,7 +10,9 @@ from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
 from model_discrepancy.criticism.missing_block import MissingBlock, missing_block
 from model_discrepancy.criticism.remainder import Remainder, remainder
+from model_discrepancy.criticism.stated_fit import stated_fit
 from model_discrepancy.criticism.variability import Variability, variability
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
@@ -24,6 +26,8 @@ class Criticism:
 
     Attributes
     ----------
+    stated
+        The final model with the values that are stated of it.
     before, after
         What generic regressors predict of the residual of base and final model.
     base_map, final_map
@@ -42,6 +46,7 @@ class Criticism:
         What is missing, where the recording is unexplained and long enough to describe it.
     """
 
+    stated: Fit
     before: Remainder
     after: Remainder
     base_map: ResidualMap
@@ -96,6 +101,7 @@ def criticise(
         progress("describing what is missing")
         block = missing_block(fitter, final, base_map.onsets)
     return Criticism(
+        stated_fit(fitter, final, after),
         before,
         after,
         base_map,

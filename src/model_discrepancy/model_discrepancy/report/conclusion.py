@@ -10,6 +10,7 @@ from ankle_physics.model import Model
 from model_discrepancy.criticism.criticism import Criticism
 from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.criticism.stated_fit import stated_fit
 from model_discrepancy.fit.base_model import ALIGNMENT, is_alignment
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -39,6 +40,10 @@ from model_discrepancy.search.found import Found, place_of
 LOOP_SENTENCE = (
     "no command was recorded and the servo gives way under load: what is left of the torque may "
     "have moved the plate itself, so that it is no sign of missing physics"
+)
+PLAIN_SENTENCE = (
+    "as much is missing, the values follow from a fit to the plain torque, which the large movements "
+    "decide, and not from the whitened one"
 )
 EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
 
@@ -92,7 +97,8 @@ def _verdict(
         effect_entry(
             effect,
             found.final,
-            size_of(fitter, found.final, effect.trial.name, base_map.onsets),
+            criticism.stated,
+            size_of(fitter, criticism.stated, effect.trial.name, base_map.onsets),
             place == 0,
             standing,
         )
@@ -109,6 +115,8 @@ def _verdict(
         f"{100 * max(after.share, 0.0):.1f} % of what the model leaves unexplained can still be "
         "predicted from the movement, on data that were not used for the fit"
     )
+    if criticism.stated is not found.final:
+        reasons.append(PLAIN_SENTENCE)
     reasons += criticism.varies.unusual
     if named != found.effects:
         names = ", ".join(effect.trial.name for effect in found.effects)
@@ -148,9 +156,10 @@ def _verdict(
     }
     at = operating_point(fitter.motion, base_map.onsets)
     missing = word == "unexplained" and after.significant
-    stated = with_model_error(stated_impedance(found.final, at), found, at, missing)
+    stated = with_model_error(stated_impedance(criticism.stated, at), found, at, missing)
     for effect, entry in zip(named, effects, strict=False):
-        entry["on_impedance"] = on_impedance(stated_impedance(effect.without, at), stated)
+        without = stated_fit(fitter, effect.without, after)
+        entry["on_impedance"] = on_impedance(stated_impedance(without, at), stated)
     place = place_of(found.effects[0].trial.name).value if found.effects else _likely_place(after)
     localisation = base_map.summary(place) if word != "no_mismatch" else {}
     return Verdict(

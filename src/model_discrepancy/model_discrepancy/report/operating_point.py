@@ -47,6 +47,8 @@ REFLEX_SHAPE_SHARE = 0.08
 UNEXPLAINED_SHARE = {"K": 0.15, "G": 0.25}
 # Probability that a refinement stands in for something else.
 _REFINEMENT_ODDS = 0.5
+# Probability that the whitened torque tells more of a value than the plain one, where they differ.
+_WEIGHTING_ODDS = 0.5
 # Odds of a term that gains on unseen rows, but too little torque to be accepted.
 _REJECTED_TERM_ODDS = 0.5
 
@@ -110,7 +112,8 @@ def with_model_error(
     The bootstrap knows how far the numbers scatter if the equations are those of the joint. What is
     added here is what the numbers owe to the choice of equations: shares of the values and of what
     the found terms changed, the torque that dry friction may hold at rest, what the refinements
-    changed (they may be right or stand in for something else), and how far the rivals and near
+    changed (they may be right or stand in for something else), how far the fit to the whitened
+    torque differs from the stated one, and how far the rivals and near
     misses would move them (model averaging; Buckland, Burnham & Augustin 1997, Biometrics 53, 603).
 
     Parameters
@@ -129,7 +132,7 @@ def with_model_error(
     dict[str, tuple[float, float | None]]
         The same values with wider standard errors; None stays None.
     """
-    base = _values(found.base.values, at)
+    base, searched = _values(found.base.values, at), _values(found.final.values, at)
     others = [
         (float(np.exp(-max(t.fit.score / found.final.score - 1.0, 0.0) / ODDS_SCALE)), t)
         for effect in found.effects
@@ -150,6 +153,7 @@ def with_model_error(
         variance += (shares.get(name, 0.0) * value) ** 2
         if unrefined is not None:
             variance += _REFINEMENT_ODDS * (value - unrefined[name]) ** 2
+        variance += _WEIGHTING_ODDS * (value - searched[name]) ** 2
         variance += held**2 if name in ("K", "K_effective") else 0.0
         variance += sum(odds * (there[name] - value) ** 2 for odds, there in moved) / total
         wider[key] = (value, float(np.sqrt(variance)))

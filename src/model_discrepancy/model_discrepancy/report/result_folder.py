@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
+from model_discrepancy.criticism.stated_fit import stated_fit
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.report.html_report import write_report
 
@@ -52,12 +53,13 @@ def augmented_model(diagnosis: Diagnosis) -> Model:
     assert diagnosis.problem is not None
     assert diagnosis.found is not None
     assert diagnosis.criticism is not None
-    final = diagnosis.found.final
+    final = diagnosis.criticism.stated
     block = diagnosis.criticism.block
     if block is not None:
         # What the block and the other terms share is divided anew.
         fitter = diagnosis.problem.fitter
         missing = block.term_values(fitter.columns.mean_angle)
         values = {**final.values, "missing_block": missing}
-        final = fitter.with_errors(fitter.fit(list(values), values, evaluations=10))
+        together = fitter.with_errors(fitter.fit(list(values), values, evaluations=10))
+        final = stated_fit(fitter, together, diagnosis.criticism.after)
     return fitted_model(final, f"{diagnosis.recording.name}: fitted by diagnosis")

@@ -105,7 +105,7 @@ def _in_units(found: Any) -> Any:
 
 
 def effect_entry(
-    effect: Effect, final: Fit, size: Size, first: bool, standing: Standing
+    effect: Effect, final: Fit, stated: Fit, size: Size, first: bool, standing: Standing
 ) -> dict[str, Any]:
     """Return one effect of ``verdict.json``.
 
@@ -114,7 +114,9 @@ def effect_entry(
     effect
         What was found.
     final
-        The augmented model.
+        The augmented model as the search fitted it.
+    stated
+        The same with the values that are stated.
     size
         How much torque it is.
     first
@@ -142,7 +144,7 @@ def effect_entry(
     )
     probability, of_family = of_name / sum(odds), of_its_family * own / sum(odds)
     by_name = probability >= MIN_STATED_PROBABILITY or of_family <= probability
-    errors = final.errors.get(name, {})
+    values, errors = stated.values[name], stated.errors.get(name, {})
     return {
         "name": name,
         "family": family,
@@ -150,9 +152,7 @@ def effect_entry(
         "belongs_to": term.belongs_to.value,
         "location": term.place.value,
         "parameters": {
-            p.key: [final.values[name][p.symbol], errors.get(p.symbol)]
-            for p in term.parameters
-            if p.fitted
+            p.key: [values[p.symbol], errors.get(p.symbol)] for p in term.parameters if p.fitted
         },
         "probability": round(probability, 3),
         "family_probability": round(of_family, 3),
@@ -160,7 +160,7 @@ def effect_entry(
         "set": [name, *(t.name for t in rivals)],
         "gain_held_out": [round(g, 4) for g in effect.trial.held_out],
         "excluded": effect.excluded,
-        "sentence": sentence_of(name, final.values[name], size),
+        "sentence": sentence_of(name, values, size),
     }
 
 
