@@ -42,7 +42,7 @@ LOOP_SENTENCE = (
     "have moved the plate itself, so that it is no sign of missing physics"
 )
 PLAIN_SENTENCE = (
-    "as much is missing, the values follow from a fit to the plain torque, which the large movements "
+    "much is missing: the values follow from a fit to the plain torque, which large movements "
     "decide, and not from the whitened one"
 )
 EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
