@@ -1,9 +1,6 @@
-"""Simulate a joint on the paper's rig and keep the recording as a bag.
+"""Simulate a joint on the paper's rig; keep the recording as a bag, or as a table too.
 
-    python examples/simulate_a_model.py my_bag --stiffness 80 --reflex-gain 12
-
-Any program of ROS opens the bag; `ankle estimate my_bag` estimates K and G from it. With --table it
-is also written as a table, as a laboratory without ROS has it.
+python examples/simulate_a_model.py my_bag --stiffness 80 --reflex-gain 12 --table my.csv
 """
 
 import argparse
@@ -19,10 +16,11 @@ from perturbation_generator.signals import signal_from
 from session_recorder.bag_writer import BagWriter
 
 BLOCK = 32  # samples of a message, as on a rig
+NAMES = "Time (s),Commanded Angle (deg),Ankle Angle (deg),Torque (Nm)"
 
 
 def main() -> None:
-    """Read the command line, simulate, write the bag."""
+    """Read the command line, simulate, write the bag and the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bag")
     parser.add_argument("--stiffness", type=float, default=80.0, help="K [N.m/rad]")
@@ -32,27 +30,20 @@ def main() -> None:
     asked = parser.parse_args()
 
     gains = {"stiffness": {"K": asked.stiffness}, "reflex": {"G": asked.reflex_gain}}
-    joint = Model.of({"inertia": {}, "viscosity": {}, **gains})
     perturbation = signal_from({p.name: p.default for p in PARAMETERS})
     rate = perturbation.settings.rate
     reference = perturbation.next(round(asked.seconds * rate))
-    recording = simulate(reference, rate, joint, seed=1)
-    streams = ((PERTURBATION_REFERENCE, reference), (ANKLE_SAMPLES, recording.measured))
+    made = simulate(reference, rate, Model.of({"inertia": {}, "viscosity": {}, **gains}), seed=1)
     with BagWriter(asked.bag) as bag:
-        for topic, values in streams:
+        for topic, values in ((PERTURBATION_REFERENCE, reference), (ANKLE_SAMPLES, made.measured)):
             bag.add_topic(topic.absolute, topic.message)
-            rows = np.column_stack([recording.time, values])
-            for start in range(0, len(rows), BLOCK):
-                block = Block(topic.columns_of(rows.shape[1]), rows[start : start + BLOCK])
-                bag.write_block(topic.absolute, block)
-    print(f"{asked.seconds:g} s in {asked.bag}")
+            rows = np.column_stack([made.time, values])
+            for part in np.split(rows, range(BLOCK, len(rows), BLOCK)):
+                bag.write_block(topic.absolute, Block(topic.columns_of(rows.shape[1]), part))
     if asked.table:
-        position, torque = recording.measured[:, 0], recording.measured[:, -1]
-        angles = np.degrees([reference[:, 0], position])
-        table = np.column_stack([recording.time, *angles, torque])
-        names = "Time (s),Commanded Angle (deg),Ankle Angle (deg),Torque (Nm)"
-        np.savetxt(asked.table, table, "%.9g", ",", header=names, comments="")
-        print(f"and as a table in {asked.table}")
+        angles = np.degrees([reference[:, 0], made.measured[:, 0]])
+        rows = np.column_stack([made.time, *angles, made.measured[:, -1]])
+        np.savetxt(asked.table, rows, "%.9g", ",", header=NAMES, comments="")
 
 
 if __name__ == "__main__":
