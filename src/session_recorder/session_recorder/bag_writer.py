@@ -25,6 +25,7 @@ from session_recorder.bag_metadata import (
     metadata_text,
     qos_text,
 )
+from session_recorder.chunk_index import PackedIndex
 from session_recorder.errors import BagError
 from session_recorder.message_definitions import definition
 
@@ -81,6 +82,8 @@ class BagWriter:
             self._writer = Writer(
                 self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
             )
+            # The library's own list grows for as long as a session lasts. It has no other way in.
+            self._writer._Writer__chunk_indices = PackedIndex()  # type: ignore[attr-defined]
             self._writer.start(profile="ros2")
             self._writer.flush()
         except OSError as error:
