@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ankle_actuator_driver.safety.command_record import CommandRecord
@@ -91,6 +91,7 @@ def test_no_limit_passes_its_hard_limit():
 
 
 @given(st.floats(-0.17, 0.17), st.floats(-5.0, 5.0))
+@example(LIMITS.angle - 0.004, 2.0)  # a gentle stop needs 7.5 mrad, the sharpest one 1.5 mrad
 def test_every_stop_keeps_the_limits_and_ends_at_rest(position, velocity):
     room = LIMITS.angle - abs(position) if position * velocity > 0 else LIMITS.angle + abs(position)
     if 0.75 * velocity**2 / LIMITS.acceleration > room:

@@ -49,6 +49,7 @@ def test_the_papers_protocol():
     ("change", "words"),
     [
         (("feedback: G", "feedback: B"), "feedback = 'B' is refused"),
+        (("feedback: G", "feedback: {G: 1}"), r"feedback = \{'G': 1\} is refused"),
         (('"hold[s]": 2', '"hold[s]": 9999'), r"hold\[s\] = 9999 is refused; allowed: 1 to 600"),
         (
             ('"level[1]": 0.7', '"level[1]": none'),

@@ -162,7 +162,7 @@ def _protocol(content: Any, name: str, digest: str) -> Protocol:
             block, {"feedback", "holds", "reach[s]", "hold[s]"}, {"reach[s]", "hold[s]"}, where
         )
         feedback = block["feedback"]
-        if feedback not in UNITS:
+        if not isinstance(feedback, str) or feedback not in UNITS:
             raise ProtocolError(f"{where}: feedback = {feedback!r} is refused; allowed: K or G")
         if not isinstance(block["holds"], list) or not block["holds"]:
             raise ProtocolError(f"{where}: 'holds' is a list of at least one hold")
