@@ -7,10 +7,15 @@ from itertools import product
 import numpy as np
 import pytest
 
+from ankle_physics import virtual_rig
+from ankle_physics.model import Model
+from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import Settings
-from impedance_estimator.simultaneous.doubt import DOUBTED_ERROR, MODEL_ERROR
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD, DOUBTED_ERROR, MODEL_ERROR
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings as Perturbation
 
 TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
 VOLUNTARY = {"0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
@@ -225,3 +230,16 @@ def test_standard_errors_hold_the_true_value(simulate):
     estimates = np.array(last)
     share = 100.0 * np.mean(np.abs(estimates[:, 1:5] - TRUTH) < 1.96 * estimates[:, 9:13], axis=0)
     assert np.all(share >= 90.0), share
+
+
+def test_a_recording_next_to_without_noise_is_not_doubted_where_velocity_was_derived():
+    signal = PulseStep(Perturbation(seed=1))
+    rate = signal.settings.rate
+    reference = signal.next(round(25.0 * rate))
+    joint = Model.of({"inertia": {}, "viscosity": {}, "stiffness": {"K": 80.0}, "reflex": {}})
+    made = virtual_rig.simulate(reference, rate, joint, seed=1)
+    position, torque = made.measured[:, 0], made.measured[:, -1]
+    velocity = np.gradient(position) * rate
+    found = estimate_signal(made.time, position, velocity, torque, reference=reference[:, 0]).valid
+    assert found[-1, ESTIMATE_COLUMNS.index("K[N.m/rad]")] == pytest.approx(80.0, rel=0.02)
+    assert np.mean(found[:, ESTIMATE_COLUMNS.index("doubt[1]")] >= DOUBT_THRESHOLD) < 0.05

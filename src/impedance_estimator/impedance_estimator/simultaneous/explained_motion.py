@@ -64,6 +64,9 @@ EXTRA_WIDTHS = {RELAXATION: 60.0, YIELDING: 2.0, SQUARE: 2000.0, CUBE: 1e5}
 within a perturbation of 30 mrad."""
 REVIEW_PERIOD = 2
 """[s] Signs of doubt are read so often: they change with the memory, which lasts 10 s."""
+IMMATERIAL_SHARE = 1e-3
+"""What explains less of the torque's power than this is no sign of doubt: a recording with next to
+no noise would make any difference of two computations likely. The diagnosis has the same share."""
 INSTRUMENT_RIDGE = 1e-9
 """This share of the scaled instruments' own sums is added to them, so that a signal that never
 moves is no error.
@@ -189,9 +192,11 @@ def prior_of(s: State, variance: float) -> tuple[np.ndarray, np.ndarray]:
     return precision, np.concatenate([s.prior[0], s.eta[1] - s.eta[0]])
 
 
-def solve(s: State, normal: np.ndarray, count: float, variance: float) -> Solution:
+def solve(
+    s: State, normal: np.ndarray, count: float, variance: float, immaterial: float = 0.0
+) -> Solution:
     """Return the regression over a stretch, and ln p(data | prior) up to a constant, with the
-    noise variance at its most likely value.
+    noise at its most likely size, and a sum of squares that is `immaterial` beside it.
     """
     precision, mean = prior_of(s, variance)
     matrix = normal[:-1, :-1] + np.diag(precision)
@@ -202,7 +207,8 @@ def solve(s: State, normal: np.ndarray, count: float, variance: float) -> Soluti
     rest = normal[-1, -1] + unknowns @ (normal[:-1, :-1] @ unknowns - 2.0 * normal[:-1, -1])
     total = max(rest, 1e-300) + np.sum(precision * (unknowns - mean) ** 2)
     determinant = 2.0 * np.sum(np.log(np.diag(factor[0]) / scale)) - np.sum(np.log(precision))
-    evidence = -0.5 * (count * np.log(total / count) + determinant)
+    noise = total + immaterial
+    evidence = -0.5 * (count * np.log(noise / count) + determinant)
     return Solution(unknowns, inverse, float(evidence))
 
 
@@ -252,11 +258,12 @@ def _unmodelled(
     I, B, K and the usual nuisance terms; and with the best of `STRUCTURES`, over its limit.
     """
     variance = float(s.counters[0]["variance"])
+    immaterial = IMMATERIAL_SHARE * memory.square
 
     def evidence(terms: tuple[int, ...]) -> float:
         combine = combination(projection, eliminated(sums, terms, variance))
         normal = normal_equations(s, memory, combine)
-        return solve(s, normal, memory.samples, variance).evidence
+        return solve(s, normal, memory.samples, variance, immaterial).evidence
 
     plain = evidence(usual)
     wider = evidence(ALL_TAPS) - plain

@@ -189,9 +189,9 @@ def investigate(
     DiagnosisError
         The first recording cannot be used.
     """
+    recording = source if isinstance(source, Recording) else Recording.from_bag(source)
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    recording = source if isinstance(source, Recording) else Recording.from_bag(source)
     first = diagnose(recording, folder / "first", library=library, progress=progress)
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
