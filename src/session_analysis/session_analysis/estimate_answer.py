@@ -18,6 +18,7 @@ from impedance_estimator.judgements import (
     shares_of_invalid_time,
 )
 from impedance_estimator.offline.recorded_estimates import OfflineResult
+from impedance_estimator.reference_track import LONGEST_WAIT
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
@@ -36,9 +37,9 @@ QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
 MIN_RECORDING = 10.0
 """[s] Shortest recording that gives estimates: the estimators' memories hold about 15 s; the first
 valid estimate comes after 5 to 10 s."""
-START_TIME = 3.0
+START_TIME = LONGEST_WAIT + 1.0
 """[s] Shorter recordings may have no estimate at all, not even one that is not valid: samples wait
-for their reference for 2 s, then the sampling rate is found."""
+for their reference, then the sampling rate is found within a second."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from blind_rig.impedance import TrueImpedance
 from model_discrepancy.criticism.remainder import remainder
-from model_discrepancy.criticism.stated_fit import LEAST_SHARE, stated_fit
+from model_discrepancy.criticism.stated_fit import LEAST_SHARE, plain_fit, stated_fit
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import find_onsets
@@ -74,14 +73,12 @@ def compare(plan: Plan) -> Compared | None:
     problem = prepare(reading.trusted)
     fitter, base = problem.fitter, problem.base
     after = remainder(problem.bank, fitter, base.residual, base.plain, problem.parts)
-    much = replace(after, share=1.0, worst=1.0, torque_share=1.0)
-    plain = stated_fit(fitter, base, much)
     return Compared(
         plan.name,
         after.share,
         stated_fit(fitter, base, after) is not base,
         _errors(fitter, base, truth),
-        _errors(fitter, plain, truth),
+        _errors(fitter, plain_fit(fitter, base), truth),
     )
 
 

@@ -41,6 +41,19 @@ def stated_fit(fitter: Fitter, fit: Fit, after: Remainder) -> Fit:
     """
     if not after.exceeds_chance or after.share < LEAST_SHARE:
         return fit
+    return plain_fit(fitter, fit)
+
+
+def plain_fit(fitter: Fitter, fit: Fit) -> Fit:
+    """Return a model fitted to the plain torque, with standard errors where the given one has them.
+
+    Parameters
+    ----------
+    fitter
+        With the whitening of the search.
+    fit
+        The model, from whose values the fit begins.
+    """
     plain = fitter.unwhitened()
     refitted = plain.fit(fit.terms, fit.values, evaluations=_EVALUATIONS)
     return plain.with_errors(refitted) if fit.draws else refitted

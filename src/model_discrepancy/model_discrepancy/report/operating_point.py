@@ -113,8 +113,8 @@ def with_model_error(
     added here is what the numbers owe to the choice of equations: shares of the values and of what
     the found terms changed, the torque that dry friction may hold at rest, what the refinements
     changed (they may be right or stand in for something else), how far the fit to the whitened
-    torque differs from the stated one, and how far the rivals and near
-    misses would move them (model averaging; Buckland, Burnham & Augustin 1997, Biometrics 53, 603).
+    torque differs from the stated one, and how far the rivals and near misses would move them
+    (model averaging; Buckland, Burnham & Augustin 1997, Biometrics 53, 603).
 
     Parameters
     ----------

@@ -46,12 +46,11 @@ ONE_GROUP = re.compile(r"^[-+]?\d{1,3}[.,]\d{3}$")
 
 @dataclass(frozen=True)
 class _Lines:
-    """Holds the lines of a text with their numbers in the file; comments apart."""
+    """Holds the lines of a text with their numbers in the file; comments apart, by their number."""
 
     numbers: list[int]
     texts: list[str]
     comments: dict[int, str]
-    """By their number in the file."""
 
     def part(self, begin: int, end: int | None = None) -> _Lines:
         """Return the lines of a part with the comments in and directly above it."""
