@@ -200,6 +200,19 @@ def coarsened(track: Track, group: int) -> Track:
     return Track(track.name, track.start, track.step * group / 2, values)
 
 
+def label(name: str) -> str:
+    """Return what the page calls a line.
+
+    Parameters
+    ----------
+    name
+        Topic and column of a track.
+    """
+    topic, _, column = name.rpartition(" ")
+    commanded = "commanded " if topic.endswith(PERTURBATION_REFERENCE.name) else ""
+    return commanded + with_unit(column)
+
+
 def _encoded(track: Track, origin: float) -> dict[str, object]:
     finite = np.isfinite(track.values)
     low = float(track.values[finite].min()) if finite.any() else 0.0
@@ -209,7 +222,7 @@ def _encoded(track: Track, origin: float) -> dict[str, object]:
     numbers[finite] = np.round((track.values[finite] - low) / scale) - STEPS // 2
     return {
         "name": track.name,
-        "label": with_unit(track.name.rpartition(" ")[2]),
+        "label": label(track.name),
         "start": track.start - origin,
         "step": track.step,
         "low": low,

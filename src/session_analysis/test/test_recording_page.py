@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ankle_interfaces.block import Block
-from session_analysis.recording_page import GAP, Track, coarsened, write_recording_page
+from session_analysis.recording_page import GAP, Track, coarsened, label, write_recording_page
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
 
@@ -58,6 +58,11 @@ def test_a_peak_survives_what_a_long_recording_leaves_out():
     assert coarse.step * at == pytest.approx(5.003, abs=0.02)
     assert np.isnan(coarse.values).sum() == 2 * 5
     assert coarsened(coarse, 1) is coarse
+
+
+def test_the_commanded_angle_is_told_from_the_measured_one():
+    assert label("/perturbation/reference position[rad]") == "commanded position [rad]"
+    assert label("/ankle/samples position[rad]") == "position [rad]"
 
 
 def test_the_diagnosis_beside_a_recording_is_shown(tmp_path):
