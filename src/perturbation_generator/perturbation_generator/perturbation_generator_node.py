@@ -19,11 +19,11 @@ import time
 
 import numpy as np
 from rclpy.duration import Duration
-from rclpy.time import Time
 from std_srvs.srv import Trigger
 
 from ankle_interfaces.quantity import Value
 from ankle_interfaces.topics import PERTURBATION_REFERENCE
+from ankle_node.interruptible_sleep import InterruptibleSleep
 from ankle_node.node import OK, WARN, AnkleNode, run
 from ankle_node.real_time import GENERATOR_PRIORITY, keep_loaded_objects, take_priority
 from perturbation_generator.limits import limits_from
@@ -62,6 +62,7 @@ class PerturbationGeneratorNode(AnkleNode):
         self._schedule: Schedule | None = None
         self.create_service(Trigger, "~/perturb", self._perturb)
         self._stopped = threading.Event()
+        self._sleep = InterruptibleSleep(self)
         self.health("clock", OK, "")
         self.health("pacing", OK, "")
         self._report()
@@ -102,6 +103,7 @@ class PerturbationGeneratorNode(AnkleNode):
     def destroy_node(self) -> None:
         """Stop the pacing first, so that no block leaves a node that ends."""
         self._stopped.set()
+        self._sleep.interrupt()
         if self._thread.is_alive():
             self._thread.join(timeout=2 * LAST_BLOCKS_TIMEOUT)
         super().destroy_node()
@@ -124,7 +126,6 @@ class PerturbationGeneratorNode(AnkleNode):
             raise self._failure
 
     def _pace(self) -> None:
-        clock = self.get_clock()
         while self._running and not self.now() > 0:
             self.health("clock", WARN, "simulated time has not started: waiting for /clock")
             time.sleep(CLOCK_POLL)
@@ -143,9 +144,7 @@ class PerturbationGeneratorNode(AnkleNode):
             block = np.column_stack([schedule.times(first, n), samples])
             deadline = schedule.deadline(first, n)
             if self.now() < deadline:
-                clock.sleep_until(
-                    Time(nanoseconds=round(deadline * 1e9), clock_type=clock.clock_type)
-                )
+                self._sleep.until(deadline)
             else:
                 time.sleep(CATCH_UP_PAUSE)
             if not self._running:
