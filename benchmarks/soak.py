@@ -9,7 +9,9 @@ The graph `rig` with its emulator over UDP, recorder and pages; EMG from a simul
 Lab Streaming Layer, its bridge and its processor; both pages in Chromium; a page that commands the
 session, and starts it again after every stop. Every half minute: samples received and missing,
 memory and open files of each process, and the delay from a sample's own time to its arrival. At the
-end the bag's own account of loss. A stop is unasked where its reason is not the operator.
+end the bag's own account of loss. A stop is unasked where its reason is not the operator. With
+real-time priority a watch on each processor tells which of these stops followed a standstill of
+this computer itself, as the host of a virtual machine makes them.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from playwright.sync_api import Page, sync_playwright
+from standstills import Standstills
 from std_msgs.msg import Float64MultiArray, String
 from stop_latency import Commander
 
@@ -57,14 +60,16 @@ LONGEST_START = 120.0  # s; for everything to run
 NEXT_COMMANDS = {"idle": "arm", "paused": "arm", "armed": "start", "finished": "restart"}
 STOP_REASON = "stopped by the operator"
 PAGE = os.sysconf("SC_PAGE_SIZE")
+STANDSTILL_BEFORE_STOP = 0.5  # s; a standstill this shortly before a stop is told with it
 LARGEST_GROWTH = 1.0  # % of memory, from the middle to the end
 
 
 class Reader:
     """Hears the rig and the EMG as a reader that is no part of the graph."""
 
-    def __init__(self, node: rclpy.node.Node) -> None:
+    def __init__(self, node: rclpy.node.Node, standstills: Standstills) -> None:
         self.state, self.unasked, self.delays = "", [], []
+        self.standstills = standstills
         self.samples = dict.fromkeys((ANKLE_SAMPLES, EMG_SAMPLES), 0)
         self.continuity = {topic: Continuity() for topic in self.samples}
         for topic in self.samples:
@@ -94,7 +99,9 @@ class Reader:
     def _follow(self, message: String) -> None:
         state, _, reason = message.data.partition(": ")
         if self.state == "running" and state != "running" and reason != STOP_REASON:
-            self.unasked.append(reason)
+            now = time.monotonic()
+            before = self.standstills.longest_between(now - STANDSTILL_BEFORE_STOP, now)
+            self.unasked.append(f"{reason}; before it: {before or 'no standstill'}")
         self.state = state
 
     def spin(self, seconds: float, commander: Commander) -> None:
@@ -169,6 +176,7 @@ def report(reader: Reader, looks: list[dict[str, tuple[float, int]]], minutes: f
         f"{minutes:g} minutes at a load of {os.getloadavg()[0]:.1f}: {reader.missing} samples "
         f"missing, {len(reader.unasked)} unasked stops"
     )
+    print(f"  {reader.standstills}")
     for reason in reader.unasked:
         print(f"  unasked: {reason}")
     for name, percent in growth.items():
@@ -259,6 +267,8 @@ def main() -> int:
     given = options.parse_args()
     take_free_domain()
     port = free_port()
+    standstills = Standstills()
+    standstills.start()
     with tempfile.TemporaryDirectory() as name, burden(given.busy, given.minutes):
         folder = Path(name)
         with (
@@ -269,7 +279,7 @@ def main() -> int:
             url = f"http://127.0.0.1:{port}"
             with both_pages(url, not given.without_browser):
                 take_priority(RECORDER_PRIORITY)  # a reader that is late would lose what is there
-                reader, commander = Reader(node), Commander(url)
+                reader, commander = Reader(node, standstills), Commander(url)
                 failed = run(given.minutes, lambda: processes.pids, reader, commander)
         return max(failed, report_bag(folder))
 

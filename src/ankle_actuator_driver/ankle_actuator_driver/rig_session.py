@@ -22,6 +22,7 @@ from ankle_actuator_driver.safety.limits import Limits
 from ankle_actuator_driver.safety.rig import Interruption
 from ankle_actuator_driver.safety.states import CONFIRMATION, POWERED, Answer, State
 from ankle_actuator_driver.safety.watchdog import LOST_AFTER
+from ankle_node.real_time import time_taken_by_host
 from ankle_node.session_event import SessionEvent
 
 POLL = 0.004
@@ -39,6 +40,8 @@ REPORT_PERIOD = 1.0
 """[s] Longest time between two pieces of news."""
 LONG_PAUSE = LOST_AFTER / 2
 """[s] Time without a look at the line that is worth a note: half of what the watchdogs allow."""
+HOST_PERIOD = 1.0
+"""[s] Time between two looks at what the host of a virtual machine takes."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,23 @@ def state_event(state: State, reason: str, ros: float) -> SessionEvent:
     return SessionEvent(f"rig {state.value}", ros, {"reason": reason})
 
 
+def host_words(taken: float) -> str:
+    """Return what the host of a virtual machine had to do with a pause, in words; empty where it
+    took nothing.
+
+    Parameters
+    ----------
+    taken
+        Processor time that it took within `HOST_PERIOD` before [s].
+    """
+    if taken <= 0.0:
+        return ""
+    return (
+        f"; it is a virtual machine, whose host had just taken {1e3 * taken:.0f} ms of it: no "
+        "computer to move a person with"
+    )
+
+
 class RigSession:
     """Talks to the rig from `begin` to `end`.
 
@@ -129,6 +149,7 @@ class RigSession:
         self._clocks, self._tell, self._fail = clocks, tell, fail
         self.longest_pause = 0.0
         self._looked = self._reported = -math.inf  # [s] of the steady clock
+        self._host_asked, self._taken = -math.inf, 0.0  # [s] of the steady clock; of its processors
         self._busy = threading.Lock()
         self._line_was_cut = False
         self._ended = threading.Event()
@@ -294,7 +315,10 @@ class RigSession:
         if pause > LONG_PAUSE:
             self.bridge.notes.append(
                 f"this computer kept the driver from the line for {1e3 * pause:.0f} ms"
+                + host_words(time_taken_by_host() - self._taken)
             )
+        if now - self._host_asked > HOST_PERIOD:
+            self._host_asked, self._taken = now, time_taken_by_host()
 
     def _report(self) -> None:
         while (news := self._news.get()) is not None:

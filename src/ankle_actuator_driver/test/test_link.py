@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from ankle_actuator_driver import link, settings
+from ankle_actuator_driver import link, rig_session, settings
 from ankle_actuator_driver.link.rig_link import (
     Clocks,
     RigLink,
@@ -117,6 +117,29 @@ def test_an_arming_is_answered_once_the_rig_has_confirmed_it(fieldbus):
         waiting.send(None)
     assert ended.value.value.done
     assert session.figures()["state"] == "armed"
+
+
+@pytest.mark.parametrize(("taken", "words"), [(0.0, ""), (0.04, "whose host had just taken 40 ms")])
+def test_a_pause_is_noted_with_what_the_host_of_a_virtual_machine_took(
+    fieldbus, monkeypatch, taken, words
+):
+    now, host = [0.0], [7.0]
+    monkeypatch.setattr(rig_session, "time_taken_by_host", lambda: host[0])
+    line = open_link(fieldbus, VALUES, Clocks(lambda: (now[0], 1e9 + now[0])))
+    told = []
+    bridge = Bridge(Limits(), 0.5, 0.0)
+    session = RigSession(bridge, line, line.clocks.read, told.append, lambda error: None)
+    session._look()
+    now[0] += 0.01
+    session._look()
+    now[0] += 0.08
+    host[0] += taken
+    session._look()
+    assert session.longest_pause == pytest.approx(0.08)
+    notes = [note for _ in range(session._news.qsize()) for note in session._news.get().notes]
+    (note,) = [note for note in notes if "kept the driver from the line for 80 ms" in note]
+    assert words in note
+    assert ("virtual machine" in note) is bool(words)
 
 
 def test_a_stop_that_finds_the_driver_hanging_cuts_the_line_until_the_fault_is_reset(fieldbus):

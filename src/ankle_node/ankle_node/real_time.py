@@ -28,6 +28,8 @@ PAGES_PRIORITY = 5
 RECORDER_PRIORITY = 3
 """Priority of a recorder in real time: one that gets no core falls behind, and what waits in its
 memory is lost if it is killed."""
+_STEAL_COLUMN = 8
+"""In the first line of /proc/stat, after its word ``cpu``: "steal", proc(5)."""
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 
@@ -60,6 +62,19 @@ def take_priority(priority: int) -> str:
         )
     _keep_memory()
     return ""
+
+
+def time_taken_by_host() -> float:
+    """Return the processor time [s] that the host of this virtual machine has taken since the
+    start, of all processors together; 0 where the system does not count it.
+
+    A machine that stands still for its host reads it in steps of a hundredth of a second.
+    """
+    try:
+        total = Path("/proc/stat").read_text().split("\n", 1)[0].split()
+        return float(total[_STEAL_COLUMN]) / os.sysconf("SC_CLK_TCK")
+    except (OSError, IndexError, ValueError):
+        return 0.0
 
 
 def leave_priority() -> None:

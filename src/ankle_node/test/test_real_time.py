@@ -4,8 +4,11 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from ankle_node.real_time import time_taken_by_host
 
 BESIDE_A_RIG = """
 import json, os, sys
@@ -131,3 +134,10 @@ def test_a_node_takes_priority_once_a_rigs_driver_is_in_the_graph():
     assert len(before) >= 2
     assert set(before) == {os.SCHED_OTHER}
     assert last == os.SCHED_RR
+
+
+def test_what_the_host_of_a_virtual_machine_took_is_read(monkeypatch):
+    monkeypatch.setattr(Path, "read_text", lambda path: "cpu  9 8 7 6 5 4 3 250 0 0\ncpu0 1 2\n")
+    assert time_taken_by_host() == pytest.approx(250 / os.sysconf("SC_CLK_TCK"))
+    monkeypatch.setattr(Path, "read_text", lambda path: "nothing known")
+    assert time_taken_by_host() == 0.0
