@@ -83,6 +83,21 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
 
 
+@pytest.mark.parametrize(("augmented", "expected"), [(81.5, "no_mismatch"), (82.5, "explained")])
+def test_names_that_close_little_of_what_torque_that_moved_the_plate_predicts_are_none(
+    augmented, expected
+):
+    scores = Scores(base=80.0, augmented=augmented, ceiling=85.0)
+    left = remainder(0.3, False, held=False)
+    assert judge(found(0.5), left, [], USUAL_VARIABILITY, scores)[0] == expected
+    assert (
+        judge(found(0.5), left, ["a gain of a channel"], USUAL_VARIABILITY, scores)[0]
+        == "explained"
+    )
+    held = remainder(0.02, True)
+    assert judge(found(0.5), held, [], USUAL_VARIABILITY, scores)[0] == "explained"
+
+
 def test_names_beside_what_is_no_function_of_the_movement_do_not_explain_it():
     changing = SimpleNamespace(unusual=["responses differ"], unexplainable=[])
     assert judge(found(0.2), remainder(0.3, True), [], changing, SCORES)[0] == "unexplained"

@@ -15,6 +15,7 @@ import pytest
 
 import model_discrepancy
 from ankle_physics.model import Model
+from model_discrepancy.criticism import criticism
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.search.term_search import search
 from model_discrepancy.tools.resimulation import resimulate
@@ -134,3 +135,21 @@ def test_a_bag_is_on_its_way_to_the_verdict_without_turning_back(unexplained):
     _, _, way = unexplained
     assert set(way) == set(range(len(STAGES)))
     assert returns(way) <= MOST_RETURNS
+
+
+def test_names_that_explain_next_to_nothing_are_in_no_model(tmp_path, monkeypatch):
+    """Where they are no mismatch, K and G are those of the base model, as well known as in it."""
+    monkeypatch.setattr(criticism, "judge", lambda *_: ("no_mismatch", float("nan")))
+    recording = simulate_trial({"fixation_compliance": {}}, seed=6, duration=40.0)
+    found = diagnose(recording, tmp_path, library=["fixation_compliance"])
+    assert [effect.trial.name for effect in found.found.effects] == ["fixation_compliance"]
+    assert found.verdict.effects == []
+    assert any(
+        "fixation_compliance would improve the fit" in reason for reason in found.verdict.reasons
+    )
+    for key in ("K[N.m/rad]", "G[N.m.s/rad]"):
+        of_base = found.verdict.parameters[key]
+        assert of_base["augmented"] == of_base["base"]
+        assert of_base["standard_error"] < 0.1 * of_base["base"]
+    model = Model.load(tmp_path / "model.yaml")
+    assert "fixation_compliance" not in [entry.term.name for entry in model.entries]

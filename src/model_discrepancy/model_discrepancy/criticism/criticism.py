@@ -100,8 +100,13 @@ def criticise(
     if verdict == "unexplained":
         progress("describing what is missing")
         block = missing_block(fitter, final, base_map.onsets)
+    stated = (
+        fitter.with_errors(found.base)
+        if verdict == "no_mismatch" and found.effects
+        else stated_fit(fitter, final, after)
+    )
     return Criticism(
-        stated_fit(fitter, final, after),
+        stated,
         before,
         after,
         base_map,

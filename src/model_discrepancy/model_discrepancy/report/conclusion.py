@@ -92,6 +92,8 @@ def _verdict(
     word, after, base_map = criticism.verdict, criticism.after, criticism.base_map
     base, final, closed = criticism.base_held_out, criticism.final_held_out, criticism.closed
     named = found.effects if word != "no_mismatch" else []
+    # What is not named is not in the model either.
+    held = found if named == found.effects else Found(found.base, criticism.stated)
     standing = _standing(word, found, after)
     effects = [
         effect_entry(
@@ -106,7 +108,7 @@ def _verdict(
     ]
     effects += [finding_entry(finding) for finding in findings]
     reasons = separating_measurements(effects)
-    reasons += [f"{name} ended at the bound of its range" for name in found.final.at_bounds]
+    reasons += [f"{name} ended at the bound of its range" for name in held.final.at_bounds]
     reasons += [
         f"base model: {name} ran into its bound, a sign that it hides something else"
         for name in found.base.at_bounds
@@ -115,24 +117,24 @@ def _verdict(
         f"{100 * max(after.share, 0.0):.1f} % of what the model leaves unexplained can still be "
         "predicted from the movement, on data that were not used for the fit"
     )
-    if criticism.stated is not found.final:
+    if named == found.effects and criticism.stated is not found.final:
         reasons.append(PLAIN_SENTENCE)
     reasons += criticism.varies.unusual
     if named != found.effects:
         names = ", ".join(effect.trial.name for effect in found.effects)
         reasons.append(
-            f"{names} would improve the fit a little, and predict no torque on data that were not "
-            "used for it"
+            f"{names} would improve the fit a little, and predict no torque, or next to none, on "
+            "data that were not used for it"
         )
-    if found.refinements:
-        names = ", ".join(effect.trial.name for effect in found.refinements)
+    if held.refinements:
+        names = ", ".join(effect.trial.name for effect in held.refinements)
         reasons.append(
             f"the model holds {names} too: less than {100 * REFINEMENT:g} % of the mismatch each, "
             "corrections to the rest"
         )
-    if is_alignment(fitter, found.final):
+    if is_alignment(fitter, held.final):
         reasons.append(
-            f"torque and position are apart by {1000 * found.final.values[ALIGNMENT]['skew']:.2f} "
+            f"torque and position are apart by {1000 * held.final.values[ALIGNMENT]['skew']:.2f} "
             "ms, less than half a sample"
         )
     if word == "unexplained" and after.significant:
@@ -156,7 +158,7 @@ def _verdict(
     }
     at = operating_point(fitter.motion, base_map.onsets)
     missing = word == "unexplained" and after.significant
-    stated = with_model_error(stated_impedance(criticism.stated, at), found, at, missing)
+    stated = with_model_error(stated_impedance(criticism.stated, at), held, at, missing)
     for effect, entry in zip(named, effects, strict=False):
         without = stated_fit(fitter, effect.without, after)
         entry["on_impedance"] = on_impedance(stated_impedance(without, at), stated)
