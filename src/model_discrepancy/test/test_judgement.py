@@ -6,6 +6,8 @@ import pytest
 
 from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.report.conclusion import standing_of
+from model_discrepancy.report.verdict import Standing
 from model_discrepancy.search.found import Found, Trial
 
 SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
@@ -18,8 +20,8 @@ def found(score, effects=("a term",), contradicted=False):
     """A search whose model leaves `score` of the whitened error of the base model."""
     return SimpleNamespace(
         effects=list(effects),
-        final=SimpleNamespace(score=score),
-        base_score=1.0,
+        cut=1.0 - score,
+        shape_corrected=False,
         contradicted=contradicted,
     )
 
@@ -81,6 +83,19 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     assert judge(found(0.9), much, [], USUAL_VARIABILITY, useless)[0] == "unexplained"
     line = SimpleNamespace(unusual=["a narrow line"], unexplainable=[])
     assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("score", "share", "expected"),
+    [
+        (0.9, 0.0, Standing.COMPLETE),
+        (0.97, 0.0, Standing.CRITICISED),  # so little may follow the movement by accident
+        (0.9, 0.3, Standing.INCOMPLETE),
+    ],
+)
+def test_a_name_is_sure_where_it_takes_off_enough_and_leaves_nothing(score, share, expected):
+    assert standing_of("explained", found(score), remainder(share, True)) is expected
+    assert standing_of("unexplained", found(score), remainder(share, True)) is Standing.UNEXPLAINED
 
 
 @pytest.mark.parametrize(("augmented", "expected"), [(81.5, "no_mismatch"), (82.5, "explained")])

@@ -80,8 +80,7 @@ def judge(
     if scores.augmented <= scores.base and not (predictable or unusual or findings):
         # Names that predict no torque on unseen data follow torque that moved the plate.
         return "no_mismatch", float("nan")
-    cut = 1.0 - found.final.score / found.base_score
-    closed = cut / (cut + (1.0 - cut) * left)
+    closed = found.cut / (found.cut + (1.0 - found.cut) * left)
     # Of the torque that the movement predicts at all.
     gained = scores.augmented - scores.base
     gains_little = gained < MIN_GAP_SHARE * (scores.ceiling - scores.base)

@@ -158,6 +158,11 @@ class Found:
     final_held_out: HeldOut = field(init=False, repr=False)
 
     @property
+    def cut(self) -> float:
+        """Return the share of the base model's whitened error that the final model takes off."""
+        return 1.0 - self.final.score / self.base_score
+
+    @property
     def shape_corrected(self) -> bool:
         """Say whether further terms correct, or would correct, the shape of the named ones."""
         return bool(self.refinements) or any(trial.criticises for trial in self.near)
