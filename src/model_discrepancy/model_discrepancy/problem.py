@@ -77,9 +77,10 @@ class Problem:
     def in_a_loop(self) -> bool:
         """Tell whether the movement may hold torque that no movement causes.
 
-        It may where the servo gives way and no command was recorded that would show it.
+        It may where no command was recorded that would show it, and the servo gives way or was
+        never held still, so that nobody knows.
         """
-        return self.servo is None and self.compliance is not None and self.compliance.significant
+        return self.servo is None and (self.compliance is None or self.compliance.significant)
 
 
 def prepare(

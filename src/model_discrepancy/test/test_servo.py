@@ -1,12 +1,13 @@
 """What the servo does is told from what the joint does: the command is the instrument."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from model_discrepancy.problem import prepare
+from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.servo import identify_servo
@@ -77,3 +78,17 @@ def test_the_movement_that_is_fitted_with_holds_no_torque_that_no_movement_cause
 
     measured = leak(recording.position[::step])
     assert leak(problem.fitter.motion.position) < 0.25 * measured
+
+
+@pytest.mark.parametrize(
+    ("servo", "compliance", "expected"),
+    [
+        (None, SimpleNamespace(significant=True), True),
+        (None, SimpleNamespace(significant=False), False),
+        (None, None, True),  # never held still: nobody knows
+        ("its command was recorded", None, False),
+    ],
+)
+def test_the_movement_may_hold_torque_unless_command_or_holds_tell(servo, compliance, expected):
+    problem = SimpleNamespace(servo=servo, compliance=compliance)
+    assert Problem.in_a_loop.fget(problem) is expected

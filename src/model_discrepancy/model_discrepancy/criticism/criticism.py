@@ -89,7 +89,7 @@ def criticise(
         for fit, surrogates in ((problem.base, null.drawn), (final, null.noise))
     )
     gives_way = problem.compliance is not None and problem.compliance.significant
-    after = replace(after, judged=not problem.in_a_loop, held=not gives_way)
+    after = replace(after, judged=not problem.in_a_loop, held=not (gives_way or problem.in_a_loop))
     base_scored, final_scored = found.base_held_out, found.final_held_out
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)

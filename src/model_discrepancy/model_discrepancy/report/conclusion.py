@@ -41,6 +41,11 @@ LOOP_SENTENCE = (
     "no command was recorded and the servo gives way under load: what is left of the torque may "
     "have moved the plate itself, so that it is no sign of missing physics"
 )
+UNKNOWN_LOOP_SENTENCE = (
+    "no command was recorded and the plate was never held still, so that nobody knows whether the "
+    "servo gives way: what is left of the torque may have moved the plate itself, and is no sign "
+    "of missing physics"
+)
 PLAIN_SENTENCE = (
     "much is missing: the values follow from a fit to the plain torque, which large movements "
     "decide, and not from the whitened one"
@@ -78,7 +83,8 @@ def conclude(
     verdict.variability = criticism.varies.content()
     verdict.rig = _rig(problem)
     if problem.in_a_loop:
-        verdict.reasons.append(LOOP_SENTENCE)
+        unknown = problem.compliance is None
+        verdict.reasons.append(UNKNOWN_LOOP_SENTENCE if unknown else LOOP_SENTENCE)
     if problem.activation_by_emg:
         verdict.reasons.append(EMG_SENTENCE)
     verdict.recording = _conditions(recording, problem.fitter, found.final)
