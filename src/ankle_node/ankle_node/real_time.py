@@ -29,7 +29,7 @@ RECORDER_PRIORITY = 3
 """Priority of a recorder in real time: one that gets no core falls behind, and what waits in its
 memory is lost if it is killed."""
 _STEAL_COLUMN = 8
-"""In the first line of /proc/stat, after its word ``cpu``: "steal", proc(5)."""
+"""The time that a host took ("steal", proc(5)) stands there in the first line of /proc/stat."""
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 

@@ -151,5 +151,8 @@ def test_names_that_explain_next_to_nothing_are_in_no_model(tmp_path, monkeypatc
         of_base = found.verdict.parameters[key]
         assert of_base["augmented"] == of_base["base"]
         assert of_base["standard_error"] < 0.1 * of_base["base"]
+    fit = found.verdict.fit
+    assert fit["augmented_vaf_holdout"] == fit["baseline_vaf_holdout"]
+    assert fit["remaining_predictable_share"] == round(found.criticism.before.share, 4) > 0.0
     model = Model.load(tmp_path / "model.yaml")
     assert "fixation_compliance" not in [entry.term.name for entry in model.entries]

@@ -10,21 +10,17 @@ doubted.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
+from simulation_study.counted_table import write_table
 from simulation_study.verdict_cases import Plan, made
 from simulation_study.verdict_report import rate_with_interval
-from simulation_study.verdict_study import ordered
 
-TABLE = "file_without_command.md"
 CHANNELS = {
     "angle, velocity, torque and command": (True, True),
     "angle, velocity and torque": (True, False),
@@ -155,25 +151,13 @@ def _medians(rows: list[Estimated]) -> str:
 
 def main() -> None:
     """Run the study and write its table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--nulls", type=int, default=40, help="recordings without a mismatch")
-    parser.add_argument("--effects", type=int, default=52, help="recordings that hide one effect")
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    todo = ordered({"null": options.nulls, "effect": options.effects}, options.seed, [])
-    found = []
-    for number, plan in enumerate(todo, start=1):
-        found += estimated(plan)
-        print(f"{number} of {len(todo)}: {plan.name}", file=sys.stderr, flush=True)
-    command = (
-        f"python -m simulation_study.file_without_command --seed {options.seed} "
-        f"--nulls {options.nulls} --effects {options.effects} --out FOLDER"
+    write_table(
+        "file_without_command",
+        (__doc__ or "").split("\n\n")[0],
+        {"null": 40, "effect": 52},
+        estimated,
+        report,
     )
-    options.out.mkdir(parents=True, exist_ok=True)
-    text = report(found, command)
-    (options.out / TABLE).write_text(text)
-    print(text)
 
 
 if __name__ == "__main__":

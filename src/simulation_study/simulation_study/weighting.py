@@ -10,10 +10,7 @@ diagnosis states the values of the one or the other by this share (`stated_fit`)
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +24,10 @@ from model_discrepancy.fit.movements import find_onsets
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.reading import check, open_recording
 from model_discrepancy.report.operating_point import operating_point, stated_impedance
+from simulation_study.counted_table import write_table
 from simulation_study.verdict_cases import Plan, made
 from simulation_study.verdict_report import rate_with_interval
-from simulation_study.verdict_study import ordered
 
-TABLE = "weighting.md"
 GAINS = ("K", "G")
 KEYS = {"K": "K[N.m/rad]", "G": "G[N.m.s/rad]"}
 
@@ -145,26 +141,13 @@ def _summary(rows: list[Compared]) -> Iterator[str]:
 
 def main() -> None:
     """Run the study and write its table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--effects", type=int, default=30, help="recordings that hide one effect")
-    parser.add_argument("--pairs", type=int, default=10, help="recordings that hide two")
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    todo = ordered({"effect": options.effects, "pair": options.pairs}, options.seed, [])
-    found = []
-    for number, plan in enumerate(todo, start=1):
-        if one := compare(plan):
-            found.append(one)
-        print(f"{number} of {len(todo)}: {plan.name}", file=sys.stderr, flush=True)
-    command = (
-        f"python -m simulation_study.weighting --seed {options.seed} --effects {options.effects} "
-        f"--pairs {options.pairs} --out FOLDER"
+    write_table(
+        "weighting",
+        (__doc__ or "").splitlines()[0],
+        {"effect": 30, "pair": 10},
+        lambda plan: [found for found in [compare(plan)] if found is not None],
+        report,
     )
-    options.out.mkdir(parents=True, exist_ok=True)
-    text = report(found, command)
-    (options.out / TABLE).write_text(text)
-    print(text)
 
 
 if __name__ == "__main__":

@@ -104,7 +104,9 @@ def _verdict(
     base, final, closed = criticism.base_held_out, criticism.final_held_out, criticism.closed
     named = found.effects if word != "no_mismatch" else []
     # What is not named is not in the model either.
-    held = found if named == found.effects else Found(found.base, criticism.stated)
+    held = found
+    if named != found.effects:
+        held, final, after = Found(found.base, criticism.stated), base, criticism.before
     standing = standing_of(word, found, after)
     effects = [
         effect_entry(
