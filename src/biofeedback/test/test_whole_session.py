@@ -131,7 +131,8 @@ def test_a_visit_from_check_list_to_report_with_a_recorder_killed(browser, tmp_p
         hold_until(operator, "armed", "Enter", "a")
         hold_until(operator, "running", "Enter", "s")
         operator.locator('input[name="excitability"]').fill("0.8")
-        operator.locator("#step", has_text="Hold 1").wait_for()
+        # In the hold itself: on the way to it, the next recorder could still be there in time.
+        operator.locator("#step", has_text=re.compile("^Hold 1$")).wait_for()
         os.kill(processes.pids["record"], signal.SIGKILL)
         operator.locator("#recording", has_text="NOT RECORDING").wait_for()
         with Processes(again, tmp_path / "logs again") as recorder:
