@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytest.register_assert_rewrite("held_against_limits")
+
 NAME = "ankle_actuator_driver_virtual_laboratory"
 path = Path(__file__).parent / "virtual_laboratory.py"
 if NAME not in sys.modules:

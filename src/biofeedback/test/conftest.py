@@ -1,4 +1,4 @@
-"""Shared by the tests: their folder on the path, a laboratory without ROS."""
+"""Shared by the tests: their folder on the path, a laboratory without ROS, a calibrated session."""
 
 import sys
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+pytest.register_assert_rewrite("page_client")
 
 
 @pytest.fixture
@@ -17,3 +18,11 @@ def laboratory(tmp_path, request):
     yield made
     made.close()
     assert made.failure is None
+
+
+@pytest.fixture
+def visit(tmp_path):
+    """A session with the step of calibration, in virtual time."""
+    from calibrated_session import CalibratedSession
+
+    return CalibratedSession(tmp_path)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 from laboratory import FakeRig, FakeSubject, short_protocol, until
-from test_server import of_kind, operator, say, talk
+from page_client import of_kind, operator, say, talk
 
 from biofeedback.errors import CommandError
 from biofeedback.live_signals import LiveSignals

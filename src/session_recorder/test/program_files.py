@@ -5,7 +5,8 @@ import datetime
 import h5py
 import numpy as np
 import openpyxl
-from laboratory_files import DEG, RATE, TRIAL, clock_times, text
+from laboratory_texts import clock_times
+from laboratory_trial import DEG, RATE, TRIAL, text
 from scipy.io import savemat
 
 BEFORE_MIDNIGHT = datetime.datetime(2024, 3, 2, 23, 59, 55)

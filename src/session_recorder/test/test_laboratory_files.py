@@ -7,20 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from laboratory_files import (
-    IMPORTED,
-    RATE,
-    REFUSED,
-    TRIAL,
-    csv_emg,
-    csv_reference,
-    csv_titles,
-    edf_mechanics,
-    irregular,
-    plain,
-    trial,
-    two_trials,
-)
+from laboratory_binaries import BINARIES, edf_mechanics
+from laboratory_texts import TEXTS, csv_emg, csv_reference, csv_titles
+from laboratory_trial import RATE, TRIAL, plain, trial
 from program_files import (
     HAVE_A_COMMAND,
     HAVE_EMG,
@@ -34,6 +23,7 @@ from program_files import (
     right_angle,
     rows_written_twice,
 )
+from refused_files import REFUSED, irregular, two_trials
 
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import ImportRefused
@@ -54,7 +44,7 @@ SAID = {
 }
 
 
-@pytest.mark.parametrize("make", [*IMPORTED, *PROGRAMS], ids=lambda make: make.__name__)
+@pytest.mark.parametrize("make", [*TEXTS, *BINARIES, *PROGRAMS], ids=lambda make: make.__name__)
 def test_laboratory_files_are_imported_by_the_proposed_line(make, tmp_path):
     make(tmp_path / "file")
     (source,) = tmp_path.iterdir()
