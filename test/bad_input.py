@@ -27,6 +27,7 @@ from damaged_input.files import (
     MODEL,
     RIG,
     SCENARIO,
+    as_c3d,
     as_csv,
     as_edf,
     as_mat,
@@ -34,7 +35,7 @@ from damaged_input.files import (
     as_tdms,
     as_xlsx,
     bags,
-    c3d_tables,
+    forked_tables,
     of_package,
     read_model,
     tables,
@@ -122,9 +123,12 @@ KINDS = (
     Kind("bags", 0.0, bags),
     *(
         Kind(f"files {write.__name__[3:].upper()}", 0.0, tables(write))
-        for write in (as_csv, as_mat, as_edf, as_xlsx, as_parquet, as_tdms)
+        for write in (as_csv, as_edf, as_xlsx, as_parquet, as_tdms)
     ),
-    Kind("files C3D", 0.0, c3d_tables),
+    *(
+        Kind(f"files {write.__name__[3:].upper()}", 0.0, forked_tables(write))
+        for write in (as_mat, as_c3d)
+    ),
 )
 
 

@@ -33,7 +33,7 @@ from damaged_input.damage import (
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError, ImportRefused
-from session_recorder.importing import c3d_process, propose, read_table
+from session_recorder.importing import propose, read_table, reading_process
 from session_recorder.loss import account_of_bag
 
 
@@ -209,21 +209,25 @@ def as_c3d(path: Path, table: np.ndarray) -> Path:
     return path.with_suffix(".c3d")
 
 
-def c3d_tables(folder: Path) -> Case:
-    """Recordings of motion capture; their reader's process is forked, because a Python that is
-    started anew for each of them takes a second.
+def forked_tables(write: Callable[[Path, np.ndarray], Path]) -> Callable[[Path], Case]:
+    """Tables whose reader's process is forked, because a Python that is started anew for each of
+    them takes a second.
     """
-    case = tables(as_c3d)(folder)
 
-    def forked(random: np.random.Generator) -> bool:
-        with mock.patch.object(c3d_process.subprocess, "run", _run_forked):
-            return case(random)
+    def of(folder: Path) -> Case:
+        case = tables(write)(folder)
 
-    return forked
+        def forked(random: np.random.Generator) -> bool:
+            with mock.patch.object(reading_process.subprocess, "run", _run_forked):
+                return case(random)
+
+        return forked
+
+    return of
 
 
 def _run_forked(command: list[str], **options: Any) -> subprocess.CompletedProcess[bytes]:
-    """Run the reader of C3D files in a copy of this process."""
+    """Run the reader of a file in a copy of this process."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = os.fork()
         if not child:
@@ -231,7 +235,7 @@ def _run_forked(command: list[str], **options: Any) -> subprocess.CompletedProce
             os.dup2(err.fileno(), 2)
             sys.argv = command[2:]
             sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-            failed = c3d_process.main()
+            failed = reading_process.main()
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(failed)

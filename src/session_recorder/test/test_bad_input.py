@@ -4,6 +4,8 @@ else. The default run has over a thousand cases, the slow one a million.
 
 import csv
 import json
+import subprocess
+import sys
 import time
 
 import edfio
@@ -16,7 +18,7 @@ from ankle_interfaces.errors import BlockError
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError, ImportRefused
-from session_recorder.importing import c3d_process, propose, read_table
+from session_recorder.importing import propose, read_table, reading_process
 from session_recorder.loss import LossAccount, account_of_bag
 
 MAX_TIME = 20.0
@@ -184,10 +186,23 @@ def test_a_million_damaged_files_blocks_and_bags(tmp_path, part):
 
 
 def test_a_c3d_file_that_its_library_does_not_survive_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(c3d_process, "LONGEST_READING", 5)
+    monkeypatch.setattr(reading_process, "LONGEST_READING", 5)
     path = tmp_path / "cut.c3d"
     path.write_bytes(b"\x02\x50" + bytes(600))
-    with pytest.raises(ImportRefused, match=r"cut\.c3d cannot be read as C3D"):
+    with pytest.raises(ImportRefused, match=r"cut\.c3d is not a readable"):
+        read_table(path)
+
+
+def test_a_matlab_file_that_crashes_its_library_is_refused(tmp_path, monkeypatch):
+    """The reader's process ends by a signal, as SciPy's does on some damaged files."""
+    path = tmp_path / "crash.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(600))
+    crash = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"]
+    start = subprocess.run
+    monkeypatch.setattr(
+        reading_process.subprocess, "run", lambda _, **options: start(crash, **options)
+    )
+    with pytest.raises(ImportRefused, match=r"crash\.mat .* crashed \(SIGSEGV\)"):
         read_table(path)
 
 

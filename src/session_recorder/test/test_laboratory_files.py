@@ -27,7 +27,12 @@ from refused_files import REFUSED, irregular, two_trials
 
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import ImportRefused
-from session_recorder.importing import import_recording, propose, read_table
+from session_recorder.importing import (
+    import_recording,
+    motion_capture_tables,
+    propose,
+    read_table,
+)
 from session_recorder.importing.laboratory_units import known_unit, split_header
 from session_recorder.importing.sampling import judge_times, repeated_times, resample_columns
 
@@ -237,7 +242,7 @@ def test_units_in_headers(header, parts):
 
 @pytest.mark.parametrize(
     ("suffix", "module"),
-    [(".xlsx", "openpyxl"), (".parquet", "pyarrow"), (".c3d", "ezc3d"), (".tdms", "npTDMS")],
+    [(".xlsx", "openpyxl"), (".parquet", "pyarrow"), (".tdms", "npTDMS")],
 )
 def test_a_library_that_is_absent_is_named(suffix, module, tmp_path, monkeypatch):
     name = {"pyarrow": "pyarrow.parquet", "npTDMS": "nptdms"}.get(module, module)
@@ -245,6 +250,12 @@ def test_a_library_that_is_absent_is_named(suffix, module, tmp_path, monkeypatch
     (tmp_path / f"a{suffix}").write_bytes(b"\x02\x50 anything")
     with pytest.raises(ImportRefused, match=f"pip install {module}"):
         read_table(tmp_path / f"a{suffix}")
+
+
+def test_the_absent_library_of_motion_capture_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ezc3d", None)
+    with pytest.raises(ImportRefused, match="pip install ezc3d"):
+        motion_capture_tables.read(tmp_path / "a.c3d")
 
 
 def test_numbers_inside_matlab_objects_are_found():

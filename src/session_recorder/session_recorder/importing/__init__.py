@@ -3,6 +3,7 @@
 from session_recorder.importing.mapping import propose
 from session_recorder.importing.proposal import Proposal
 from session_recorder.importing.recording_import import ImportReport, import_recording
-from session_recorder.importing.tables import Table, read_table
+from session_recorder.importing.table import Table
+from session_recorder.importing.tables import read_table
 
 __all__ = ["ImportReport", "Proposal", "Table", "import_recording", "propose", "read_table"]

@@ -17,7 +17,7 @@ from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.laboratory_units import known_unit, split_header
-from session_recorder.importing.tables import Table, optional_library
+from session_recorder.importing.table import Table, optional_library
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 MATLAB_HEADER = 512

@@ -11,7 +11,7 @@ import numpy as np
 
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.laboratory_units import known_unit
-from session_recorder.importing.tables import Table
+from session_recorder.importing.table import Table
 
 
 def read(source: Path) -> list[Table]:

@@ -35,7 +35,7 @@ from session_recorder.importing.possible_units import (
 )
 from session_recorder.importing.proposal import Proposal
 from session_recorder.importing.sampling import Sampling
-from session_recorder.importing.tables import Table
+from session_recorder.importing.table import Table
 from session_recorder.importing.time_column import even_columns, find_time
 
 _TYPICAL_INERTIA = 0.013

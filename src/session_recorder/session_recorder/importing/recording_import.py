@@ -38,7 +38,8 @@ from session_recorder.importing.statement import (
     meaning,
     spelled,
 )
-from session_recorder.importing.tables import Table, read_table
+from session_recorder.importing.table import Table
+from session_recorder.importing.tables import read_table
 from session_recorder.mcap_file import Progress
 from session_recorder.rig_of_bag import RIG_KEY
 

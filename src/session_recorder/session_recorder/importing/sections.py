@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.column_names import MUSCLES, quantity_of
-
-if TYPE_CHECKING:
-    from session_recorder.importing.tables import Table
+from session_recorder.importing.table import Table
 
 MIN_RECORDED_ROWS = 100
 """Rows of a table that can be a recording, two seconds at the lowest rate; a table of results has

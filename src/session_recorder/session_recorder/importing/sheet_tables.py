@@ -20,7 +20,7 @@ from session_recorder.importing.cell_grid import (
 )
 from session_recorder.importing.cells import Cell
 from session_recorder.importing.laboratory_units import known_unit, split_header
-from session_recorder.importing.tables import Table, optional_library
+from session_recorder.importing.table import Table, optional_library
 
 
 def read(source: Path) -> list[Table]:

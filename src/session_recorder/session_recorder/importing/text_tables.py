@@ -24,7 +24,7 @@ from session_recorder.importing.cell_grid import (
 )
 from session_recorder.importing.cells import Cell, is_time_of_day, number, past_midnight
 from session_recorder.importing.laboratory_units import split_header
-from session_recorder.importing.tables import Table
+from session_recorder.importing.table import Table
 
 # Delimiter and decimal sign, in the order of preference where several fit alike. None is any blank.
 DIALECTS: tuple[tuple[str | None, str], ...] = (

@@ -16,7 +16,7 @@ from session_recorder.importing.sampling import (
     judge_times,
     repeated_times,
 )
-from session_recorder.importing.tables import TIME, Table
+from session_recorder.importing.table import TIME, Table
 
 _TIME_UNITS = ("s", "ms", "us")
 _LIKELY_RATE = (50.0, 20_000.0)  # Hz
