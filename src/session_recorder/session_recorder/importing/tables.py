@@ -24,7 +24,7 @@ READERS = {
     ".tdms": "tdms_tables",
 }
 """Module of this package that reads a kind of file, by its ending."""
-APART = (".mat", ".h5", ".hdf5", ".c3d")
+ENDINGS_READ_APART = (".mat", ".h5", ".hdf5", ".c3d")
 """Endings of files that are read in a process of their own: damaged ones make their libraries crash
 or hang."""
 
@@ -67,7 +67,9 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
         raise ImportRefused(f"{source}: no such file")
     try:
         tables = (
-            read_apart(source, room) if source.suffix.lower() in APART else _reader(room)(source)
+            read_apart(source, room)
+            if source.suffix.lower() in ENDINGS_READ_APART
+            else _reader(room)(source)
         )
     except ImportRefused:
         raise
