@@ -66,11 +66,8 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
     if not source.is_file():
         raise ImportRefused(f"{source}: no such file")
     try:
-        tables = (
-            read_apart(source, room)
-            if source.suffix.lower() in ENDINGS_READ_APART
-            else _reader(room)(source)
-        )
+        apart = source.suffix.lower() in ENDINGS_READ_APART
+        tables = read_apart(source, room) if apart else _reader(room)(source)
     except ImportRefused:
         raise
     except OSError as error:
