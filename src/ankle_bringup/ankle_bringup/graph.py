@@ -15,7 +15,6 @@ nodes:
 from __future__ import annotations
 
 import fnmatch
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,11 +24,11 @@ import yaml
 
 from ankle_bringup.errors import GraphError
 from ankle_bringup.executables import declared_parameters, find_executable
+from ankle_bringup.namespace import absolute_namespace
 from ankle_bringup.suggestion import require_known
 from ankle_interfaces.yaml_text import YamlError, load_named, names_in, parse_yaml, read_text
 
 PARAMETERS_OF_RCLPY = ("use_sim_time",)  # rclpy declares it
-_NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?", re.ASCII)
 _NODE_KEYS = {"package", "executable", "name", "parameters", "remappings", "when"}
 
 
@@ -134,14 +133,9 @@ class Graph:
         GraphError
             No name that ROS accepts.
         """
-        if not namespace.strip("/"):
+        absolute = absolute_namespace(namespace)
+        if not absolute:
             return self
-        if not _NAMESPACE.fullmatch(namespace):
-            raise GraphError(
-                f"namespace '{namespace}' is refused; allowed: letters, digits and '_', parts "
-                "joined by '/', none beginning with a digit, as in 'left'"
-            )
-        absolute = f"/{namespace.strip('/')}"
         return replace(self, nodes=tuple(replace(node, namespace=absolute) for node in self.nodes))
 
     def with_parameter_file(self, path: str | Path) -> Graph:

@@ -20,6 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_bringup.errors import RunError
+from ankle_bringup.namespace import absolute_namespace
 from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from ankle_node.domain import stay_on_this_host
@@ -45,8 +46,15 @@ def observer(
     own_signals
         Whether the caller handles signals: rclpy would end the node at the first one.
     namespace
-        Of the laboratory that it looks at.
+        Of the laboratory that it looks at. Names of nodes without a slash in front are those of
+        this laboratory.
+
+    Raises
+    ------
+    GraphError
+        No name of a namespace that ROS accepts.
     """
+    namespace = absolute_namespace(namespace)
     stay_on_this_host()
     rclpy.init(
         signal_handler_options=SignalHandlerOptions.NO if own_signals else SignalHandlerOptions.ALL
@@ -198,7 +206,7 @@ def set_parameter(node: Node, name: str, parameter: str, text: str) -> None:
 
 
 def _ask(node: Node, name: str, kind: Any, service: str, request: Any) -> Any:
-    client = node.create_client(kind, f"/{name.strip('/')}/{service}")
+    client = node.create_client(kind, f"{name.rstrip('/')}/{service}")
     if not client.wait_for_service(timeout_sec=ANSWER_SECONDS):
         known = ", ".join(
             sorted(

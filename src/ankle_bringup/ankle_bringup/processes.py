@@ -22,6 +22,7 @@ from ankle_bringup.executables import (
     node_command,
 )
 from ankle_bringup.graph import Graph, NodeDescription
+from ankle_bringup.namespace import absolute_namespace
 from ankle_node.domain import stay_on_this_host
 from ankle_node.parent_process import end_with_parent
 
@@ -30,9 +31,26 @@ from ankle_node.parent_process import end_with_parent
 STOP_STEPS = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 2.0))
 
 
-def become_node(package: str, executable: str, **parameters: object) -> None:
-    """Replace this process by a node with these parameters."""
-    description = NodeDescription(package, executable, executable, parameters)
+def become_node(package: str, executable: str, namespace: str = "", **parameters: object) -> None:
+    """Replace this process by a node.
+
+    Parameters
+    ----------
+    package, executable
+        What is run.
+    namespace
+        Namespace of the node's laboratory.
+    parameters
+        Values of its parameters.
+
+    Raises
+    ------
+    GraphError
+        No name of a namespace that ROS accepts.
+    """
+    description = NodeDescription(
+        package, executable, executable, parameters, namespace=absolute_namespace(namespace)
+    )
     become(node_command(package, executable) + description.ros_arguments())
 
 

@@ -42,6 +42,9 @@ OwnTerms = Annotated[
     Path | None,
     typer.Option("--terms", help="Folder of terms of your own (Python files, which are run)."),
 ]
+Namespace = Annotated[
+    str, typer.Option(help="Namespace of the laboratory, as 'left'; empty: the root.")
+]
 LOG_PERIOD = 10.0
 """[s] Shortest time between two lines of progress in a log: seldom enough to be read."""
 CORES = os.cpu_count() or 1

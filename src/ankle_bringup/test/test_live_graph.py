@@ -1,13 +1,62 @@
 """What `ankle params` and `ankle echo` say of a running graph."""
 
+import threading
+
 import pytest
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from typer.testing import CliRunner
 
+from ankle_bringup.command_line import app
 from ankle_bringup.errors import RunError
 from ankle_bringup.live_graph import describe_parameters, echo, observer
 
 pytestmark = pytest.mark.live
+
+
+@pytest.fixture
+def stopped():
+    """The namespaces in which a rig was stopped; there is one in `left`, in a context of its own
+    as another process has it.
+    """
+    namespaces = []
+
+    def stop(request, response):
+        namespaces.append(driver.get_namespace())
+        response.success, response.message = True, "the plate is at rest"
+        return response
+
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    driver = rclpy.create_node("ankle_actuator_driver", context=context, namespace="left")
+    driver.create_service(Trigger, "~/stop", stop)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(driver)
+    spinning = threading.Thread(target=executor.spin, daemon=True)
+    spinning.start()
+    yield namespaces
+    executor.shutdown()
+    spinning.join(10.0)
+    driver.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_the_rig_of_a_namespace_is_stopped_by_naming_it(stopped):
+    done = CliRunner().invoke(app, ["rig", "stop", "--namespace", "left"])
+    assert done.exit_code == 0, done.exception
+    assert "the plate is at rest" in done.output
+    elsewhere = CliRunner().invoke(app, ["rig", "stop", "--namespace", "/right"])
+    assert "running: /left/ankle_actuator_driver" in str(elsewhere.exception)
+    assert stopped == ["/left"]
+
+
+def test_every_verb_of_a_running_laboratory_knows_namespace():
+    parts = ("arm", "start", "stop", "disarm", "reset-fault", "state")
+    words = [("rig", part) for part in parts] + [("calibrate", "rig"), ("calibrate", "session")]
+    for verb in [*words, ("up",), ("record",), ("replay",)]:
+        assert "--namespace" in CliRunner().invoke(app, [*verb, "--help"]).output, verb
 
 
 @pytest.fixture

@@ -63,6 +63,16 @@ def test_the_same_movement_is_recognised_in_spite_of_another_start_and_rate():
     assert aligned(motion_of(early), motion_of(trial(steps=4, seconds=30.0)[0])) is None
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_bag_agrees_with_itself(tmp_path):
+    recording = trial(seconds=25.0)[0]
+    result = compare(recording, recording)
+    assert result.verdict == "agree"
+    assert result.content()["difference"]["band_hz"] == "not seen"
+    write_comparison(result, tmp_path / "report.html")
+    assert "agree" in (tmp_path / "report.html").read_text()
+
+
 @pytest.mark.slow
 def test_another_stiffness_is_the_difference(tmp_path):
     result = compare(trial()[0], trial({"stiffness": {"K": 70.0}}, seed=2, steps=4)[0])

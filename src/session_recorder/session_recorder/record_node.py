@@ -94,11 +94,14 @@ class RecordNode(AnkleNode):
             return
         self._discovery.look(self.recording)
         if late := self._discovery.late:
-            self.health("topics", WARN, f"no publisher yet of {', '.join(late)}")
+            sentence = f"no publisher yet of {', '.join(late)}"
+            self.health("topics", WARN, sentence)
+            self.get_logger().warning(sentence, throttle_duration_sec=10.0)
+        else:
+            self.health("topics", OK, "")
         if not self._ready and self._discovery.settled:
             self._ready = True
             self.count("ready", True)
-            self.health("topics", OK, "")
             self.get_logger().info(f"ready: recording into {self.recording.bag.path}")
 
     def _store(self, topic: str, message: bytes, info: MessageInfo) -> None:
@@ -170,8 +173,11 @@ class RecordNode(AnkleNode):
     def destroy_node(self) -> None:
         """Finish the bag first."""
         self._ended.set()
+        absent = self._discovery.never_published if self.recording is not None else []
         try:
             self._close()
+            if absent:
+                raise BagError(f"nobody published {', '.join(absent)} during the recording")
         except BagError as error:
             self.failed = True
             print(f"error: {error}", file=sys.stderr, flush=True)

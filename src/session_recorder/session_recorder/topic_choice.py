@@ -31,9 +31,9 @@ class TopicChoice:
             return topic in self._named
         return topic in SHARED_TOPICS or topic.startswith(self._prefix)
 
-    def missing(self, connected: Collection[str]) -> list[str]:
-        """Return the named topics that are not connected."""
-        return [name for name in self._named if name not in connected]
+    def missing(self, found: Collection[str]) -> list[str]:
+        """Return the named topics that are not among those that were found."""
+        return [name for name in self._named if name not in found]
 
     def name_in_bag(self, topic: str) -> str:
         """Return the name without the namespace: a bag holds one laboratory, and whoever reads it

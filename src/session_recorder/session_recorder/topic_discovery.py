@@ -47,6 +47,7 @@ class TopicDiscovery:
     ) -> None:
         self._node, self._choice, self._inputs, self._warn = node, choice, inputs, warn
         self._refused: set[str] = set()
+        self._published: set[str] = set()
         self._quiet_looks = 0
         self._began = time.monotonic()
 
@@ -59,9 +60,12 @@ class TopicDiscovery:
     def late(self) -> list[str]:
         """Return the named topics that have had no publisher for long."""
         waiting = time.monotonic() - self._began
-        return (
-            list(self._choice.missing(self._inputs.types)) if waiting > NAMED_TOPIC_PATIENCE else []
-        )
+        return self.never_published if waiting > NAMED_TOPIC_PATIENCE else []
+
+    @property
+    def never_published(self) -> list[str]:
+        """Return the named topics that have had no publisher so far."""
+        return self._choice.missing(self._published)
 
     def connect(self, topic: str, message_type: str, qos: QoSProfile) -> None:
         """Subscribe to a topic; one that cannot be recorded is reported once."""
@@ -82,6 +86,7 @@ class TopicDiscovery:
             self._set_publishers(recording, topic, offers)
             if not offers:
                 continue
+            self._published.add(topic)
             if topic not in self._inputs.types:
                 self._quiet_looks = 0
                 self.connect(topic, types[0], to_record([offer.qos_profile for offer in offers]))
@@ -92,6 +97,7 @@ class TopicDiscovery:
 
     def add_to(self, recording: Recording, topic: str) -> None:
         """Add a topic to the bag with the QoS that its publishers offer."""
+        self._published.add(topic)
         offers = self._node.get_publishers_info_by_topic(topic)
         self._set_publishers(recording, topic, offers)
         profiles = dict.fromkeys(from_ros(offer.qos_profile) for offer in offers)

@@ -151,6 +151,16 @@ def test_only_named_topics_and_stop_by_sigterm(graph, tmp_path):
     }
 
 
+def test_a_named_topic_that_nobody_publishes_is_reported_and_fails_the_recording(graph, tmp_path):
+    named = "/ankle/sampels,/ankle/samples"
+    recorder = graph.node("record_node", {"out": tmp_path / "bag", "topics": named})
+    graph.wait_for_line(recorder, "no publisher yet of /ankle/sampels, /ankle/samples")
+    output = graph.stop(recorder)
+    assert recorder.returncode == 1
+    assert "error: nobody published /ankle/sampels, /ankle/samples" in output
+    assert BagReader(tmp_path / "bag").complete
+
+
 def test_a_disk_that_fills_up_ends_the_recording_in_good_order(graph, tmp_path):
     recorder = graph.node("record_node", {"out": tmp_path / "bag", "min_free_disk": 1e6})
     output, _ = recorder.communicate(timeout=30)

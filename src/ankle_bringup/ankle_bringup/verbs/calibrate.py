@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import Out, Overwrite, console, working
+from ankle_bringup.terminal import Namespace, Out, Overwrite, console, working
 
 verb = typer.Typer()
 
@@ -52,6 +52,7 @@ def rig(
         Path | None,
         typer.Option(help="Simulate the rig of this rig file instead of a running graph."),
     ] = None,
+    namespace: Namespace = "",
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Calibrate the rig: plate empty or with a known load, two minutes of steps and slow sweeps.
@@ -70,7 +71,7 @@ def rig(
     if bag is None:
         bag = into
         _require_new(into, overwrite=False)
-        _record_rig(into, amplitude, simulated, load)
+        _record_rig(into, amplitude, simulated, load, namespace)
     with working("calibrating the rig") as step:
         found = calibrate_rig(bag, title, load, progress=step)
     found.rig.save(out)
@@ -79,7 +80,9 @@ def rig(
     return {"out": out.resolve(), "remarks": found.remarks}
 
 
-def _record_rig(bag: Path, amplitude: float, simulated: Path | None, load: Any) -> None:
+def _record_rig(
+    bag: Path, amplitude: float, simulated: Path | None, load: Any, namespace: str
+) -> None:
     import tempfile
 
     from ankle_bringup.graph import load_graph
@@ -98,7 +101,8 @@ def _record_rig(bag: Path, amplitude: float, simulated: Path | None, load: Any) 
             Model.of(terms, "plate without a foot").save(mounted)
             settings += [f"ankle_sim.rig={simulated.resolve()}", f"ankle_sim.model={mounted}"]
         name = "rig_calibration" if simulated is None else "simulated_rig_calibration"
-        run_graph(load_graph(name).with_settings(settings), Path(folder) / "logs", 0.0, console)
+        graph = load_graph(name).in_namespace(namespace).with_settings(settings)
+        run_graph(graph, Path(folder) / "logs", 0.0, console)
 
 
 @verb.command()
@@ -116,9 +120,7 @@ def session(
         Path | None,
         typer.Option(help="The calibrated rig (rig.yaml), undone before the diagnosis."),
     ] = None,
-    namespace: Annotated[
-        str, typer.Option(help="Namespace of the running laboratory, as 'left'.")
-    ] = "",
+    namespace: Namespace = "",
     hand_over: Annotated[
         bool, typer.Option(help="Hand the model to the running estimator.")
     ] = True,
@@ -203,7 +205,7 @@ def _handed_over(model: Path, namespace: str) -> str:
     from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
     from ankle_physics.model import Model
 
-    name, sha256 = f"{namespace}/impedance_estimator".strip("/"), Model.load(model).sha256
+    name, sha256 = "impedance_estimator", Model.load(model).sha256
     try:
         with observer(namespace=namespace) as node, working("handing the model over"):
             # The same path with new content would be no change to the estimator: it is emptied.

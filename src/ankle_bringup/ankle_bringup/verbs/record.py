@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ankle_bringup.terminal import Namespace
+
 
 def verb(
     name: Annotated[
@@ -18,6 +20,7 @@ def verb(
     topics: Annotated[
         str, typer.Option(help="Topics joined by commas; empty records all of them.")
     ] = "",
+    namespace: Namespace = "",
 ) -> None:
     """Record the running graph into a bag, until Ctrl-C.
 
@@ -29,4 +32,4 @@ def verb(
     if name is not None and out is not None:
         raise RunError(f"the new bag has two names, '{name}' and --out '{out}'; give one")
     bag = out or name or Path("session")
-    become_node("session_recorder", "record", out=str(bag), topics=topics)
+    become_node("session_recorder", "record", namespace, out=str(bag), topics=topics)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ankle_bringup.terminal import Namespace
+
 
 def verb(
     bag: Annotated[Path, typer.Argument(help="The bag.")],
@@ -22,6 +24,7 @@ def verb(
     wait_for_readers: Annotated[
         int, typer.Option(help="Nodes that must read along before the start.")
     ] = 1,
+    namespace: Namespace = "",
 ) -> None:
     """Send a bag to the graph again, without losing a block at any rate.
 
@@ -32,6 +35,7 @@ def verb(
     become_node(
         "session_recorder",
         "replay",
+        namespace,
         bag=str(bag),
         rate=rate,
         topics=topics,

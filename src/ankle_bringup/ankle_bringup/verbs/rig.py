@@ -6,16 +6,16 @@ from typing import Annotated
 
 import typer
 
-from ankle_bringup.terminal import console
+from ankle_bringup.terminal import Namespace, console
 
 verb = typer.Typer()
 
 
-def _operate(command: str) -> None:
+def _operate(command: str, namespace: str) -> None:
     from ankle_bringup.errors import RunError
     from ankle_bringup.live_graph import observer, trigger
 
-    with observer() as node:
+    with observer(namespace=namespace) as node:
         done, sentence = trigger(node, "ankle_actuator_driver", command)
     if not done:
         raise RunError(sentence)
@@ -23,54 +23,55 @@ def _operate(command: str) -> None:
 
 
 @verb.command()
-def arm() -> None:
+def arm(namespace: Namespace = "") -> None:
     """Let the drive hold the plate, at zero velocity.
 
     Example: ankle rig arm
     """
-    _operate("arm")
+    _operate("arm", namespace)
 
 
 @verb.command()
-def start() -> None:
+def start(namespace: Namespace = "") -> None:
     """Let the plate follow the perturbation; needs an armed rig.
 
     Example: ankle rig start
     """
-    _operate("start")
+    _operate("start", namespace)
 
 
 @verb.command()
-def stop() -> None:
+def stop(namespace: Namespace = "") -> None:
     """Bring the plate to rest and switch the drive off, from any state. The button at the rig is
     faster than a command.
 
     Example: ankle rig stop
     """
-    _operate("stop")
+    _operate("stop", namespace)
 
 
 @verb.command()
-def disarm() -> None:
+def disarm(namespace: Namespace = "") -> None:
     """Switch the drive off.
 
     Example: ankle rig disarm
     """
-    _operate("disarm")
+    _operate("disarm", namespace)
 
 
 @verb.command("reset-fault")
-def reset_fault() -> None:
+def reset_fault(namespace: Namespace = "") -> None:
     """Leave a fault whose cause is gone; the rig has to be armed again.
 
     Example: ankle rig reset-fault
     """
-    _operate("reset_fault")
+    _operate("reset_fault", namespace)
 
 
 @verb.command()
 def state(
     seconds: Annotated[float, typer.Option(help="How long to wait for an answer.")] = 5.0,
+    namespace: Namespace = "",
 ) -> None:
     """Show the state of the rig and its reason.
 
@@ -80,7 +81,7 @@ def state(
     from ankle_bringup.live_graph import latched, observer
     from ankle_interfaces.topics import RIG_STATE
 
-    with observer() as node:
+    with observer(namespace=namespace) as node:
         text = latched(node, RIG_STATE.name, seconds)
     if text is None:
         raise RunError(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ankle_bringup.terminal import console
+from ankle_bringup.terminal import Namespace, console
 
 Settings = Annotated[
     list[str], typer.Option("--set", help="A parameter, as node.parameter=value. May be repeated.")
@@ -25,10 +25,7 @@ def verb(
     logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path(
         "ankle_logs"
     ),
-    namespace: Annotated[
-        str,
-        typer.Option(help="Namespace of all nodes and topics: a laboratory of its own, as 'left'."),
-    ] = "",
+    namespace: Namespace = "",
     params_file: Annotated[
         Path | None,
         typer.Option(

@@ -16,7 +16,8 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, Onsets, find_onsets
 
 SIZES = ("small", "medium", "large")
-# What a recording says where it holds too few movements, or no response that differs from chance.
+# What a recording says where it holds too few movements, no response that differs from chance, or
+# no residual at all.
 NO_LOCATION = "not seen"
 _DIRECTIONS = {"up": "dorsiflexion", "down": "plantarflexion", "both": "both"}
 _RESAMPLINGS = 200
@@ -99,7 +100,9 @@ class ResidualMap:
         return {
             "path": place,
             "window_s": window,
-            "band_hz": [min(b[0] for b in bands), max(b[1] for b in bands)],
+            "band_hz": [min(b[0] for b in bands), max(b[1] for b in bands)]
+            if bands
+            else NO_LOCATION,
             "direction": _DIRECTIONS[direction] if seen else NO_LOCATION,
             "symmetry": self._symmetry if seen else NO_LOCATION,
             "depends_on": (", ".join(causes) if causes else "nothing else that was tested")
@@ -208,6 +211,9 @@ def _coherences(columns: Columns, fit: Fit) -> dict[str, dict[tuple[float, float
         ("velocity", m.velocity),
         ("rectified velocity", np.maximum(m.velocity, 0.0)),
     ):
+        if not fit.plain[rows.used].any():
+            found[name] = dict.fromkeys(BANDS_HZ, 0.0)
+            continue
         moved = rows.plain(rows.spectrum(signal))
         f, value = coherence(
             moved[rows.used], fit.plain[rows.used], rows.rate, nperseg=int(rows.rate)
@@ -220,7 +226,7 @@ def _dependences(
     columns: Columns, segments: np.ndarray, lag: np.ndarray, onsets: Onsets, index: np.ndarray
 ) -> dict[str, tuple[float, float]]:
     """Test whether the misfit of a response, per size and in its direction, follows a condition."""
-    if len(segments) < 20:
+    if len(segments) < 20 or not segments.any():
         return {}
     m, rows = columns.motion, columns.rows
     late = (lag >= 0.0) & (lag < 0.25)
