@@ -35,7 +35,7 @@ rig's own watchdog stops the plate."""
 CLOCK_READING_TOLERANCE = 50e-6
 """[s] Longest time between two readings of clocks that count as one moment."""
 CLOCK_READINGS = 5
-LINE_CUT_REASON = "this driver hung when it was told to stop, and has cut the line to the rig"
+LINE_CUT_REASON = "this driver hung when it was commanded to stop, and has cut the line to the rig"
 REPORT_PERIOD = 1.0
 """[s] Longest time between two pieces of news."""
 LONG_PAUSE = LOST_AFTER / 2

@@ -3,9 +3,9 @@
     make faults                      all faults, 10 times each; writes docs/reliability.md
     python fault_campaign.py --times 2 --only torque
 
-For each fault: motion that the servo was told beyond a limit, samples lost as counted from end to
-end and as reported by the driver, time from the fault to the plate at rest, and time from the end
-of the fault to a running plate. The command ends with 1 where a promise was broken.
+For each fault: motion that the servo was commanded beyond a limit, samples lost as counted from end
+to end and as reported by the driver, time from the fault to the plate at rest, and time from the
+end of the fault to a running plate. The command ends with 1 where a promise was broken.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ state is named.
   *stays* in the state that is named; or *any* of them where it depends on the moment. In each
   case the drive has no power where the driver says so, gets none unasked, and the plate is at rest
   0.35 s after the fault could be noticed.
-- "Beyond a limit" counts cases in which the servo was told to pass a limit.
+- "Beyond a limit" counts cases in which the servo was commanded to pass a limit.
 - A sample is lost where the published times have a gap; "reported" is the driver's own count. Where
   a clock is set or one end starts anew, another stream begins, and no gap is counted.
 - The last column is the time that an operator needs who resets, arms and starts at once. Where the

@@ -11,8 +11,8 @@ def operating_angle(meaning: str) -> Parameter:
     Parameters
     ----------
     meaning
-        What the angle is to the term; it is shown as the parameter's source.
+        What the angle is to the term, in one sentence: the parameter's description.
     """
     return Parameter(
-        "xc", "rad", -1.0, 1.0, 0.0, f"{meaning}; range of the ankle joint", fitted=False
+        "xc", "rad", -1.0, 1.0, 0.0, "range of the ankle joint", description=meaning, fitted=False
     )

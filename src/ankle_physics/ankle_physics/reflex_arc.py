@@ -11,10 +11,26 @@ from ankle_physics.term import Parameter, State, Term, Values
 # kind.
 MUSCLE_DAMPING = 0.8
 MUSCLE_FREQUENCY = Parameter(
-    "omega", "rad/s", 5.0, 80.0, 21.0, "van 't Veld et al. 2018, section III-A"
+    "omega",
+    "rad/s",
+    5.0,
+    80.0,
+    21.0,
+    "van 't Veld et al. 2018, section III-A",
+    description="It is the natural frequency of the muscle's response.",
 )
 # Of terms that change the gain of the short-latency reflex and so act through the same arc.
-SHORT_LATENCY = Parameter("delay", "s", 0.025, 0.08, 0.04, "as the reflex: 35 to 50 ms")
+SHORT_LATENCY = Parameter(
+    "delay",
+    "s",
+    0.025,
+    0.08,
+    0.04,
+    "as the reflex: 35 to 50 ms",
+    description=(
+        "It is the time from the stretch to the first activity of the short-latency reflex."
+    ),
+)
 
 
 class ReflexArc(Term):

@@ -37,21 +37,89 @@ from ankle_physics.term import Owner, Parameter
 # Longer delays are a broken recording and no property of a rig (see the term `channel_skew`).
 LONGEST_DELAY = 0.02  # s
 TORQUE_DELAY = Parameter(
-    "torque_delay", "s", -LONGEST_DELAY, LONGEST_DELAY, 0.0, "up to a few sample blocks"
+    "torque_delay",
+    "s",
+    -LONGEST_DELAY,
+    LONGEST_DELAY,
+    0.0,
+    "up to a few sample blocks",
+    description="It says how much later the torque is read than the position.",
 )
 VELOCITY_DELAY = Parameter(
-    "velocity_delay", "s", -LONGEST_DELAY, LONGEST_DELAY, 0.0, "up to a few sample blocks"
+    "velocity_delay",
+    "s",
+    -LONGEST_DELAY,
+    LONGEST_DELAY,
+    0.0,
+    "up to a few sample blocks",
+    description="It says how much later the velocity is read than the position.",
 )
-ZERO_POSITION = Parameter("position", "rad", -3.2, 3.2, 0.0, "any mounting of the encoder")
-ZERO_TORQUE = Parameter("torque", "N.m", -100.0, 100.0, 0.0, "offset of a bridge amplifier")
+ZERO_POSITION = Parameter(
+    "position",
+    "rad",
+    -3.2,
+    3.2,
+    0.0,
+    "any mounting of the encoder",
+    description="It is the position that the encoder shows at the zero of the joint.",
+)
+ZERO_TORQUE = Parameter(
+    "torque",
+    "N.m",
+    -100.0,
+    100.0,
+    0.0,
+    "offset of a bridge amplifier",
+    description="It is the torque that the sensor shows without load.",
+)
 # Beyond these a channel is dead or connected to something else.
 NOISE = (
-    Parameter("position", "rad", 0.0, 0.1, 0.0, "0.1 rad is more than a perturbation"),
-    Parameter("velocity", "rad/s", 0.0, 10.0, 0.0, "10 rad/s is more than a perturbation"),
-    Parameter("torque", "N.m", 0.0, 50.0, 0.0, "50 N.m is more than a perturbation evokes"),
+    Parameter(
+        "position",
+        "rad",
+        0.0,
+        0.1,
+        0.0,
+        "0.1 rad is more than a perturbation",
+        description="It is the standard deviation of the noise of the position.",
+    ),
+    Parameter(
+        "velocity",
+        "rad/s",
+        0.0,
+        10.0,
+        0.0,
+        "10 rad/s is more than a perturbation",
+        description="It is the standard deviation of the noise of the velocity.",
+    ),
+    Parameter(
+        "torque",
+        "N.m",
+        0.0,
+        50.0,
+        0.0,
+        "50 N.m is more than a perturbation evokes",
+        description="It is the standard deviation of the noise of the torque.",
+    ),
 )
-BANDWIDTH = Parameter("bandwidth", "Hz", 1.0, 500.0, 30.0, "van 't Veld et al. 2018, II-B")
-DAMPING = Parameter("damping", "1", 0.1, 5.0, 0.7, "the usual choice")
+BANDWIDTH = Parameter(
+    "bandwidth",
+    "Hz",
+    1.0,
+    500.0,
+    30.0,
+    "van 't Veld et al. 2018, II-B",
+    description="It is the natural frequency of the servo's response to a command.",
+)
+DAMPING = Parameter(
+    "damping",
+    "1",
+    0.1,
+    5.0,
+    0.7,
+    "the usual choice",
+    description="It is the damping ratio of the servo's response to a command.",
+)
 KNOWN_KEYS = frozenset(
     {"rig", "calibrated", "bag", "bag_sha256", "zero", "noise", "servo", "terms"}
 ) | {TORQUE_DELAY.key, VELOCITY_DELAY.key}

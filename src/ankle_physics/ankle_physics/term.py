@@ -72,6 +72,9 @@ _RIG_PLACES = (Place.ACTUATOR, Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 class Parameter(Quantity):
     """Describes one parameter of a term: a `Quantity` with its role in the model.
 
+    Its description says what it is among the parameters of its term. Where an own term gives none,
+    nodes show the sentence of the term.
+
     Attributes
     ----------
     default

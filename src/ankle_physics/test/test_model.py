@@ -71,6 +71,17 @@ def test_every_term_states_its_parameters(name):
         assert parameter.source
 
 
+@pytest.mark.parametrize("name", sorted(term_library()))
+def test_every_parameter_of_a_term_has_its_own_sentence(name):
+    parameters = term_library()[name].parameters
+    for parameter in parameters:
+        assert parameter.description.startswith(("It is ", "It says ", "It multiplies ")), (
+            parameter.symbol
+        )
+        assert parameter.description.endswith("."), parameter.symbol
+    assert len({parameter.description for parameter in parameters}) == len(parameters)
+
+
 def test_a_model_file_survives_saving(tmp_path):
     model = Model.of(
         {"inertia": {}, "stiffness": {"K": 55.5}, "reflex": {"delay": 0.045}},

@@ -178,6 +178,6 @@ def _declared(entry: Entry, own: Parameter) -> Quantity:
         own,
         symbol=parameter_name(entry.term.name, own.symbol),
         default=float(entry.values[own.symbol]),
-        description=f"{entry.term.name}: {entry.term.sentence} ",
+        description=f"{entry.term.name}: {own.description or entry.term.sentence}",
         start_only=not own.linear,
     )

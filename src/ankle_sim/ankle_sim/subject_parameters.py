@@ -25,7 +25,10 @@ STATE_PARAMETERS = (
         0.0,
         1.0,
         0.3,
-        description="What the simulated subject does: calf against shin, share of 10 N.m.",
+        description=(
+            "It is the torque with which the subject's calf and shin contract against each other, "
+            "as a share of 10 N.m."
+        ),
     ),
     Quantity(
         "excitability",
@@ -33,7 +36,7 @@ STATE_PARAMETERS = (
         0.0,
         1.0,
         0.5,
-        description="What the simulated subject does: excitability of the calf's reflex.",
+        description="It is the excitability of the calf's reflex of the simulated subject.",
     ),
     Quantity(
         "push",
@@ -41,7 +44,7 @@ STATE_PARAMETERS = (
         -20.0,
         20.0,
         0.0,
-        description="What the simulated subject does: torque towards plantarflexion.",
+        description="It is the torque of the simulated subject towards plantarflexion.",
     ),
 )
 HOLDS = Quantity(

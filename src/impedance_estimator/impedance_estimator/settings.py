@@ -27,7 +27,11 @@ class EstimatorSettings:
         "Time with data before estimates are valid. Paper, III-A: the first 30 s are ignored.",
     )
     estimate_rate: float = number(
-        64.0, "Hz", 1.0, 500.0, "Estimates per second, at fixed sample counts."
+        64.0,
+        "Hz",
+        1.0,
+        500.0,
+        "It is the number of estimates in each second. They come at fixed sample counts.",
     )
 
     def __post_init__(self) -> None:
@@ -47,55 +51,69 @@ class Settings(EstimatorSettings):
     highpass: str = choice(
         "torque",
         HIGHPASS_CHOICES,
-        "Signals that pass the high-pass: 'torque' is the paper's (torque and rectified velocity; "
-        "K comes out about 5 % low), "
+        "It names the signals that pass the high-pass: 'torque' is the paper's (torque and "
+        "rectified velocity; K comes out about 5 % low), "
         "'all' treats position, velocity and acceleration alike (unbiased).",
     )
     highpass_cutoff: float = number(
-        0.033, "Hz", 0.001, 3.0, "Removes voluntary torque. Paper, II-A."
+        0.033,
+        "Hz",
+        0.001,
+        3.0,
+        "It is the cut-off of the high-pass, which removes voluntary torque (paper, II-A).",
     )
     lowpass_cutoff: float = number(
-        100.0, "Hz", 30.0, 200.0, "Low-pass on all inputs (C and CE). Paper, II-D."
+        100.0,
+        "Hz",
+        30.0,
+        200.0,
+        "It is the cut-off of the low-pass on all inputs of C and CE (paper, II-D).",
     )
     intrinsic_average_cutoff: float = number(
         0.025,
         "Hz",
         0.005,
         1.0,
-        "Averaging low-pass of the intrinsic products; gives the paper's rise time of about 16 s.",
+        "It is the cut-off of the average of the intrinsic products. It gives the paper's rise "
+        "time of about 16 s.",
     )
     reflex_average_cutoff: float = number(
         0.04,
         "Hz",
         0.005,
         1.0,
-        "Averaging low-pass of the reflex correlations; gives the paper's rise time of about 8 s.",
+        "It is the cut-off of the average of the reflex correlations. It gives the paper's rise "
+        "time of about 8 s.",
     )
     reflex_first_lag: float = number(
         0.040,
         "s",
         0.02,
         0.1,
-        "Start of the reflex response: shortest stretch-reflex delay. Paper, II-A.",
+        "It is the start of the reflex response, the shortest stretch-reflex delay (paper, II-A).",
     )
     reflex_last_lag: float = number(
-        0.400, "s", 0.15, 0.45, "End of the reflex response. Paper, II-A."
+        0.400,
+        "s",
+        0.15,
+        0.45,
+        "It is the end of the reflex response (paper, II-A).",
     )
     reflex_ridge: float = number(
         1e-3,
         "1",
         1e-9,
         0.1,
-        "Added to the diagonal of the reflex system, relative to it: lags that the perturbation "
-        "hardly excites then amplify no noise.",
+        "It is added to the diagonal of the reflex system, relative to it. Lags that the "
+        "perturbation hardly excites then amplify no noise.",
     )
     operating_point_time: float = number(
         60.0,
         "s",
         5.0,
         1000.0,
-        "With highpass 'torque', position counts from its mean over this time: one hold period of "
-        "the paper, ten memories of the averages.",
+        "With highpass 'torque', position is counted from its mean over this time: one hold "
+        "period of the paper, ten memories of the averages.",
     )
 
     def __post_init__(self) -> None:

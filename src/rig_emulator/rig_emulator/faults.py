@@ -33,7 +33,7 @@ SWITCHES = {
     "torque_swings": "part of 100 N.m, the amplitude of a torque that swings 8 times a second",
     "nan": "all samples are not a number",
     "no_samples": "the state is reported without samples",
-    "ignore_off": "the rig stays powered though it is told to switch off",
+    "ignore_off": "the rig stays powered though it is commanded to switch off",
     "ignore_reference": "the plate is held though the rig says that it follows",
     "unchecked": "the rig checks nothing: no limits, no sensors, no torque",
     "emergency_stop": "the button at the rig is pressed",

@@ -220,8 +220,8 @@ class SensorSupervision:
         position, commanded = float(window.position[-1]), float(window.commanded[-1])
         if self._encoder.stuck(float(window.time[-1]), commanded, position):
             return (
-                "the measured position does not follow though the plate was told to move: encoder "
-                "stuck, slipping or disconnected"
+                "the measured position does not follow though the plate was commanded to move: "
+                "encoder stuck, slipping or disconnected"
             )
         return None
 
@@ -247,8 +247,8 @@ class SensorSupervision:
         if away.mean() >= AWAY_SHARE:
             return (
                 f"the measured position of {newest.position[-1]:.4g} rad is "
-                f"{(beyond + tolerance).max():.3g} rad from where the plate was told to be: the "
-                "encoder slips, or the drive does not follow"
+                f"{(beyond + tolerance).max():.3g} rad from where the plate was commanded to be: "
+                "the encoder slips, or the drive does not follow"
             )
         self.spikes += int(away[-new:].sum())
         return None

@@ -250,7 +250,7 @@ class SafetyStates:
         if now - self._powered_since > CONFIRMATION:
             self.silent = True
             self.trip(
-                f"the rig is {report.state.name.lower()} though it was told to switch off; it "
+                f"the rig is {report.state.name.lower()} though it was commanded to switch off; it "
                 "gets no heartbeats any more",
                 now,
             )

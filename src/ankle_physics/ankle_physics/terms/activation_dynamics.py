@@ -22,8 +22,24 @@ class ActivationDynamics(Term):
     separated_by = "EMG of the calf beside torque"
     sentence = "The reflex contraction builds up quickly and dies away slowly."
     parameters = (
-        Parameter("rising", "s", 0.002, 0.05, 0.01, "Zajac 1989: 10 to 20 ms"),
-        Parameter("falling", "s", 0.01, 0.5, 0.06, "Zajac 1989: 40 to 200 ms"),
+        Parameter(
+            "rising",
+            "s",
+            0.002,
+            0.05,
+            0.01,
+            "Zajac 1989: 10 to 20 ms",
+            description="It is the time constant with which the muscle's activation rises.",
+        ),
+        Parameter(
+            "falling",
+            "s",
+            0.01,
+            0.5,
+            0.06,
+            "Zajac 1989: 40 to 200 ms",
+            description="It is the time constant with which the muscle's activation falls.",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

@@ -37,6 +37,10 @@ class ActivationReflexGain(ReflexArc):
             1.0,
             "Matthews 1986; ankle: gain rises by its own size within 5 to 10 N.m (Toft et al. "
             "1989)",
+            description=(
+                "It says how much the reflex gain grows for each newton metre that the muscle "
+                "holds."
+            ),
             linear=True,
         ),
         SHORT_LATENCY,

@@ -39,6 +39,9 @@ class ActivationStiffness(Term):
             30.0,
             4.0,
             "Weiss et al. 1988: 1 to 8 N.m/rad per N.m; negative: the flexors stiffen",
+            description=(
+                "It says how much the stiffness grows for each newton metre that the muscles hold."
+            ),
             linear=True,
         ),
         Parameter(
@@ -48,9 +51,12 @@ class ActivationStiffness(Term):
             0.5,
             0.0,
             "Weiss et al. 1988: the damping ratio is kept, so B rises too",
+            description=(
+                "It says how much the viscosity grows for each newton metre that the muscles hold."
+            ),
             linear=True,
         ),
-        operating_angle("angle about which the spring acts"),
+        operating_angle("It is the angle about which the spring acts."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

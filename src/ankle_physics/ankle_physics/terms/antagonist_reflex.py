@@ -33,6 +33,7 @@ class AntagonistReflex(ReflexArc):
             100.0,
             3.0,
             "up to the calf's own reflex gain; unloading responses: Sinkjaer et al. 2000",
+            description="It is the gain from the speed of plantarflexion to the torque.",
             linear=True,
         ),
         Parameter(
@@ -42,6 +43,7 @@ class AntagonistReflex(ReflexArc):
             0.12,
             0.045,
             "tibialis anterior: 40 to 50 ms short latency, up to 100 ms long latency",
+            description="It is the time from the movement to the first muscle activity.",
         ),
         MUSCLE_FREQUENCY,
     )

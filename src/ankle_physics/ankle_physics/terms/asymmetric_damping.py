@@ -38,6 +38,9 @@ class AsymmetricDamping(Term):
             5.0,
             0.3,
             "a fraction to a multiple of B (Katz 1939)",
+            description=(
+                "It is the viscosity that dorsiflexion meets beyond that of plantarflexion."
+            ),
             linear=True,
         ),
     )

@@ -24,7 +24,15 @@ class Backlash(Term):
         "along: a loose fixation."
     )
     parameters = (
-        Parameter("gap", "rad", 0.0, 0.03, 0.003, "loose straps and worn joints: up to a degree"),
+        Parameter(
+            "gap",
+            "rad",
+            0.0,
+            0.03,
+            0.003,
+            "loose straps and worn joints: up to a degree",
+            description="It is the angle that the plate crosses before it takes the foot along.",
+        ),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

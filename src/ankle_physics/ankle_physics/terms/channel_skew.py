@@ -34,6 +34,10 @@ class ChannelSkew(Term):
             0.02,
             0.003,
             "one to a few sample blocks; 20 ms and more is a broken recording, not a finding",
+            description=(
+                "It says how much later the torque is read than the position; a negative value "
+                "means earlier."
+            ),
         ),
     )
 

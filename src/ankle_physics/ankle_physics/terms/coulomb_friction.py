@@ -22,10 +22,25 @@ class CoulombFriction(Term):
     sentence = "A constant torque opposes every movement, however fast: dry friction."
     parameters = (
         Parameter(
-            "F", "N.m", 0.0, 10.0, 0.5, "bearings and seals of ankle rigs: below 2 N.m", linear=True
+            "F",
+            "N.m",
+            0.0,
+            10.0,
+            0.5,
+            "bearings and seals of ankle rigs: below 2 N.m",
+            description="It is the torque with which friction opposes the movement of the foot.",
+            linear=True,
         ),
         Parameter(
-            "v0", "rad/s", 0.01, 0.3, 0.03, "a few times the velocity noise of the paper's encoder"
+            "v0",
+            "rad/s",
+            0.01,
+            0.3,
+            0.03,
+            "a few times the velocity noise of the paper's encoder",
+            description=(
+                "It is the speed within which the friction changes its direction gradually."
+            ),
         ),
     )
 

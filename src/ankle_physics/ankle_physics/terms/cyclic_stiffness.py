@@ -35,6 +35,7 @@ class CyclicStiffness(Term):
             500.0,
             20.0,
             "Rouse et al. 2014: up to a few times the smallest stiffness of the cycle",
+            description="It is the part of the stiffness that follows the cosine of the rhythm.",
             linear=True,
         ),
         Parameter(
@@ -44,6 +45,7 @@ class CyclicStiffness(Term):
             500.0,
             0.0,
             "as kc; the two make amplitude and phase",
+            description="It is the part of the stiffness that follows the sine of the rhythm.",
             linear=True,
         ),
         Parameter(
@@ -53,8 +55,9 @@ class CyclicStiffness(Term):
             2.0,
             0.25,
             "breathing 0.2 to 0.3 Hz, stepping 0.5 to 1.2 Hz, slow tracking from 0.05 Hz",
+            description="It is the frequency of the rhythm.",
         ),
-        operating_angle("angle about which the spring acts"),
+        operating_angle("It is the angle about which the spring acts."),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

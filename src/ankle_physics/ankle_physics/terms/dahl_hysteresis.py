@@ -34,6 +34,7 @@ class DahlHysteresis(Term):
             10.0,
             0.5,
             "passive ankle hysteresis 0.3 to 2 N.m; bearings and seals of a rig below 2 N.m",
+            description="It is the torque at which the contact slips.",
             linear=True,
         ),
         Parameter(
@@ -43,6 +44,7 @@ class DahlHysteresis(Term):
             0.05,
             0.005,
             "presliding of seals and skin: fractions of a degree",
+            description="It is the angle over which the contact bends before it slips.",
         ),
     )
 

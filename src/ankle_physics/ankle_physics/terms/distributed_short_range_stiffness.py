@@ -43,8 +43,17 @@ class DistributedShortRangeStiffness(Term):
     )
     parameters = (
         *(
-            Parameter(f"k{number}", "N.m/rad", 0.0, 2000.0, 15.0, _SOURCE, linear=True)
-            for number in range(1, len(YIELDS) + 1)
+            Parameter(
+                f"k{number}",
+                "N.m/rad",
+                0.0,
+                2000.0,
+                15.0,
+                _SOURCE,
+                description=f"It is the stiffness of the bonds that let go at {size:g} rad.",
+                linear=True,
+            )
+            for number, size in enumerate(YIELDS, start=1)
         ),
         ShortRangeStiffness.parameter("recovery"),
     )

@@ -41,6 +41,7 @@ class FixationCompliance(CompliantCoupling):
             "van 't Veld et al. 2018, section III-B: Velcro straps, no stiffness given; range by "
             "reasoning: from as soft as the "
             "stiffest ankle simulated there (200 N.m/rad) to rigid at any frequency of interest",
+            description="It is the stiffness of the straps and the sole between plate and foot.",
         ),
         Parameter(
             "b_s",
@@ -50,6 +51,7 @@ class FixationCompliance(CompliantCoupling):
             2.0,
             "by reasoning: damping ratio 0.2 of the foot on 2000 N.m/rad, as soft tissue rings "
             "one or two periods",
+            description="It is the viscosity of the straps and the sole between plate and foot.",
         ),
     )
 

@@ -23,7 +23,16 @@ class FootplateFriction(Term):
     sentence = "The bearing of the footplate opposes every movement with a constant torque."
     parameters = (
         Parameter(
-            "F", "N.m", 0.0, 10.0, 0.2, "bearings and seals of ankle rigs: below 2 N.m", linear=True
+            "F",
+            "N.m",
+            0.0,
+            10.0,
+            0.2,
+            "bearings and seals of ankle rigs: below 2 N.m",
+            description=(
+                "It is the torque with which the bearing opposes the movement of the plate."
+            ),
+            linear=True,
         ),
         Parameter(
             "v0",
@@ -32,6 +41,10 @@ class FootplateFriction(Term):
             1.0,
             0.03,
             "dry bearings a few hundredths; greased ones and seals up to 1 rad/s (Stribeck)",
+            description=(
+                "It is the speed of the plate within which the friction changes its direction "
+                "gradually."
+            ),
         ),
     )
 

@@ -29,6 +29,10 @@ class FootplateGravity(Term):
             20.0,
             0.5,
             "plate of 1 kg with its centre 0.05 m from the axis; heavy plates up to 20 N.m",
+            description=(
+                "It is the largest torque of the plate's weight, with the plate's centre level "
+                "with the axis."
+            ),
             linear=True,
         ),
         Gravity.parameter("level"),

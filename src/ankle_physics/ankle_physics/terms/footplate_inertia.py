@@ -26,6 +26,7 @@ class FootplateInertia(Term):
             0.1,
             0.005,
             "light footplates and boots: 0.002 to 0.02 kg.m^2",
+            description="It is the inertia of the plate between actuator and torque sensor.",
             linear=True,
         ),
     )

@@ -36,6 +36,9 @@ class FractionalDamping(Term):
             500.0,
             10.0,
             "makes up a part of K and B; a loss tangent of 0.05 to 0.3",
+            description=(
+                "It is the torque of a movement of one radian at an angular frequency of 1 rad/s."
+            ),
             linear=True,
         ),
         Parameter(
@@ -45,6 +48,7 @@ class FractionalDamping(Term):
             0.95,
             0.3,
             "Fabry et al. 2001: 0.1 to 0.4 for cells; up to 0.6 for muscle",
+            description="It is the power of time: 0 makes a spring and 1 makes a damper.",
         ),
     )
 

@@ -28,9 +28,22 @@ class Gravity(Term):
             20.0,
             1.0,
             "foot of 1 kg with its centre 0.05 to 0.1 m from the axis, plate up to 10 times that",
+            description=(
+                "It is the largest torque of the weight, with the centre of mass level with the "
+                "axis."
+            ),
             linear=True,
         ),
-        Parameter("level", "rad", -3.2, 3.2, 0.0, "any posture", fitted=False),
+        Parameter(
+            "level",
+            "rad",
+            -3.2,
+            3.2,
+            0.0,
+            "any posture",
+            description="It is the angle at which the weight of foot and plate makes no torque.",
+            fitted=False,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -33,9 +33,10 @@ class HardeningStiffness(Term):
             1e6,
             2e4,
             "K doubles at the end of a step of 0.05 rad for k3 = 1.3e4 N.m/rad^3",
+            description="It is the torque that grows with the cube of the angle from xc.",
             linear=True,
         ),
-        operating_angle("middle of the curve"),
+        operating_angle("It is the angle in the middle of the curve."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

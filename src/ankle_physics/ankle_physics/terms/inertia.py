@@ -25,6 +25,7 @@ class Inertia(Term):
             0.1,
             0.0137,
             "van 't Veld et al. 2018, section III-A; foot alone 0.005 to 0.02 kg.m^2",
+            description="It is the inertia of foot and footplate about the axis of the ankle.",
             linear=True,
         ),
     )

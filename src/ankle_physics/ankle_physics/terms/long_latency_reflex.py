@@ -28,6 +28,9 @@ class LongLatencyReflex(ReflexArc):
             100.0,
             3.0,
             "up to the size of the short-latency reflex",
+            description=(
+                "It is the gain from the speed of the stretch to the torque of the later reflex."
+            ),
             linear=True,
         ),
         Parameter(
@@ -38,6 +41,9 @@ class LongLatencyReflex(ReflexArc):
             0.095,
             "Grey et al. 2001: group II 60 to 80 ms; transcortical 90 to 120 ms, plus voluntary "
             "reaction from 150 ms",
+            description=(
+                "It is the time from the stretch to the first activity of the later reflex."
+            ),
         ),
         MUSCLE_FREQUENCY,
     )

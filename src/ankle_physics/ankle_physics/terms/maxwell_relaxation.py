@@ -32,6 +32,9 @@ class MaxwellRelaxation(Term):
             30.0,
             "passive ankles relax by 10 to 30 % of their stiffness; a tendon in series with a "
             "viscous muscle has its own, some thousands (Loram & Lakie 2002)",
+            description=(
+                "It is the stiffness of the spring, which fast movements meet and slow ones do not."
+            ),
             linear=True,
         ),
         Parameter(
@@ -41,6 +44,7 @@ class MaxwellRelaxation(Term):
             2.0,
             0.1,
             "cross-bridge and tissue relaxation, milliseconds to seconds (Kirsch & Kearney 1997)",
+            description="It is the time constant with which the torque of the spring dies away.",
         ),
     )
 

@@ -28,8 +28,26 @@ def _levels() -> tuple[Parameter, ...]:
     points = []
     for k in range(1, LEVELS + 1):
         points += [
-            Parameter(f"u{k}", "1", -1e4, 1e4, float(k - 4), _SOURCE, fitted=False),
-            Parameter(f"f{k}", "1", -1e3, 1e3, 0.0, _SOURCE, fitted=False),
+            Parameter(
+                f"u{k}",
+                "1",
+                -1e4,
+                1e4,
+                float(k - 4),
+                _SOURCE,
+                description=f"It is the signal at point {k} of the static curve.",
+                fitted=False,
+            ),
+            Parameter(
+                f"f{k}",
+                "1",
+                -1e3,
+                1e3,
+                0.0,
+                _SOURCE,
+                description=f"It is the value of the static curve at point {k}.",
+                fitted=False,
+            ),
         ]
     return tuple(points)
 
@@ -48,13 +66,52 @@ class MissingBlock(Term):
     has_memory = True
     sentence = "Something that no term of the library explains answers the movement."
     parameters = (
-        Parameter("size", "1", -10.0, 10.0, 1.0, "1 is what the recording showed", linear=True),
-        Parameter("input", "1", 0.0, float(len(INPUTS) - 1), 2.0, _SOURCE, fitted=False),
-        Parameter("xc", "rad", -1.0, 1.0, 0.0, "mean angle of the recording", fitted=False),
+        Parameter(
+            "size",
+            "1",
+            -10.0,
+            10.0,
+            1.0,
+            "1 is what the recording showed",
+            description="It multiplies the whole torque of the block.",
+            linear=True,
+        ),
+        Parameter(
+            "input",
+            "1",
+            0.0,
+            float(len(INPUTS) - 1),
+            2.0,
+            _SOURCE,
+            description=(
+                "It is the number of the signal that the block answers, from the list in this "
+                "term's file."
+            ),
+            fitted=False,
+        ),
+        Parameter(
+            "xc",
+            "rad",
+            -1.0,
+            1.0,
+            0.0,
+            "mean angle of the recording",
+            description="It is the angle from which the position is counted.",
+            fitted=False,
+        ),
         *_levels(),
         *(
-            Parameter(f"h{k}", "N.m/s", -1e5, 1e5, 0.0, _SOURCE, fitted=False)
-            for k in range(1, len(LAGS_S) + 1)
+            Parameter(
+                f"h{k}",
+                "N.m/s",
+                -1e5,
+                1e5,
+                0.0,
+                _SOURCE,
+                description=f"It is the impulse response {lag:g} s after the movement.",
+                fitted=False,
+            )
+            for k, lag in enumerate(LAGS_S, start=1)
         ),
     )
 

@@ -37,6 +37,9 @@ class PartialSensorMode(TorqueSensorMode):
             0.98,
             0.5,
             "by reasoning: beyond these one of the two ways carries nothing",
+            description=(
+                "It is the share of the torque that passes through the sensor that vibrates."
+            ),
         ),
     )
 

@@ -34,6 +34,7 @@ class PlateAppendage(Term):
             0.05,
             0.002,
             "by reasoning: from a cable (0.2 kg at 0.05 m) to a plate of 2 kg at 0.15 m",
+            description="It is the inertia of the part that swings.",
             linear=True,
         ),
         Parameter(
@@ -43,6 +44,7 @@ class PlateAppendage(Term):
             150.0,
             20.0,
             "by reasoning: cables swing at some hertz, metal parts up to the recorded band",
+            description="It is the natural frequency of the part that swings.",
         ),
         Parameter(
             "damping",
@@ -51,6 +53,7 @@ class PlateAppendage(Term):
             0.4,
             0.1,
             "metal structures 0.01 to 0.05, cables up to 0.3; with more than 0.4 nothing swings",
+            description="It is the damping ratio of the part that swings.",
         ),
     )
 

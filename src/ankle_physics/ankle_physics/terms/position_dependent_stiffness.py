@@ -38,9 +38,10 @@ class PositionDependentStiffness(Term):
             5000.0,
             300.0,
             "Weiss et al. 1986: stiffness doubles over 0.2 rad; more over small steps",
+            description="It says how much the stiffness grows for each radian of dorsiflexion.",
             linear=True,
         ),
-        operating_angle("angle at which K is stated"),
+        operating_angle("It is the angle at which K is stated."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -32,6 +32,7 @@ class PositionReflex(ReflexArc):
             500.0,
             20.0,
             "reflex share of the static stiffness: up to a half (Sinkjaer et al. 1988)",
+            description="It is the gain from the size of the stretch to the torque of the reflex.",
             linear=True,
         ),
         Parameter(
@@ -41,9 +42,10 @@ class PositionReflex(ReflexArc):
             0.15,
             0.06,
             "group II: 10 to 20 ms later than the short-latency reflex (Grey et al. 2001)",
+            description="It is the time from the stretch to the first activity of this reflex.",
         ),
         MUSCLE_FREQUENCY,
-        operating_angle("angle about which it is written"),
+        operating_angle("It is the angle from which the stretch is counted."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

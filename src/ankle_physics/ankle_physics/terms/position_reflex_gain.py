@@ -37,11 +37,12 @@ class PositionReflexGain(ReflexArc):
             2000.0,
             100.0,
             "Mirbagheri et al. 2000: G doubles over 0.1 to 0.2 rad; more within small steps",
+            description="It says how much the reflex gain grows for each radian of dorsiflexion.",
             linear=True,
         ),
         SHORT_LATENCY,
         MUSCLE_FREQUENCY,
-        operating_angle("angle at which G is stated"),
+        operating_angle("It is the angle at which G is stated."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

@@ -34,6 +34,7 @@ class Reflex(ReflexArc):
             100.0,
             10.0,
             "van 't Veld et al. 2018, section III-A: 0 to 20 N.m.s/rad simulated",
+            description="It is the gain from the speed of the stretch to the torque of the reflex.",
             linear=True,
         ),
         Parameter(
@@ -43,9 +44,18 @@ class Reflex(ReflexArc):
             0.080,
             0.040,
             "van 't Veld et al. 2018, figure 1; short-latency reflex of the calf: 35 to 50 ms",
+            description="It is the time from the stretch to the first muscle activity.",
         ),
         MUSCLE_FREQUENCY,
-        Parameter("z", "1", 0.3, 2.0, MUSCLE_DAMPING, "van 't Veld et al. 2018, section III-A"),
+        Parameter(
+            "z",
+            "1",
+            0.3,
+            2.0,
+            MUSCLE_DAMPING,
+            "van 't Veld et al. 2018, section III-A",
+            description="It is the damping ratio of the muscle's response.",
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:

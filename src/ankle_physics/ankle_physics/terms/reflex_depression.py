@@ -24,7 +24,13 @@ class ReflexDepression(Term):
     sentence = "A reflex soon after another one is smaller: it needs time to recover."
     parameters = (
         Parameter(
-            "size", "rad", 0.002, 2.0, 0.06, "stretches of a few degrees depress the next reflex"
+            "size",
+            "rad",
+            0.002,
+            2.0,
+            0.06,
+            "stretches of a few degrees depress the next reflex",
+            description="It is the stretch that uses up most of the readiness of the reflex.",
         ),
         Parameter(
             "recovery",
@@ -33,6 +39,9 @@ class ReflexDepression(Term):
             10.0,
             0.5,
             "Hultborn et al. 1996: up to 10 s; Stein & Kearney 1995: 0.2 to 0.5 s",
+            description=(
+                "It is the time constant with which the readiness of the reflex comes back."
+            ),
         ),
     )
 

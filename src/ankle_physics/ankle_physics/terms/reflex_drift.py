@@ -30,7 +30,14 @@ class ReflexDrift(ReflexArc):
     )
     parameters = (
         Parameter(
-            "Gt", "N.m/rad", -5.0, 5.0, -0.05, "a half of G within a minute or two", linear=True
+            "Gt",
+            "N.m/rad",
+            -5.0,
+            5.0,
+            -0.05,
+            "a half of G within a minute or two",
+            description="It says how much the reflex gain changes in each second.",
+            linear=True,
         ),
         SHORT_LATENCY,
         MUSCLE_FREQUENCY,

@@ -34,6 +34,10 @@ class ReflexExponent(Term):
             2.5,
             0.6,
             "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment",
+            description=(
+                "It is the power of the stretch speed that the reflex follows; 1 means in "
+                "proportion."
+            ),
         ),
     )
 

@@ -26,6 +26,7 @@ class ReflexSaturation(Term):
             10.0,
             1.0,
             "reflex torque levels off between 1 and 5 rad/s (Stein & Kearney 1995)",
+            description="It is the speed of the stretch above which the reflex hardly grows.",
         ),
     )
 

@@ -38,6 +38,10 @@ class ReflexStiffening(ReflexArc):
             100.0,
             "Weiss et al. 1988: 1 to 8 N.m/rad per N.m, times a reflex of 10 N.m.s/rad; more for "
             "short movements",
+            description=(
+                "It is the stiffness that the muscle gains for each radian per second of its "
+                "reflex response."
+            ),
             linear=True,
         ),
         SHORT_LATENCY,
@@ -49,6 +53,7 @@ class ReflexStiffening(ReflexArc):
             5.0,
             0.5,
             "as of short-range stiffness: the muscle gets used to its length",
+            description="It is the time constant with which the muscle gets used to a new length.",
         ),
     )
 

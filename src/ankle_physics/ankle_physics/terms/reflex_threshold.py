@@ -27,6 +27,7 @@ class ReflexThreshold(Term):
             0.3,
             "ankle reflexes appear above about 0.2 to 1 rad/s (Powers et al. 1989; Mirbagheri et "
             "al. 2000)",
+            description="It is the speed of the stretch below which there is no reflex.",
         ),
     )
 

@@ -21,7 +21,16 @@ class SaturatingDamping(Term):
     separated_by = "steps of one size with several rise times"
     sentence = "Slow movements are damped more strongly, for their speed, than fast ones."
     parameters = (
-        Parameter("D", "N.m.s/rad", 0.0, 20.0, 0.6, "the order of B", linear=True),
+        Parameter(
+            "D",
+            "N.m.s/rad",
+            0.0,
+            20.0,
+            0.6,
+            "the order of B",
+            description="It is the viscosity that slow movements meet.",
+            linear=True,
+        ),
         Parameter(
             "vs",
             "rad/s",
@@ -29,6 +38,7 @@ class SaturatingDamping(Term):
             5.0,
             0.7,
             "muscle yields above about one muscle length a second, 1 to 3 rad/s at the ankle",
+            description="It is the speed above which the torque of the damping hardly grows.",
         ),
     )
 

@@ -27,5 +27,6 @@ class ServoCompliance(Term):
             3000.0,
             "by reasoning: from a soft drive that gives way by a quarter of the movement on an "
             "ankle of 100 N.m/rad to one whose sag no encoder sees",
+            description="It is the stiffness with which the drive holds the plate at rest.",
         ),
     )

@@ -38,6 +38,7 @@ class ShortRangeStiffness(Term):
             2000.0,
             60.0,
             "Loram et al. 2007: up to several times the stiffness of larger movements",
+            description="It is the stiffness of the bonds that hold.",
             linear=True,
         ),
         Parameter(
@@ -47,6 +48,7 @@ class ShortRangeStiffness(Term):
             0.05,
             0.007,
             "Loram et al. 2007: 0.4 degrees; Rack & Westbury 1974: 0.3 mm of muscle",
+            description="It is the angle by which the bonds are stretched before they let go.",
         ),
         Parameter(
             "recovery",
@@ -56,6 +58,7 @@ class ShortRangeStiffness(Term):
             0.5,
             "cross-bridge reattachment 0.05 s, thixotropic recovery up to 10 s (Proske & Morgan "
             "1999)",
+            description="It is the time constant with which new bonds attach.",
         ),
     )
 

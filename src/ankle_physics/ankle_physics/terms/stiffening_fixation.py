@@ -47,6 +47,7 @@ class StiffeningFixation(FixationCompliance):
             300.0,
             60.0,
             "heel pads stiffen threefold over some millimetres, 0.02 rad at a lever of 0.1 m",
+            description="It says how fast the stiffness grows with the extension of the straps.",
         ),
     )
 

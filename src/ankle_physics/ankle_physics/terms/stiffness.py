@@ -28,6 +28,7 @@ class Stiffness(Term):
             1000.0,
             100.0,
             "van 't Veld et al. 2018, section III-A: 0 to 200 N.m/rad simulated",
+            description="It is the torque for each radian that the foot moves from x0.",
             linear=True,
         ),
         Parameter(
@@ -37,6 +38,7 @@ class Stiffness(Term):
             1.0,
             0.0,
             "range of the ankle joint; the paper has no offset",
+            description="It is the angle at which the spring of the joint is at rest.",
             fitted=False,
         ),
     )

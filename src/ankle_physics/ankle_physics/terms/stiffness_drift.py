@@ -36,6 +36,7 @@ class StiffnessDrift(Term):
             5.0,
             -0.3,
             "a third of K within a minute or two of contraction",
+            description="It says how much the stiffness changes in each second.",
             linear=True,
         ),
         Parameter(
@@ -45,9 +46,10 @@ class StiffnessDrift(Term):
             0.05,
             0.0,
             "a third of B within a minute or two: cross-bridges make both",
+            description="It says how much the viscosity changes in each second.",
             linear=True,
         ),
-        operating_angle("angle about which the spring acts"),
+        operating_angle("It is the angle about which the spring acts."),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

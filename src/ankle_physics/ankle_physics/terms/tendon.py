@@ -25,6 +25,9 @@ class Tendon(Term):
             0.2,
             0.02,
             "muscle viscosity over tendon stiffness, some milliseconds to a tenth of a second",
+            description=(
+                "It is the time constant with which the muscle's stretch follows the joint."
+            ),
         ),
     )
 

@@ -31,15 +31,28 @@ class Thixotropy(Term):
             1000.0,
             40.0,
             "resting bonds: up to half of the passive stiffness (Lakie & Campbell 2019)",
+            description="It is the stiffness of all bonds after a long rest.",
             linear=True,
         ),
         Parameter(
-            "breaking", "rad", 0.002, 1.0, 0.05, "movements of some degrees break most bonds"
+            "breaking",
+            "rad",
+            0.002,
+            1.0,
+            0.05,
+            "movements of some degrees break most bonds",
+            description="It is the movement that breaks most of the bonds.",
         ),
         Parameter(
-            "recovery", "s", 0.1, 30.0, 2.0, "Lakie & Campbell 2019: seconds to tens of seconds"
+            "recovery",
+            "s",
+            0.1,
+            30.0,
+            2.0,
+            "Lakie & Campbell 2019: seconds to tens of seconds",
+            description="It is the time constant with which rest rebuilds the bonds.",
         ),
-        operating_angle("resting angle"),
+        operating_angle("It is the angle at which the bonds are at rest."),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:

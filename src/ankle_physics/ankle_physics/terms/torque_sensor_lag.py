@@ -25,6 +25,7 @@ class TorqueSensorLag(Term):
             0.05,
             0.003,
             "bridge amplifiers with 10 to 500 Hz bandwidth: 0.3 to 16 ms",
+            description="It is the time constant of the filter in the torque channel.",
         ),
     )
 

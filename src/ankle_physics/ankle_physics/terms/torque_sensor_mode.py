@@ -32,6 +32,7 @@ class TorqueSensorMode(Term):
             30.0,
             "sensors and footplates of ankle rigs: 20 to 200 Hz; what lies above the recorded "
             "band cannot be seen",
+            description="It is the natural frequency of the vibration.",
         ),
         Parameter(
             "damping",
@@ -40,6 +41,7 @@ class TorqueSensorMode(Term):
             0.5,
             0.1,
             "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3",
+            description="It is the damping ratio of the vibration.",
         ),
     )
 

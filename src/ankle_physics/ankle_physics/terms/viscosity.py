@@ -19,7 +19,14 @@ class Viscosity(Term):
     sentence = "Muscles and tissues resist in proportion to the speed of the movement."
     parameters = (
         Parameter(
-            "B", "N.m.s/rad", 0.0, 10.0, 0.63, "van 't Veld et al. 2018, section III-A", linear=True
+            "B",
+            "N.m.s/rad",
+            0.0,
+            10.0,
+            0.63,
+            "van 't Veld et al. 2018, section III-A",
+            description="It is the torque for each radian per second of the foot's velocity.",
+            linear=True,
         ),
     )
 

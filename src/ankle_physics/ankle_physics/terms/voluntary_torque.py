@@ -44,6 +44,7 @@ class VoluntaryTorque(Term):
             40.0,
             0.0,
             "van 't Veld et al. 2018, section III-B: targets 0 and -5 N.m; limit: weak contraction",
+            description="It is the mean of the torque that the subject makes at will.",
             linear=True,
         ),
         Parameter(
@@ -53,6 +54,7 @@ class VoluntaryTorque(Term):
             10.0,
             0.5,
             "assumed: a tenth of the 5 N.m target of van 't Veld et al. 2018, section III-B",
+            description="It is the root mean square of the slow drift about the level.",
             linear=True,
         ),
         Parameter(
@@ -63,6 +65,7 @@ class VoluntaryTorque(Term):
             0.3,
             "assumed: corrections at the pace of visual feedback; voluntary tracking ends near 2 "
             "Hz",
+            description="It is the frequency above which the drift dies away.",
         ),
     )
 

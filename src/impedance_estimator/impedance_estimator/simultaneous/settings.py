@@ -26,7 +26,8 @@ class SimultaneousSettings(EstimatorSettings):
         "s",
         1.0,
         60.0,
-        "15 perturbations: as precise as CE, and faster. Shorter after changes and in drift.",
+        "It is the time that an estimate looks back. 10 s hold 15 perturbations: as precise as CE, "
+        "and faster. It is shorter after changes and in drift.",
     )
     change_detection: str = choice(
         "on",
@@ -39,25 +40,30 @@ class SimultaneousSettings(EstimatorSettings):
         "1",
         15.0,
         1000.0,
-        "Of the likelihood ratio. Without a change it stays below 30 in simulation, and below 200 "
-        "on two real ankles, which are no perfect "
-        "spring, damper and mass; at 100 one of them restarted its memory every second.",
+        "It is the likelihood ratio above which a change counts. Without a change the ratio stays "
+        "below 30 in simulation. It stays below 200 on two real ankles, which are no perfect "
+        "spring, damper and mass. At 100 one of them restarted its memory every second.",
     )
     rest_velocity: float = number(
         0.005,
         "rad/s",
         0.001,
         0.5,
-        "Below, rectified velocity counts as zero: three times the noise of the smoothed "
-        "velocity; 0.5 % of a perturbation's velocity.",
+        "It is the speed below which rectified velocity counts as zero. The default is three times "
+        "the noise of the smoothed velocity, and 0.5 % of a perturbation's velocity.",
     )
     basis_functions: float = number(
         float(reflex_shapes.BASIS),
         "1",
         6.0,
         20.0,
-        "How many functions make up the reflex response; reflex_shapes.BASIS says why.",
+        "It is the number of functions that make up the reflex response; reflex_shapes.BASIS says "
+        "why.",
     )
     settling_time: float = number(
-        10.0, "s", 1.0, 300.0, "Time with data before estimates are valid: about 15 perturbations."
+        10.0,
+        "s",
+        1.0,
+        300.0,
+        "It is the time with data before estimates are valid: about 15 perturbations.",
     )
