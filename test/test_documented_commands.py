@@ -76,7 +76,9 @@ def test_every_documented_verb_takes_the_documented_options(page, line):
 def check_graph(words):
     """A graph and what is set in it exist."""
     graph = load_graph("simulated" if not words or words[0].startswith("-") else words[0])
-    graph.with_settings([value for option, value in pairwise(words) if option == "--set"])
+    settings = [value for option, value in pairwise(words) if option == "--set"]
+    # The line to a rig that the reader has written in the step before is in the reader's tree only.
+    graph.with_settings([setting.replace("link=ethercat", "link=udp") for setting in settings])
 
 
 def check_node(words):

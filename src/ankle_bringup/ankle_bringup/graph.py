@@ -14,6 +14,7 @@ nodes:
 
 from __future__ import annotations
 
+import contextlib
 import fnmatch
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -26,6 +27,8 @@ from ankle_bringup.errors import GraphError
 from ankle_bringup.executables import declared_parameters, find_executable
 from ankle_bringup.namespace import absolute_namespace
 from ankle_bringup.suggestion import require_known
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity
 from ankle_interfaces.yaml_text import YamlError, load_named, names_in, parse_yaml, read_text
 
 PARAMETERS_OF_RCLPY = ("use_sim_time",)  # rclpy declares it
@@ -64,20 +67,34 @@ class NodeDescription:
         return arguments
 
     def require_declared(self) -> None:
-        """Refuse parameters that the node does not declare.
+        """Refuse parameters that the node does not declare, and values that it would refuse.
 
         Raises
         ------
         GraphError
-            The node has no parameter of a name; has a suggestion and the known names.
+            The node has no parameter of a name (has a suggestion and the known names), or a value
+            is not allowed.
         """
         declared = declared_parameters(
             find_executable(self.package, self.executable), self.parameters
         )
         if declared is None:
             return
-        for parameter in self.parameters:
+        for parameter, value in self.parameters.items():
             require_known(f"parameter of {self.name}", parameter, [*declared, *PARAMETERS_OF_RCLPY])
+            if parameter in declared:
+                try:
+                    declared[parameter].check(_as_ros_reads(value, declared[parameter]))
+                except QuantityError as error:
+                    raise GraphError(f"{self.name}: {error}") from None
+
+
+def _as_ros_reads(value: Any, quantity: Quantity) -> Any:
+    """Return a value as a node gets it: 1e-3 is a number for ROS and a text for YAML 1.1."""
+    if isinstance(value, str) and isinstance(quantity.default, float):
+        with contextlib.suppress(ValueError):
+            return float(value)
+    return value
 
 
 @dataclass(frozen=True)
@@ -250,7 +267,7 @@ def read_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
         The file cannot be read.
     """
     try:
-        content = parse_yaml(read_text(path))
+        content = parse_yaml(read_text(path, "parameter file"))
     except YamlError as error:
         raise GraphError(f"{path}: {error}") from None
     if not isinstance(content, dict):

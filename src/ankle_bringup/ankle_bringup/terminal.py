@@ -22,9 +22,32 @@ from rich.status import Status
 from rich.table import Column, Table
 
 from ankle_bringup.errors import RunError
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity
 
 # Square brackets are units here, as in "position[rad]", and never markup.
 console = Console(markup=False, highlight=False)
+
+
+def number_option(quantity: Quantity, what: str) -> Any:
+    """Return an option that holds a number, checked before anything else is done.
+
+    Parameters
+    ----------
+    quantity
+        Name, unit and range of the number, which a refusal states.
+    what
+        What the number is, for the help.
+    """
+
+    def check(value: float | None) -> float | None:
+        try:
+            return None if value is None else quantity.check(value)  # type: ignore[return-value]
+        except QuantityError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    return typer.Option(callback=check, help=f"{what} Allowed: {quantity.allowed}.")
+
 
 Out = Annotated[
     Path,
@@ -32,7 +55,12 @@ Out = Annotated[
 ]
 StudyOut = Annotated[
     Path,
-    typer.Option("--out", "-o", help="Folder of the study. An interrupted study goes on there."),
+    typer.Option(
+        "--out",
+        "-o",
+        file_okay=False,
+        help="Folder of the study. An interrupted study goes on there.",
+    ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is at --out.")]
 Algorithm = Annotated[
@@ -45,6 +73,7 @@ OwnTerms = Annotated[
 Namespace = Annotated[
     str, typer.Option(help="Namespace of the laboratory, as 'left'; empty: the root.")
 ]
+SEED = Quantity("seed", "1", 0, 2**31 - 1, 1)
 LOG_PERIOD = 10.0
 """[s] Shortest time between two lines of progress in a log: seldom enough to be read."""
 CORES = os.cpu_count() or 1

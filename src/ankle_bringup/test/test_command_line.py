@@ -203,6 +203,54 @@ def test_a_study_without_a_process_to_compute_it_is_refused(verb):
     assert "--workers" in refused.output
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("up", "--seconds", -3), "'seconds' = -3.0 s is refused; allowed: 0 to 1e+06 s"),
+        (("calibrate", "session", "--seconds", -3), "= -3.0 s is refused; allowed: 30 to 600 s"),
+        (("robustness", "--seconds", 3), "'seconds' = 3.0 s is refused; allowed: 50 to 3600 s"),
+        (("robustness", "--recordings", 0), "'recordings' = 0 is refused"),
+        (("investigate", "bag", "--rounds", 11), "'rounds' = 11 is refused; allowed: whole number"),
+        (("course", "demonstration", "--change", 60), "60.0 % is refused; allowed: -50 to 50 %"),
+        *(((verb, "--seed", -1), "'seed' = -1 is refused") for verb in STUDIES),
+        (("demo", "--seconds", -5), "'seconds' = -5.0 s is refused; allowed: 10 to 3600 s"),
+        (("demo", "--trials", "nosuchdir"), "nosuchdir"),
+        (("open", "bag", "--diagnosis", "nosuch"), "nosuch"),
+    ],
+)
+def test_a_wrong_option_is_refused_with_value_unit_and_range_before_anything_starts(
+    arguments, words, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    refused = ankle(*arguments)
+    assert refused.exit_code == 2
+    assert words in " ".join(refused.output.replace("│", " ").split())
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_a_visit_needs_its_subject_and_a_study(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "needs --subject and --visit" in str(ankle("up", "simulated", "--visit", 3).exception)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("diagnose", "bag", "--model", "nosuch.yaml"), "no model file at nosuch.yaml"),
+        (("calibrate", "session", "bag", "--rig", "nosuch.yaml"), "no rig file at nosuch.yaml"),
+        (
+            ("run", "ankle_sim", "ankle_sim", "--ros-args", "--params-file", "none.yaml"),
+            "no parameter file at none.yaml",
+        ),
+    ],
+)
+def test_a_missing_file_is_named_with_what_it_should_be(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused = ankle(*arguments)
+    assert refused.exit_code == 1
+    assert str(refused.exception) == words
+
+
 def test_help_behind_a_node_describes_it_and_starts_nothing():
     result = ankle("run", "impedance_estimator", "impedance_estimator", "--help")
     assert result.exit_code == 0, result.output
@@ -239,6 +287,12 @@ def test_a_recording_goes_in_and_out_and_is_not_replaced_unasked(table, tmp_path
     written = ankle("export", bag, "--out", tmp_path / "csv", "--json")
     files = json.loads(written.output)["written"]
     assert any("ankle" in file for file in files)
+    assert "is a bag" in str(ankle("export", bag, "--out", bag, "--overwrite").exception)
+    assert "--overwrite" in str(ankle("export", bag, "--out", tmp_path / "csv").exception)
+    page = bag.with_name("bag.html")
+    page.write_text("mine")
+    assert "--overwrite" in str(ankle("open", bag, "--no-browser").exception)
+    assert page.read_text() == "mine"
 
 
 def test_only_an_earlier_result_is_replaced(tmp_path):

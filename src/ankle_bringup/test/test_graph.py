@@ -58,6 +58,16 @@ def test_bad_settings_are_refused(setting):
         load_graph("simulated").with_settings([setting])
 
 
+def test_a_value_that_a_node_would_refuse_is_refused_before_it_starts():
+    with pytest.raises(
+        GraphError, match=r"ankle_sim: parameter 'K' = 99999999 N\.m/rad is refused"
+    ):
+        load_graph("simulated").with_settings(["ankle_sim.K=99999999"])
+    with pytest.raises(GraphError, match="'language' = 'xx' is refused; allowed: one of en, nl"):
+        load_graph("rig").with_settings(["biofeedback.language=xx"])
+    load_graph("simulated").with_settings(["perturbation_generator.amplitude=1e-2"])
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -66,8 +66,13 @@ class Quantity:
 
     @property
     def explanation(self) -> str:
-        """Return what the quantity is and where its range comes from, as far as both are stated."""
-        return " ".join(part for part in (self.description, self.source) if part)
+        """Return what the quantity is and where its range comes from, as far as both are stated,
+        in sentences.
+        """
+        reason = _with_full_stop(f"{self.source[:1].upper()}{self.source[1:]}")
+        if self.description and reason:
+            return f"{_with_full_stop(self.description)} Source: {reason}"
+        return _with_full_stop(self.description) or reason
 
     @property
     def allowed(self) -> str:
@@ -138,6 +143,11 @@ class Quantity:
     @property
     def _unit_after_number(self) -> str:
         return f" {self.unit}" if self.unit not in ("", "1") else ""
+
+
+def _with_full_stop(text: str) -> str:
+    ended = text.rstrip()
+    return f"{ended}." if ended and ended[-1] not in ".!?" else ended
 
 
 def _is_number(value: object) -> bool:

@@ -32,18 +32,30 @@ def parse_yaml(text: str) -> Any:
         raise YamlError(f"not YAML: {error}") from None
 
 
-def read_text(path: str | Path) -> str:
+def read_text(path: str | Path, kind: str = "file") -> str:
     """Return the text of a file.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    kind
+        What such a file is, as in ``model file``, for the error.
 
     Raises
     ------
     YamlError
         Not UTF-8, or longer than 10 MB.
     OSError
-        The file cannot be read.
+        The file cannot be read; names what was to be there where there is none.
     """
-    with Path(path).open("rb") as stream:
-        data = stream.read(LARGEST_FILE + 1)
+    try:
+        with Path(path).open("rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileNotFoundError(f"no {kind} at {path}") from None
+    except IsADirectoryError:
+        raise IsADirectoryError(f"{path} is a folder and no {kind}") from None
     if len(data) > LARGEST_FILE:
         raise YamlError(f"longer than {LARGEST_FILE / 1e6:g} MB")
     try:

@@ -80,3 +80,10 @@ def test_settings_are_quantities_named_by_their_fields():
         Settings(memory=90.0)
     with pytest.raises(QuantityError, match="'detection' = 'maybe' is refused"):
         Settings(detection="maybe")
+
+
+def test_an_explanation_is_in_sentences():
+    stated = Quantity("K", source="twice the largest measured", description="Stiffness")
+    assert stated.explanation == "Stiffness. Source: Twice the largest measured."
+    assert Quantity("K", source="twice the largest measured").explanation.startswith("Twice")
+    assert Quantity("K").explanation == ""

@@ -140,7 +140,7 @@ class Model:
             The file cannot be read.
         """
         try:
-            return cls.from_content(parse_yaml(read_text(path)))
+            return cls.from_content(parse_yaml(read_text(path, "model file")))
         except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 

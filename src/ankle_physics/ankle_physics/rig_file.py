@@ -248,7 +248,7 @@ class RigFile:
             The file cannot be read.
         """
         try:
-            return cls.from_text(read_text(path))
+            return cls.from_text(read_text(path, "rig file"))
         except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 

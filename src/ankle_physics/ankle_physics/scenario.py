@@ -120,7 +120,7 @@ class Scenario:
             The file cannot be read.
         """
         try:
-            return cls.from_content(parse_yaml(read_text(path)))
+            return cls.from_content(parse_yaml(read_text(path, "scenario file")))
         except (ModelError, YamlError) as error:
             raise ModelError(f"{path}: {error}") from None
 

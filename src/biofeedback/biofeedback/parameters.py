@@ -44,7 +44,8 @@ KEY = Quantity(
 LANGUAGE = Quantity(
     "language",
     default="en",
-    description="Language of the subject's screen: en, nl, de or fr.",
+    description="Language of the subject's screen.",
+    choices=("en", "nl", "de", "fr"),
     start_only=True,
 )
 PROTOCOL = Quantity(

@@ -60,8 +60,8 @@ def export_bag(
     Raises
     ------
     BagError
-        No such bag or topic, a message that is no valid block, an existing output, a disk that
-        refuses.
+        No such bag or topic, a message that is no valid block, an existing output, a bag as
+        output, a disk that refuses.
     """
     if file_format not in FORMATS:
         raise BagError(f"format '{file_format}' is not written; expected {' or '.join(FORMATS)}")
@@ -86,9 +86,15 @@ def _file_name(topic: str) -> str:
     return topic.strip("/").replace("/", "_")
 
 
-def _refuse_existing(path: Path, overwrite: bool) -> None:
-    if path.exists() and not overwrite:
-        raise BagError(f"{path} is there already; nothing is overwritten unasked")
+def _require_free(folder: Path, overwrite: bool) -> None:
+    """Refuse the folder of a bag, and one with something in it that may not be replaced."""
+    held = [path.name for path in folder.iterdir()]
+    if any(name == "metadata.yaml" or name.endswith(".mcap") for name in held):
+        raise BagError(f"{folder} is a bag, into which no tables are written; give another --out")
+    if held and not overwrite:
+        raise BagError(
+            f"{folder} is not empty; give another --out, or replace tables there with --overwrite"
+        )
 
 
 def _share(progress: Progress | None, number: int, count: int) -> Progress | None:
@@ -100,7 +106,8 @@ def _share(progress: Progress | None, number: int, count: int) -> Progress | Non
 def _export_npz(
     reader: BagReader, target: Path, names: list[str], overwrite: bool, progress: Progress | None
 ) -> list[Path]:
-    _refuse_existing(target, overwrite)
+    if target.exists() and not overwrite:
+        raise BagError(f"{target} is there already; replace it with --overwrite")
     arrays: dict[str, np.ndarray] = {}
     for number, topic in enumerate(names):
         columns, data = reader.signal(topic, _share(progress, number, len(names)))
@@ -119,8 +126,8 @@ def _export_csv(
     files = {topic: target / f"{_file_name(topic)}.csv" for topic in names}
     if len(set(files.values())) < len(files):
         raise BagError(f"two topics would be written to the same file: {', '.join(names)}")
-    for path in files.values():
-        _refuse_existing(path, overwrite)
+    if target.is_dir():
+        _require_free(target, overwrite)
     target.mkdir(parents=True, exist_ok=True)
     for number, (topic, path) in enumerate(files.items()):
         share = _share(progress, number, len(files))

@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import CORES, Scheduler, StudyOut, Workers, console
+from ankle_bringup.terminal import CORES, SEED, Scheduler, StudyOut, Workers, console, number_option
 
 
 def verb(
     cases: Annotated[int, typer.Option(help="Recordings to conceal and to diagnose.")] = 100,
-    seed: Annotated[int, typer.Option(help="Draws subjects, effects and noise.")] = 1,
+    seed: Annotated[int, number_option(SEED, "Draws subjects, effects and noise.")] = 1,
     out: StudyOut = Path("blind_study"),
     workers: Workers = CORES,
     scheduler: Scheduler = None,

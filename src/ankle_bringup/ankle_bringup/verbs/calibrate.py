@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import Namespace, Out, Overwrite, console, working
+from ankle_bringup.terminal import Namespace, Out, Overwrite, console, number_option, working
+from ankle_interfaces.quantity import Quantity
 
 verb = typer.Typer()
 
@@ -27,6 +28,7 @@ def _require_new(path: Path, overwrite: bool) -> None:
         raise RunError(f"{path} is there; give another --out, or replace it with --overwrite")
 
 
+SECONDS = Quantity("seconds", "s", 30.0, 600.0, 90.0)
 RECORDER_SECONDS = 60.0
 """[s] Time for a recorder to start: 2 s, and half a minute on a busy computer."""
 TAKEOVER_SECONDS = 60.0
@@ -111,7 +113,7 @@ def session(
     out: Out = Path("subject.yaml"),
     into: Into = Path("session_calibration"),
     seconds: Annotated[
-        float, typer.Option(min=30.0, max=600.0, help="Of the running perturbation to record.")
+        float, number_option(SECONDS, "How much of the running perturbation is recorded.")
     ] = 90.0,
     report: Annotated[Path, typer.Option(help="Folder of the diagnosis with its report.")] = Path(
         "session_diagnosis"

@@ -8,7 +8,18 @@ from typing import Annotated, Any
 import typer
 
 from ankle_bringup.errors import RunError
-from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, working
+from ankle_bringup.terminal import (
+    SEED,
+    Out,
+    Overwrite,
+    clear_folder,
+    console,
+    number_option,
+    working,
+)
+from ankle_interfaces.quantity import Quantity
+
+CHANGE = Quantity("change", "%", -50.0, 50.0, 2.0)
 
 
 def verb(
@@ -25,9 +36,9 @@ def verb(
         bool, typer.Option("--simulate", help="Let a simulated subject do all sessions.")
     ] = False,
     change: Annotated[
-        float, typer.Option(help="What that subject learns in a session [%]; 0: nothing.")
+        float, number_option(CHANGE, "What that subject learns in a session [%]; 0: nothing.")
     ] = 2.0,
-    seed: Annotated[int, typer.Option(help="Of that subject.")] = 0,
+    seed: Annotated[int, number_option(SEED, "Draws that subject.")] = 0,
     subject: Annotated[str, typer.Option(help="Pseudonym of the subject.")] = "S01",
     out: Out = Path("course"),
     overwrite: Overwrite = False,
@@ -54,8 +65,6 @@ def verb(
         )
         if record is None and not simulate:
             return {"course": course.title, "sessions": course.sessions}
-        if not -50.0 <= change <= 50.0:
-            raise RunError(f"--change {change:g} % is refused; allowed: -50 to 50 %")
         clear_folder(out, overwrite, "record.yaml")
         kept = new_record(course, subject) if record is None else load_record(record)
         if simulate:

@@ -8,7 +8,10 @@ from typing import Annotated
 
 import typer
 
-from ankle_bringup.terminal import console
+from ankle_bringup.terminal import console, number_option
+from ankle_interfaces.quantity import Quantity
+
+SECONDS = Quantity("seconds", "s", 10.0, 3600.0, 90.0)
 
 
 def verb(
@@ -17,15 +20,18 @@ def verb(
     ),
     seconds: Annotated[
         float,
-        typer.Option(
-            help="Length of the live run; below 75 s the estimates do not reach the jump's end."
+        number_option(
+            SECONDS,
+            "Length of the live run; below 75 s the estimates do not reach the jump's end.",
         ),
     ] = 90.0,
     trials: Annotated[
         Path | None,
         typer.Option(
+            exists=True,
+            file_okay=False,
             help="Folder of real trials, as bags or .npz files; those of 'ankle fetch-trials' "
-            "unless given."
+            "unless given.",
         ),
     ] = None,
 ) -> None:

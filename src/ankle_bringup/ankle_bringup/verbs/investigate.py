@@ -7,19 +7,28 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import Out, Overwrite, OwnTerms, clear_folder, console, working
+from ankle_bringup.terminal import (
+    Out,
+    Overwrite,
+    OwnTerms,
+    clear_folder,
+    console,
+    number_option,
+    working,
+)
+from ankle_interfaces.quantity import Quantity
 
 if TYPE_CHECKING:
     from model_discrepancy.recording.recording import Recording
     from model_discrepancy.tools.candidate_movements import Candidate
 
+ROUNDS = Quantity("rounds", "1", 1, 10, 3)
+
 
 def verb(
     bag: Annotated[Path, typer.Argument(help="The first recording.")],
     out: Out = Path("investigation"),
-    rounds: Annotated[
-        int, typer.Option(min=1, max=10, help="Further recordings at most, the budget.")
-    ] = 3,
+    rounds: Annotated[int, number_option(ROUNDS, "Further recordings at most, the budget.")] = 3,
     simulate: Annotated[
         Path | None,
         typer.Option(help="Simulate this model file (YAML) instead of the running graph."),

@@ -20,11 +20,17 @@ def verb(
     ] = None,
     diagnosis: Annotated[
         Path | None,
-        typer.Option(help="Folder of its diagnosis; else BAG_diagnosis, where that is there."),
+        typer.Option(
+            exists=True,
+            file_okay=False,
+            help="Folder of its diagnosis; else BAG_diagnosis, where that is there.",
+        ),
     ] = None,
     estimates: Annotated[
         Path | None,
-        typer.Option(help="Bag of its estimates; else BAG_estimates, where that is there."),
+        typer.Option(
+            exists=True, help="Bag of its estimates; else BAG_estimates, where that is there."
+        ),
     ] = None,
     browser: Annotated[bool, typer.Option(help="Show the page in the browser.")] = True,
     overwrite: Overwrite = False,
@@ -37,7 +43,7 @@ def verb(
 
     path = bag.resolve()
     target = out or path.with_name(f"{path.name}.html")
-    if target.exists() and not (overwrite or out is None):
+    if target.exists() and not overwrite:
         raise RunError(f"{target} is there already; replace it with --overwrite")
     if diagnosis is None:
         diagnosis = path.with_name(f"{path.name}_diagnosis")

@@ -7,21 +7,27 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import CORES, Scheduler, StudyOut, Workers, console
+from ankle_bringup.terminal import CORES, SEED, Scheduler, StudyOut, Workers, console, number_option
+from ankle_interfaces.quantity import Quantity
+
+SECONDS = Quantity("seconds", "s", 50.0, 3600.0, 120.0)
+RECORDINGS = Quantity("recordings", "1", 1, 100_000, 159)
 
 
 def verb(
     out: StudyOut = Path("robustness_study"),
-    seed: Annotated[int, typer.Option(help="Draws subjects, perturbations and noise.")] = 1,
+    seed: Annotated[int, number_option(SEED, "Draws subjects, perturbations and noise.")] = 1,
     quick: Annotated[
         bool, typer.Option("--quick", help="24 recordings of 60 s instead of 159 of 120 s.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(min=50.0, help="Length of a recording; 120, or 60 with --quick.")
+        float | None, number_option(SECONDS, "Length of a recording; 120 s, or 60 s with --quick.")
     ] = None,
     recordings: Annotated[
         int | None,
-        typer.Option(min=1, help="Only so many of them, drawn at random; a larger number goes on."),
+        number_option(
+            RECORDINGS, "Only so many of them, drawn at random; a larger number goes on."
+        ),
     ] = None,
     workers: Workers = CORES,
     scheduler: Scheduler = None,

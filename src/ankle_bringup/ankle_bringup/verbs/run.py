@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ankle_bringup.errors import RunError
 from ankle_bringup.terminal import console, new_table
 
 HELP = {"-h", "--help"}
@@ -41,6 +43,9 @@ def verb(
         _list_executables(package)
         return
     entry = find_executable(package, executable)
+    for option, file in zip(context.args, context.args[1:], strict=False):
+        if option == "--params-file" and not Path(file).is_file():
+            raise RunError(f"no parameter file at {file}")
     if is_node(entry) and HELP & set(context.args):
         _describe(entry)
     else:

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import CORES, Scheduler, StudyOut, Workers, console
+from ankle_bringup.terminal import CORES, SEED, Scheduler, StudyOut, Workers, console, number_option
 
 
 def verb(
     out: StudyOut = Path("table2_study"),
-    seed: Annotated[int, typer.Option(help="Draws K, G, perturbations and noise.")] = 1,
+    seed: Annotated[int, number_option(SEED, "Draws K, G, perturbations and noise.")] = 1,
     quick: Annotated[
         bool, typer.Option("--quick", help="8 runs instead of 100, 5 seeds instead of 20.")
     ] = False,

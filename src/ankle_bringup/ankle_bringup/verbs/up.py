@@ -7,8 +7,11 @@ from typing import Annotated
 
 import typer
 
-from ankle_bringup.terminal import Namespace, console
+from ankle_bringup.terminal import Namespace, console, number_option
+from ankle_interfaces.quantity import Quantity
 
+SECONDS = Quantity("seconds", "s", 0.0, 1e6, 0.0)
+VISIT = Quantity("visit", "1", 0, 10_000, 0)
 Settings = Annotated[
     list[str], typer.Option("--set", help="A parameter, as node.parameter=value. May be repeated.")
 ]
@@ -20,7 +23,7 @@ def verb(
     ] = "simulated",
     settings: Settings = [],  # noqa: B006
     seconds: Annotated[
-        float, typer.Option(help="Stop after so many seconds; 0 runs until Ctrl-C.")
+        float, number_option(SECONDS, "Stop after so many seconds; 0 runs until Ctrl-C.")
     ] = 0.0,
     logs: Annotated[Path, typer.Option(help="Folder for one log file a node.")] = Path(
         "ankle_logs"
@@ -42,7 +45,7 @@ def verb(
         Path | None, typer.Option(help="Record into this study; see 'ankle study init'.")
     ] = None,
     subject: Annotated[str, typer.Option(help="Pseudonym in the study, as S07.")] = "",
-    visit: Annotated[int, typer.Option(help="Visit in the study, from 1.")] = 0,
+    visit: Annotated[int, number_option(VISIT, "Visit in the study, from 1.")] = 0,
     sidecar: Annotated[
         Path | None,
         typer.Option(help="A JSON file with posture, side, body mass, ... of the visit."),
@@ -61,7 +64,7 @@ def verb(
     from ankle_bringup.up import run_graph
     from session_analysis.study.layout import read_stated
 
-    if subject and study is None:
+    if (subject or visit) and study is None:
         study = Path()
     if sidecar is not None and study is None:
         raise GraphError("--sidecar states what is known of a visit: it needs --study")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ankle_bringup.terminal import StudyOut, console, steps
+from ankle_bringup.terminal import SEED, StudyOut, console, number_option, steps
 
 
 def verb(
@@ -18,7 +18,7 @@ def verb(
             "--cannot-modulate", help="Subjects whose stiffness and reflexes stay the same."
         ),
     ] = False,
-    seed: Annotated[int, typer.Option(help="Of states, noise and perturbation.")] = 1,
+    seed: Annotated[int, number_option(SEED, "Draws states, noise and perturbation.")] = 1,
 ) -> dict[str, Any]:
     """Lead three simulated subjects through the paper's experiment, record them as bags and
     validate these like real ones (about 15 minutes).
