@@ -25,7 +25,6 @@ myst_links_external_new_tab = False
 numpydoc_show_class_members = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the sections of the docstrings say it in words
-suppress_warnings = ["myst.xref_missing"]
 nitpicky = False
 
 write_reference(HERE / "reference")

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.live
 
 SECONDS = 12.0
 SAMPLES = round(SECONDS * 2048)
-# topic: type, columns, messages a second (DESIGN of the graph)
+# topic: type, columns, messages a second (docs/ros2.md)
 TOPICS = {
     "/perturbation/reference": (
         "Float64MultiArray",

@@ -46,7 +46,7 @@ def qos(depth: int, reliable: bool = True, latched: bool = False) -> Qos:
     )
 
 
-# What blocks are published with (DESIGN: reliable, keep-last 64).
+# Stated for a topic of blocks where no publisher's own profile is known: reliable, the last 64.
 BLOCK_QOS = qos(64)
 
 

@@ -54,7 +54,10 @@ MIN_STATED_PROBABILITY = 0.7
 
 @dataclass
 class Verdict:
-    """Holds what `diagnose` concludes; `content` is the file of DESIGN's format."""
+    """Holds what `diagnose` concludes; `content` is what ``verdict.json`` holds.
+
+    The page docs/missing_physics.md describes that file.
+    """
 
     verdict: str
     effects: list[dict[str, Any]] = field(default_factory=list)

@@ -75,8 +75,8 @@ class CaseScore(NamedTuple):
 
 
 def _number(value: Any) -> float | None:
-    """Return a parameter as DESIGN writes it, [value, standard error] or a mapping or a number;
-    None where it is none of them.
+    """Return a parameter as ``verdict.json`` writes it, [value, standard error] or a mapping or a
+    number; None where it is none of them.
     """
     if isinstance(value, dict):
         value = value.get("value")
@@ -196,8 +196,8 @@ def _parameter_errors(truth: dict[str, Any], verdict: dict[str, Any]) -> dict[st
 
 
 def _base_errors(truth: dict[str, Any], model: dict[str, Any] | None) -> dict[str, float]:
-    """Return relative errors of the base parameters in an augmented model (DESIGN, "Physics is a
-    list of terms").
+    """Return relative errors of the base parameters in an augmented model, as a list of
+    terms (docs/physics.md).
     """
     errors = {}
     for term in (model or {}).get("terms", []):
