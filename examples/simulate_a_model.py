@@ -15,7 +15,6 @@ from perturbation_generator.parameters import PARAMETERS
 from perturbation_generator.signals import signal_from
 from session_recorder.bag_writer import BagWriter
 
-BLOCK = 32  # samples of a message, as on a rig
 NAMES = "Time (s),Commanded Angle (deg),Ankle Angle (deg),Torque (Nm)"
 
 
@@ -28,7 +27,6 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--table", help="a CSV file of the same recording, in degrees")
     asked = parser.parse_args()
-
     gains = {"stiffness": {"K": asked.stiffness}, "reflex": {"G": asked.reflex_gain}}
     perturbation = signal_from({p.name: p.default for p in PARAMETERS})
     rate = perturbation.settings.rate
@@ -38,13 +36,15 @@ def main() -> None:
         for topic, values in ((PERTURBATION_REFERENCE, reference), (ANKLE_SAMPLES, made.measured)):
             bag.add_topic(topic.absolute, topic.message)
             rows = np.column_stack([made.time, values])
-            for part in np.split(rows, range(BLOCK, len(rows), BLOCK)):
+            for part in np.split(rows, range(32, len(rows), 32)):  # a message has 32, as on a rig
                 bag.write_block(topic.absolute, Block(topic.columns_of(rows.shape[1]), part))
     if asked.table:
-        angles = np.degrees([reference[:, 0], made.measured[:, 0]])
-        rows = np.column_stack([made.time, *angles, made.measured[:, -1]])
+        rows = np.c_[made.time, np.degrees(np.c_[reference[:, 0], made.position]), made.torque]
         np.savetxt(asked.table, rows, "%.9g", ",", header=NAMES, comments="")
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except (ValueError, OSError) as error:  # a wrong bag, model or path
+        raise SystemExit(f"error: {error}") from None

@@ -45,6 +45,20 @@ def test_the_table_of_a_simulated_model_is_imported_with_its_commanded_angle(bag
     assert proposed.torque_sign == "rig"
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("read_a_bag.py", "no bag at"), ("simulate_a_model.py", "is there already")],
+)
+def test_a_wrong_path_is_answered_in_one_line(name, words, bag, tmp_path):
+    path = bag if name == "simulate_a_model.py" else tmp_path / "nosuch"
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name, path], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
 def test_read_a_bag(bag):
     shown = run("read_a_bag.py", bag)
     assert "at 2048 Hz" in shown

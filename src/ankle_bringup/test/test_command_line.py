@@ -86,7 +86,7 @@ def test_what_writes_a_result_knows_overwrite(name):
 
 
 STUDIES = ("table2", "virtual-study", "robustness", "blind")
-ANALYSES = ("estimate", "emg", "import", "export", "diagnose", "compare", "resimulate")
+ANALYSES = ("estimate", "emg", "import", "export", "diagnose", "compare", "resimulate", "validate")
 
 
 @pytest.mark.parametrize("name", [*ANALYSES, "design-experiment", *STUDIES])
@@ -282,7 +282,7 @@ def test_a_recording_goes_in_and_out_and_is_not_replaced_unasked(table, tmp_path
     assert json.loads(ankle(*into).output)["out"] == str(bag)
     again = ankle(*into)
     assert again.exit_code == 1
-    assert str(bag) in str(again.exception)
+    assert f"{bag} is there already; give another --out, or add --overwrite" == str(again.exception)
     assert ankle(*into, "--overwrite").exit_code == 0
     written = ankle("export", bag, "--out", tmp_path / "csv", "--json")
     files = json.loads(written.output)["written"]

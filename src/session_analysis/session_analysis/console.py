@@ -13,7 +13,7 @@ from impedance_estimator.algorithms import DEFAULT
 from session_analysis.correlation import LEAST_PAIRS
 from session_analysis.errors import AnalysisError
 from session_analysis.report import correlation_rows, write_report
-from session_analysis.validation import validate
+from session_analysis.validation import Validation, validate
 
 
 def report_validation(
@@ -23,7 +23,7 @@ def report_validation(
     progress: Callable[[str, float], None] | None,
     console: Console,
     algorithm: str = DEFAULT,
-) -> None:
+) -> Validation:
     """Validate sessions, write the report and print Table III.
 
     Parameters
@@ -40,6 +40,11 @@ def report_validation(
         Where the table is shown.
     algorithm
         Of estimates that come from the samples.
+
+    Returns
+    -------
+    Validation
+        What was found.
 
     Raises
     ------
@@ -73,6 +78,7 @@ def report_validation(
     for one in found.excluded:
         console.print(f"left out: {one.what}: {one.reason}", markup=False)
     console.print(f"report: {report.resolve()}", markup=False)
+    return found
 
 
 def correlation_table(rows: Sequence[Sequence[str]]) -> Table:

@@ -117,6 +117,8 @@ def verb(
         _show(proposal, source, target)
         if not accept and not _agreed():
             raise RunError("nothing is imported yet: type the line above, or add --yes")
+    if not overwrite and target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise RunError(f"{target} is there already; give another --out, or add --overwrite")
     with progress(f"importing {source}") as share:
         report = import_recording(
             table,

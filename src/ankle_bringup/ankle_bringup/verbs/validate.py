@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -23,7 +23,7 @@ def verb(
     ] = False,
     algorithm: Algorithm = "",
     overwrite: Overwrite = False,
-) -> None:
+) -> dict[str, Any]:
     """Correlate K and G with EMG over the hold periods of recorded sessions: the paper's Table III
     and figures 4, 5, 8.
 
@@ -36,4 +36,12 @@ def verb(
 
     clear_folder(out, overwrite, "holds.csv")
     with steps() as step:
-        report_validation(bags, out, recompute, step, console, algorithm or DEFAULT)
+        found = report_validation(bags, out, recompute, step, console, algorithm or DEFAULT)
+    return {
+        "out": out.resolve(),
+        "report": (out / "report.html").resolve(),
+        "holds": len(found.measures),
+        "table3": found.cells,
+        "left_out": found.excluded,
+        "notes": found.notes,
+    }
