@@ -16,6 +16,10 @@ BREAKAGES = {
     "wrong unit": lambda r: replace(r, torque=1000.0 * r.torque),
     "dead": lambda r: replace(r, torque=np.zeros_like(r.torque)),
     "saturated": lambda r: replace(r, torque=np.clip(r.torque, *np.percentile(r.torque, [3, 97]))),
+    # More than half of the samples: the flat ones are then no sign of a channel without noise.
+    "torque is saturated": lambda r: replace(
+        r, torque=np.minimum(r.torque, np.percentile(r.torque, 45))
+    ),
     "stuck": lambda r: replace(
         r, torque=np.where(r.time > 30.0, r.torque[int(30 * r.rate)], r.torque)
     ),

@@ -31,6 +31,9 @@ _WINDOW_S = 2.0
 # clock that is off.
 _LAGS_S = (0.005, 0.01, 0.015, 0.02)
 _LONGEST_FLAT_S = 0.5
+# Share of neighbouring samples that are equal: a converter that resolves the noise by one step
+# gives up to 0.3.
+LARGEST_FLAT_SHARE = 0.3
 # Share of the VAF at the best skew: a recording of which as much is explained without one has none.
 UNSKEWED_VAF_RATIO = 0.8
 _SHIFTS_S = np.arange(-0.15, 0.1501, 0.001)
@@ -72,13 +75,7 @@ def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
     found = []
     same = np.diff(values) == 0.0
     longest = _longest_run(same)
-    # Held steps of a noise-free recording are flat as well; a channel with noise is never flat.
-    noisy = np.mean(same) < 0.3
-    if noisy and longest / rate > _LONGEST_FLAT_S:
-        found.append(
-            f"{name} is stuck: {longest / rate:.2f} s without any change, though it varies "
-            "elsewhere"
-        )
+    noisy = _is_noisy(values, same)
     for side, extreme in (("upper", values.max()), ("lower", values.min())):
         # At least three samples in a row at the very extreme, often: the converter's end.
         clipped = _runs_at(values == extreme, 3)
@@ -87,6 +84,11 @@ def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
                 f"{name} is saturated: {100 * clipped / len(values):.1f} % of the samples sit at "
                 f"its {side} end {extreme:g}"
             )
+    if noisy and longest / rate > _LONGEST_FLAT_S:
+        found.append(
+            f"{name} is stuck: {longest / rate:.2f} s without any change, though it varies "
+            "elsewhere"
+        )
     spread = np.median(np.abs(values - np.median(values))) + 1e-12
     spikes = int(
         np.sum(
@@ -96,6 +98,22 @@ def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
     if spikes > 3 and np.ptp(values) > 50.0 * spread:
         found.append(f"{name} has {spikes} spikes of up to {np.ptp(values):.3g}")
     return found
+
+
+def _is_noisy(values: np.ndarray, same: np.ndarray) -> bool:
+    """Say whether neighbouring samples differ, as those of a channel with noise do.
+
+    Held steps of a noise-free recording are flat as well. Samples at the extremes do not count: of
+    a channel that is saturated half of the time, half are flat. A noise-free movement between two
+    levels has few others, and these cannot tell.
+    """
+    if np.mean(same) < LARGEST_FLAT_SHARE:
+        return True
+    inside = (values > values.min()) & (values < values.max())
+    between = inside[:-1] & inside[1:]
+    return bool(
+        np.mean(between) > LARGEST_FLAT_SHARE and np.mean(same[between]) < LARGEST_FLAT_SHARE
+    )
 
 
 def _movement_faults(recording: Recording) -> list[str]:
