@@ -253,6 +253,24 @@ def doubted_share(rows):
     return np.mean(rows[:, ESTIMATE_COLUMNS.index("doubt[1]")] >= DOUBT_THRESHOLD)
 
 
+@pytest.mark.parametrize("start", [30.0, 30.13, 30.3])
+def test_a_gap_that_cuts_a_movement_leaves_no_transient(simulate, start):
+    """Samples come back in the middle of a pulse, whose torque is not that of a plate at rest."""
+    recording = simulate(60.0, seed=8)
+    time = recording.time - recording.time[0]
+    kept = (time < start) | (time > start + 1.5)
+    rows = estimate_signal(
+        *(c[kept] for c in (recording.time, recording.position, recording.velocity)),
+        recording.torque[kept],
+        "simultaneous",
+        SimultaneousSettings(),
+    ).valid
+    after = rows[rows[:, 0] > recording.time[0] + start + 1.5]
+    assert after[0, 0] - recording.time[0] < start + 2.5
+    assert after[:, 6].min() > 99.0
+    assert np.abs(after[:, 1] / TRUTH[0] - 1.0).max() < 0.02
+
+
 def test_a_recording_next_to_without_noise_is_not_doubted_where_velocity_was_derived():
     time, position, torque, reference = ankle_of_a_file({})
     velocity = np.gradient(position) / np.gradient(time)

@@ -22,7 +22,7 @@ from numba import njit
 
 from impedance_estimator import validity
 from impedance_estimator.compilation import part, source_fingerprint
-from impedance_estimator.digital_filters import filter_step
+from impedance_estimator.digital_filters import filter_step, settle_filter
 from impedance_estimator.simultaneous.block_update import (
     MIN_SCATTER_LENGTH,
     choose_noise_model,
@@ -60,6 +60,13 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
     u, w = s.signals, s.whitened
     size = u.shape[0] // 2
     channels = u.shape[0] if c.referenced else size + 1
+    if learning and not c.filters_settled:
+        # The histories are full. Torque and motion now start their filters at the same moment: a
+        # torque of a movement that the first good sample cut would ring on for seconds alone.
+        for model in range(s.filters.shape[0]):
+            w[:] = u
+            settle_filter(p.whitening[model], s.filters[model], w)
+        c.filters_settled = 1
     for model in range(s.filters.shape[0]):
         w[:] = u
         filter_step(p.whitening[model], s.filters[model], w, channels)

@@ -39,6 +39,7 @@ def restart_path(
     """Fill all histories with the first good sample."""
     c = s.counters[0]
     c.referenced = np.isfinite(reference)
+    c.filters_settled = 0
     s.raw[0], s.raw[1], s.raw[2] = x, v if p.measured_velocity else 0.0, torque
     s.raw[3] = reference if c.referenced else 0.0
     s.raw[4] = reflex

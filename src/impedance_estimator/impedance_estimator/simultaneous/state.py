@@ -41,6 +41,7 @@ COUNTERS = np.dtype(
             "finished",
             "referenced",
             "centred",
+            "filters_settled",
         )
     ]
     + [
@@ -65,8 +66,9 @@ in the ring, blocks in the memory, blocks since the last change and since the la
 whether the estimate since the change is not yet believed in full, how many of the blocks since the
 last change may be from before it, noise model of the estimate and of the detection, batches of
 scores,
-whether a block is complete. Noise variance now and before the last change [N²m²], G₀ [N.m.s/rad],
-VAF [%], mean scatter of the scores [1]."""
+whether a block is complete, whether the reference is there, decimated samples since the operating
+point was begun, whether the whitening filters started with full histories. Noise variance now and
+before the last change [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
 
 
 class Plan(NamedTuple):
