@@ -10,8 +10,8 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import term_search
-from model_discrepancy.search.exchange import exchange
-from model_discrepancy.search.found import Found
+from model_discrepancy.search.exchange import exchange, is_second_effect
+from model_discrepancy.search.found import Found, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import search
@@ -34,6 +34,30 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
     exchange(fitter, found, grids, null, rows.gain(), lambda _: None)
     assert [effect.trial.name for effect in found.effects] == ["maxwell_relaxation"]
     assert found.final.score < 0.9 * score
+
+
+SECOND = Trial(
+    "reflex_depression", None, gain=0.4, held_out=(0.3, 0.35), bic=-50.0, torque_share=0.003
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named", "at_bounds", "is_effect"),
+    [
+        ({}, "short_range_stiffness", (), True),
+        ({"held_out": (0.4, 0.1)}, "short_range_stiffness", (), False),
+        ({"torque_share": 8e-4}, "short_range_stiffness", (), False),
+        ({"name": "maxwell_relaxation"}, "short_range_stiffness", (), False),
+        ({}, "short_range_stiffness", ("reflex_depression.size",), False),
+        ({}, "short_range_stiffness", ("short_range_stiffness.recovery",), True),
+    ],
+)
+def test_the_only_refinement_is_an_effect_where_it_takes_off_much_of_what_is_left(
+    changes, named, at_bounds, is_effect
+):
+    """A term of a named family corrects its shape; a value at a bound is none that was found."""
+    final = SimpleNamespace(at_bounds=at_bounds)
+    assert is_second_effect(final, replace(SECOND, **changes), [named]) == is_effect
 
 
 def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model_are_removed(

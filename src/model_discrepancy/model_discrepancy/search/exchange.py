@@ -54,7 +54,7 @@ def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None
     if found.effects and len(found.refinements) == 1:
         _try_without(fitter, final, found.refinements[0], null)
         named = [effect.trial.name for effect in found.effects]
-        if _is_second_effect(final, found.refinements[0].trial, named):
+        if is_second_effect(final, found.refinements[0].trial, named):
             found.effects.append(found.refinements.pop())
 
 
@@ -69,9 +69,17 @@ def _try_without(fitter: Fitter, final: Fit, effect: Effect, null: Null) -> None
     effect.trial = judged(fitter, effect.without, trial, null.threshold(name))
 
 
-def _is_second_effect(final: Fit, only: Trial, named: Sequence[str]) -> bool:
-    """Say whether the only refinement of a model is an effect beside the larger ones that are
-    named; one of their families corrects their shape.
+def is_second_effect(final: Fit, only: Trial, named: Sequence[str]) -> bool:
+    """Say whether the only refinement of a model is an effect beside the larger ones.
+
+    Parameters
+    ----------
+    final
+        The model with all of them.
+    only
+        The refinement, judged against the model without it.
+    named
+        Terms of the larger effects; a refinement of their families corrects their shape.
     """
     library = term_library()
     families = {library[name].family for name in named}
