@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;
 color:#222}h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
 table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;
-text-align:left}td{white-space:nowrap}.wide{overflow-x:auto}
+text-align:left;vertical-align:top}td{white-space:nowrap}.wide{overflow-x:auto}
 body{overflow-wrap:break-word}.wide table{overflow-wrap:normal}
-.loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}"""
+.loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}ul.loss{padding-left:2rem}
+@media print{body{font-size:10px;margin:0;max-width:none}.wide{overflow-x:visible}
+.wide table{overflow-wrap:anywhere}td{white-space:normal}td,th{padding:.1rem .3rem}}"""
 # Okabe & Ito: told apart by colour-blind readers.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 
@@ -72,3 +76,24 @@ def bullets(sentences: Sequence[str], kind: str = "", nothing: str = "Nothing.")
         return paragraph(nothing)
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f"<ul class='{kind}'>{items}</ul>"
+
+
+def linked_bullets(items: Sequence[tuple[str, Sequence[tuple[str, str]]]]) -> str:
+    """Return a list of sentences with links to files behind each.
+
+    Parameters
+    ----------
+    items
+        Each sentence with the title and the target of its links; a target is relative to the page.
+    """
+    lines = []
+    for sentence, links in items:
+        shown = ", ".join(f"<a href='{escape(to)}'>{escape(title)}</a>" for title, to in links)
+        lines.append(f"<li>{escape(sentence)} {shown}</li>")
+    return f"<ul>{''.join(lines)}</ul>"
+
+
+def image(path: Path) -> str:
+    """Return a PNG picture, which becomes part of the page."""
+    content = base64.b64encode(path.read_bytes()).decode()
+    return f"<img alt='{escape(path.stem)}' src='data:image/png;base64,{content}'>"

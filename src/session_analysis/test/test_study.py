@@ -25,7 +25,8 @@ from session_analysis.study.layout import (
 )
 from session_analysis.study.recording_results import Row, imported_bag, process, verdict_rows
 from session_analysis.study.running import read_results, run_study, write_results
-from session_analysis.study.study_report import visit_table, write_study_report
+from session_analysis.study.study_report import write_study_report
+from session_analysis.study.visit_values import visit_table
 from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter

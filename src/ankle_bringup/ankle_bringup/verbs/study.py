@@ -136,6 +136,7 @@ def report(
 
     Example: ankle study report my_study --subject S07
     """
+    from session_analysis.study.conditions import read_about
     from session_analysis.study.layout import DERIVATIVES, Study
     from session_analysis.study.running import read_results
     from session_analysis.study.study_report import write_study_report
@@ -148,7 +149,8 @@ def report(
     failures = study.failures()
     name = f"report_{subject}.html" if subject else "report.html"
     title = f"{study.name}: subject {subject}" if subject else study.name
-    path = write_study_report(rows, failures, study.folder / DERIVATIVES / name, title, subject)
+    path = study.folder / DERIVATIVES / name
+    write_study_report(rows, failures, path, title, subject, read_about(study))
     console.print(f"look at {path.resolve()}", soft_wrap=True)
 
 

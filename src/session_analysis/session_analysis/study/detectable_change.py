@@ -119,7 +119,9 @@ def detectable_change(known: Scatter, apart: float) -> float:
     return float(optimize.brentq(excess, 0.999 * each.min(), 1.001 * each.max()))
 
 
-def detectable_changes(visits: Sequence[int], values: np.ndarray) -> np.ndarray:
+def detectable_changes(
+    visits: Sequence[int], values: np.ndarray, sure: np.ndarray | None = None
+) -> np.ndarray:
     """Return the minimal detectable change of each subject from their first to their last visit.
 
     Parameters
@@ -128,6 +130,8 @@ def detectable_changes(visits: Sequence[int], values: np.ndarray) -> np.ndarray:
         Numbers of the visits, ascending.
     values
         Of a quantity, shape (subjects, visits), NaN where there is none.
+    sure
+        The values that the scatter is taken from, NaN at the others; None takes all.
 
     Returns
     -------
@@ -135,7 +139,8 @@ def detectable_changes(visits: Sequence[int], values: np.ndarray) -> np.ndarray:
         Shape (subjects,); NaN where a subject has one visit, or nothing is known of the scatter.
     """
     numbers = np.asarray(visits)
-    own = [scatter(numbers, row) for row in values]
+    known_values = values if sure is None else sure
+    own = [scatter(numbers, row) for row in known_values]
     changes = np.full(len(values), np.nan)
     for k, row in enumerate(values):
         there = np.flatnonzero(np.isfinite(row))
@@ -143,6 +148,7 @@ def detectable_changes(visits: Sequence[int], values: np.ndarray) -> np.ndarray:
             continue
         others = sum((one for place, one in enumerate(own) if place != k), EMPTY_SCATTER)
         earlier = there[:-1]
-        known = others if others.freedom else scatter(numbers[earlier], row[earlier])
+        before = scatter(numbers[earlier], known_values[k, earlier])
+        known = others if others.freedom else before
         changes[k] = detectable_change(known, float(numbers[there[-1]] - numbers[there[0]]))
     return changes

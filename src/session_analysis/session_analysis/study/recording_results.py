@@ -92,9 +92,10 @@ def process(folder: Path, entry: Entry, diagnosed: bool) -> list[Row]:
         except (ValueError, KeyError, TypeError):
             pass  # a file that was cut off is made again
     derived.mkdir(parents=True, exist_ok=True)
-    rows = _compute(entry, derived, diagnosed)
+    rows, known = _compute(entry, derived, diagnosed)
     part = file.with_suffix(".part")
-    part.write_text(json.dumps({"key": key, "rows": [_plain(asdict(row)) for row in rows]}))
+    content = {"key": key, **known, "rows": [_plain(asdict(row)) for row in rows]}
+    part.write_text(json.dumps(content), encoding="utf-8")
     part.replace(file)
     return rows
 
@@ -103,6 +104,8 @@ def _fingerprint(entry: Entry, diagnosed: bool) -> str:
     """Return what results depend on: the recording's files, what is stated, the software."""
     digest = hashlib.sha256(f"{software_version()} {DEFAULT} {diagnosed}".encode())
     files = [entry.source] if entry.source.is_file() else sorted(entry.source.iterdir())
+    if entry.source.is_file():
+        digest.update(b"with what was assumed")  # results without it are made again
     for path in [*files, entry.sidecar]:
         if path.is_file():
             about = path.stat()
@@ -118,9 +121,12 @@ def _numbers(row: dict[str, Any]) -> dict[str, Any]:
     return {k: math.nan if v is None else v for k, v in row.items()}
 
 
-def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
+def _compute(entry: Entry, derived: Path, diagnosed: bool) -> tuple[list[Row], dict[str, Any]]:
+    """Return the rows, and by keys what else is kept: what was measured, what was assumed."""
     stated = entry.stated()
-    bag = entry.source if entry.source.is_dir() else _import(entry, derived, stated)
+    bag, assumed = entry.source, list[str]()
+    if not bag.is_dir():
+        bag, assumed = _import(entry, derived, stated)
     require_start(bag)
     result = estimate_bag(bag, derived / "estimates", overwrite=True)
     settings = BagReader(derived / "estimates").custom_data.get("settings", "")
@@ -128,10 +134,11 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> list[Row]:
     write_estimates(found, derived)
     require_valid(found)
     rows = _estimate_rows(entry, found)
-    rows += _relative_rows(entry, found, {**measured_in_visit(bag), **stated}, bag)
+    measured = measured_in_visit(bag)
+    rows += _relative_rows(entry, found, {**measured, **stated}, bag)
     if diagnosed:
         rows += _diagnosis_rows(entry, bag, derived / "diagnosis")
-    return rows
+    return rows, {"measured": measured, "assumed": assumed}
 
 
 def imported_bag(derived: Path) -> Path:
@@ -139,7 +146,7 @@ def imported_bag(derived: Path) -> Path:
     return derived / "imported"
 
 
-def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
+def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> tuple[Path, list[str]]:
     try:
         return _imported(entry, derived, stated)
     except ImportRefused as error:
@@ -149,8 +156,11 @@ def _import(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
         ) from None
 
 
-def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
-    """Return the bag of a file of another system, by what is stated or else by what is likely."""
+def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> tuple[Path, list[str]]:
+    """Return the bag of a file of another system, by what is stated or else by what is likely, and
+    what had to be assumed.
+    """
+    assumed: list[str] = []
     columns, sign = stated.get("columns"), stated.get("torque_sign")
     table = read_table(entry.source, stated.get("section"), tuple((columns or {}).values()))
     table.rate = stated.get("rate[Hz]") or table.rate
@@ -162,6 +172,9 @@ def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
         resample = resample or proposal.resample
         neutral = proposal.neutral if neutral is None else neutral
         positive = positive or proposal.positive
+        taken = ", ".join(f"{name} = {column}" for name, column in columns.items())
+        assumed = [f"the columns are {taken}; torque sign: {sign or 'no torque'}"]
+        assumed += proposal.doubts
     report = import_recording(
         table,
         imported_bag(derived),
@@ -173,7 +186,7 @@ def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> Path:
         positive=positive,
         overwrite=True,
     )
-    return report.bag
+    return report.bag, assumed
 
 
 def _estimate_rows(entry: Entry, found: Answer) -> list[Row]:
