@@ -112,9 +112,20 @@ def clear_folder(out: Path, overwrite: bool, mark: str) -> None:
     shutil.rmtree(out)
 
 
+class _NameTable(Table):
+    """Shows a table whose first column is never cut where it holds names of one word."""
+
+    def add_row(self, *cells: Any, **options: Any) -> None:
+        """Add a row; a text of several words lets the first column be broken between them."""
+        if cells and " " in str(cells[0]):
+            self.columns[0].no_wrap = False
+            self.columns[0].overflow = "fold"
+        super().add_row(*cells, **options)
+
+
 def new_table(columns: Iterable[str]) -> Table:
-    """Return an empty table whose first column is never cut, and whose others are broken where they
-    are too long: a name has to be typed as it stands there.
+    """Return an empty table whose columns are broken where they are too long, except the first one
+    where it holds names of one word: a name has to be typed as it stands there.
 
     Parameters
     ----------
@@ -122,7 +133,7 @@ def new_table(columns: Iterable[str]) -> Table:
         Titles of the columns.
     """
     first, *others = columns
-    return Table(Column(first, no_wrap=True, overflow="ignore"), *map(_folding, others))
+    return _NameTable(Column(first, no_wrap=True, overflow="ignore"), *map(_folding, others))
 
 
 def _folding(title: str) -> Column:

@@ -276,6 +276,17 @@ def test_a_narrow_terminal_cuts_no_name():
     assert "…" not in text.getvalue()
 
 
+def test_a_first_column_of_several_words_leaves_room_for_the_others():
+    text = io.StringIO()
+    table = new_table(("perturbation", "hardest pair", "minutes"))
+    words = "random steps of 0.04 rad, each held for 0.2 to 0.6 s, about a lean of 5 N.m and 10 N.m"
+    table.add_row(words, "tendon / backlash", "under 1")
+    Console(file=text, width=80).print(table)
+    assert "tendon / backlash" in text.getvalue()
+    assert "under 1" in text.getvalue()
+    assert max(map(len, text.getvalue().splitlines())) <= 80
+
+
 def test_a_recording_goes_in_and_out_and_is_not_replaced_unasked(table, tmp_path):
     bag = tmp_path / "bag"
     into = ("import", table, "--out", bag, *COLUMNS, "--torque-sign", "rig", "--json")

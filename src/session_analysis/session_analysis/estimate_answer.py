@@ -34,9 +34,9 @@ from session_recorder.importing.sampling import judge_times
 from session_recorder.loss import LossAccount, account_of_bag
 
 QUANTITIES = ("K[N.m/rad]", "B[N.m.s/rad]", "I[kg.m^2]", "G[N.m.s/rad]")
-MIN_RECORDING = 10.0
-"""[s] Shortest recording that gives estimates: the estimators' memories hold about 15 s; the first
-valid estimate comes after 5 to 10 s."""
+MIN_RECORDING = 11.0
+"""[s] Shortest recording that gives estimates: the first valid one comes about 10.5 s after the
+start, when the estimators have settled for 10 s; this is the next whole second."""
 START_TIME = LONGEST_WAIT + 1.0
 """[s] Shorter recordings may have no estimate at all, not even one that is not valid: samples wait
 for their reference, then the sampling rate is found within a second."""
@@ -221,8 +221,8 @@ def why_nothing_is_valid(bag: Path) -> str:
     duration = float(time[-1] - time[0])
     if duration < MIN_RECORDING:
         reasons.append(
-            f"the recording lasts {duration:.1f} s; the estimators need {MIN_RECORDING:g} s and "
-            "more: record longer"
+            f"the recording lasts {duration:.1f} s; the first valid estimate comes up to "
+            f"{MIN_RECORDING:g} s after the start: record longer"
         )
     try:
         sampling = judge_times(time)

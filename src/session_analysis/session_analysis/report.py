@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +11,11 @@ from session_analysis.figures import figure4, figure5, figure8, frequency_figure
 from session_analysis.hold_measures import LEAST_RESPONSES, LEAST_VALID
 from session_analysis.hold_opinions import HoldOpinion
 from session_analysis.holds import SHORTEST_HOLD
+from session_analysis.html_page import bullets, heading, image, page, paragraph, table
 from session_analysis.table3 import PAPER, as_text
 from session_analysis.validation import Validation, write_holds, write_table
 from session_analysis.values import with_error
 
-_STYLE = """body{
-font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}
-h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
-table{border-collapse:collapse}
-td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}"""
 _QUESTION = (
     "K, the intrinsic stiffness, and G, the reflex gain, were estimated from torque and motion of "
     "the ankle alone. Electrodes tell in "
@@ -91,33 +85,24 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
     write_holds(validation, folder / "holds.csv")
     subjects = sorted({one.subject for one in validation.measures})
     parts = [
-        f"<h1>{escape(title)}</h1>",
-        f"<p>Holds: {len(validation.measures)}. Subjects: {escape(', '.join(subjects))}. Paper: "
-        "van 't Veld et al., BIOROB 2018.</p>",
-        f"<p>{escape(_QUESTION)}</p>",
-        "<h2>Correlation of impedance with EMG (the paper's table III)</h2>",
-        _table(correlation_rows(validation)) if correlated else f"<p>{_TOO_FEW_HOLDS}</p>",
-        f"<p>{escape(_RULES)}</p>",
+        paragraph(
+            f"Holds: {len(validation.measures)}. Subjects: {', '.join(subjects)}. Paper: "
+            "van 't Veld et al., BIOROB 2018."
+        ),
+        paragraph(_QUESTION),
+        heading("Correlation of impedance with EMG (the paper's table III)"),
+        table(correlation_rows(validation)) if correlated else paragraph(_TOO_FEW_HOLDS),
+        paragraph(_RULES),
     ]
-    for caption, path in pictures:
-        parts += [
-            f"<h2>{escape(caption)}</h2>",
-            _image(path),
-            f"<p>{escape(_CAPTIONS[path.stem])}</p>",
-        ]
-    parts += ["<h2>Holds</h2>", _table(_hold_rows(validation))]
+    for caption, picture in pictures:
+        parts += [heading(caption), image(picture), paragraph(_CAPTIONS[picture.stem])]
+    parts += [heading("Holds"), table(_hold_rows(validation))]
     parts += _offline_parts(validation.opinions, folder / "frequency_response.png")
-    parts += [
-        "<h2>Left out</h2>",
-        _list([f"{one.what}: {one.reason}" for one in validation.excluded]),
-    ]
-    parts += ["<h2>Remarks on the recordings</h2>", _list(validation.notes)]
-    head = f"<meta charset='utf-8'><title>{escape(title)}</title><style>{_STYLE}</style>"
+    left_out = [f"{one.what}: {one.reason}" for one in validation.excluded]
+    parts += [heading("Left out"), bullets(left_out)]
+    parts += [heading("Remarks on the recordings"), bullets(validation.notes)]
     path = folder / "report.html"
-    path.write_text(
-        f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>",
-        encoding="utf-8",
-    )
+    path.write_text(page(title, parts, interactive=False), encoding="utf-8")
     return path
 
 
@@ -180,15 +165,14 @@ def _offline_parts(opinions: list[HoldOpinion], picture: Path) -> list[str]:
     if not opinions:
         return []
     parts = [
-        "<h2>Holds by an offline method</h2>",
-        f"<p>{escape(_ARBITER)}</p>",
-        _table(opinion_rows(opinions)),
+        heading("Holds by an offline method"),
+        paragraph(_ARBITER),
+        table(opinion_rows(opinions)),
     ]
     judged = [one for one in opinions if one.opinion is not None]
     if judged:
         frequency_figure(judged, picture)
-        parts += ["<h2>From position to torque</h2>", _image(picture)]
-        parts.append(f"<p>{escape(_FREQUENCY)}</p>")
+        parts += [heading("From position to torque"), image(picture), paragraph(_FREQUENCY)]
     return parts
 
 
@@ -216,26 +200,3 @@ def opinion_rows(opinions: list[HoldOpinion]) -> list[list[str]]:
             ]
         )
     return rows
-
-
-def _table(rows: list[list[str]]) -> str:
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:]
-    )
-    return f"<table><tr>{head}</tr>{body}</table>"
-
-
-def _list(sentences: list[str]) -> str:
-    return (
-        "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
-        if sentences
-        else "<p>Nothing.</p>"
-    )
-
-
-def _image(path: Path) -> str:
-    return (
-        f"<img alt='{escape(path.stem)}' "
-        f"src='data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}'>"
-    )

@@ -176,7 +176,8 @@ def torque_missing(data):
 @pytest.mark.parametrize(
     ("change", "seconds", "words"),
     [
-        (lambda data: data, 2.0, "lasts 2.0 s; the estimators need 10 s and more: record longer"),
+        (lambda data: data, 2.0, "lasts 2.0 s; the first valid estimate comes up to 11 s after"),
+        (lambda data: data, 10.0, "lasts 10.0 s; the first valid estimate comes up to 11 s after"),
         (still, 20.0, "no perturbation to learn from. Record while the perturbation runs"),
         (jittered, 20.0, "import the recording again with --resample"),
         (torque_missing, 20.0, "50 % of the samples of torque are NaN or infinite"),

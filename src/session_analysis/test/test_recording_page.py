@@ -103,3 +103,28 @@ def test_a_bag_with_nothing_to_draw_is_refused(tmp_path):
         pass
     with pytest.raises(BagError, match="nothing to draw"):
         write_recording_page(tmp_path / "bag", tmp_path / "p.html")
+
+
+@pytest.mark.live
+@pytest.mark.untimed
+def test_titles_of_axes_do_not_overlap(browser, tmp_path):
+    time = np.arange(0.0, 8.0, 1 / RATE)
+    columns = ("t[s]", "position[rad]", "velocity[rad/s]")
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/perturbation/reference")
+        data = np.column_stack([time, np.sin(time), np.cos(time)])
+        for first in range(0, len(time), 40):
+            writer.write_block("/perturbation/reference", Block(columns, data[first : first + 40]))
+    path = write_recording_page(tmp_path / "bag", tmp_path / "page.html")
+    page = browser.new_page(viewport={"width": 1366, "height": 900})
+    try:
+        page.goto(path.as_uri())
+        page.wait_for_selector(".y2title")
+        upper, lower = page.evaluate(
+            "['.ytitle', '.y2title'].map(one => {const box = document.querySelector(one)"
+            ".getBoundingClientRect(); return [box.left, box.top, box.bottom]})"
+        )
+    finally:
+        page.close()
+    assert min(upper[0], lower[0]) >= 0
+    assert upper[2] <= lower[1]

@@ -99,7 +99,9 @@ def test_the_report_states_changes_against_the_detectable_one(tmp_path):
     assert "ICC(2,1)" in text
     # The paper stands apart from the subjects' own visits.
     assert "<h2>Beside the paper</h2>" in text.partition("Subject S3")[2]
-    assert "<td>K [N·m/rad]</td><td>80.5 (60.5 to 120)</td><td>100 (0 to 200)</td>" in text
+    assert (
+        "<td>K [N·m/rad]</td><td>80.5 (60.5 to 120)</td><td>3</td><td>100 (0 to 200)</td>" in text
+    )
     # Each trend is drawn on the band of the minimal detectable change, for K and G.
     assert text.count('"fillcolor":"#888888"') == 2 * 3
     # Two recordings of a subject tell no relation with the torque; none is drawn.

@@ -198,6 +198,8 @@ def test_a_virtual_session_is_validated_and_its_samples_give_the_recorded_number
     out.mkdir()
     text = write_report(recorded, out, "Test").read_text()
     assert "subject 1" in text
+    assert "name='viewport'" in text
+    assert "<div class='wide'><table>" in text
     # One hold tells no correlation: nothing empty is drawn.
     assert "Too few holds for a correlation" in text
     assert not (out / "figure5.png").exists()
