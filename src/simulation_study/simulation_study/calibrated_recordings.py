@@ -33,6 +33,7 @@ from simulation_study.robustness.conditions import (
     Condition,
     blind_trial,
 )
+from simulation_study.robustness.recordings import MEAN_ESTIMATE_LAG
 
 STREAM = 59
 """Labels the seeds of this study, so that they are not those of any other."""
@@ -40,8 +41,6 @@ CALIBRATION_DURATION = 60.0
 """[s] Of the session calibration, and of the online estimate behind it."""
 JUDGED_AFTER = 30.0
 """[s] Estimates of the first seconds are ignored, as in the robustness study."""
-MEAN_ESTIMATE_LAG = 10.0
-"""[s] An estimate lies so far behind on average: half of the longest memory."""
 CALIBRATION_AMPLITUDE = 0.04
 """[rad] The command of `ankle calibrate rig` unless another one is given."""
 CALIBRATION_DATE = datetime(2026, 1, 1, tzinfo=timezone.utc)

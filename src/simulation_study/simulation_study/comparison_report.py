@@ -223,7 +223,7 @@ def _duel_table(results: dict[str, dict[str, Any]], ours: str = "simultaneous") 
 
 
 def _picture(speed: dict[tuple[str, str], dict[str, np.ndarray]], path: Path) -> None:
-    """Rise time against variability, each dot the median over seeds of an estimator with one
+    """Draw rise time against variability, each dot the median over seeds of an estimator with one
     setting.
     """
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")

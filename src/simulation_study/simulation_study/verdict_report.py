@@ -11,9 +11,8 @@ import numpy as np
 from scipy.stats import beta
 
 from ankle_physics.term import term_library
+from model_discrepancy.report.verdict import MIN_STATED_PROBABILITY
 
-# From here on a name is stated with confidence.
-MIN_STATED_PROBABILITY = 0.7
 # Bands of stated probability within which the share that is right is counted.
 BANDS = (0.0, 0.3, 0.6, 0.8, 1.01)
 # Strata in which false alarms are counted.

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ankle_interfaces.topics import MUSCLES
 from biofeedback.errors import CommandError, ProtocolError
 from biofeedback.session.check_list import checked_names
 from biofeedback.session.plan_file import check_keys, load_plan
@@ -25,7 +26,6 @@ from biofeedback.session.plan_file import check_keys, load_plan
 CONTROL, CONDITIONED = "control", "conditioned"
 UP, DOWN = "up", "down"
 MEASURES = {"reflex_emg": "V.s", "G": "N.m.s/rad"}
-MUSCLES = ("SOL", "TA", "GL", "GM")
 LEAST_TRIALS = 10
 """Least number of reflexes for a criterion: of fewer, a quantile is little better than a guess."""
 RECENT_TRIALS = 75

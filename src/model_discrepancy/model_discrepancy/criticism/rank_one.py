@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# Candidates for the ridge per mean square of a column; chosen on training stretches only.
-_RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
+from model_discrepancy.fit.generic_bank import RIDGES
+
 # The alternation converges to 1e-3 of the weights within ten rounds from the singular vectors.
 _ROUNDS = 12
 
@@ -87,9 +87,9 @@ def tuned_ridge(products: Products, train: np.ndarray, hinges: int) -> float:
     cut = max(1, 2 * len(train) // 3)
     scores = [
         share_of(products, rank_one(products, train[:cut], hinges, ridge), train[cut:])
-        for ridge in _RIDGES
+        for ridge in RIDGES
     ]
-    return _RIDGES[int(np.argmax(scores))]
+    return RIDGES[int(np.argmax(scores))]
 
 
 def predicted_share(products: Products, hinges: int) -> float:

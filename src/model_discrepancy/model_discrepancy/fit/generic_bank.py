@@ -18,7 +18,8 @@ from model_discrepancy.fit.columns import Columns
 # Lag windows: from just before the movement (a torque channel that runs ahead) to beyond the
 # reflex.
 LAGS_S = (-0.01, 0.0, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.19, 0.26, 0.36, 0.5)
-_RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
+# Candidates for the ridge per mean square of a column; chosen on training stretches only.
+RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
 
 
 class GenericBank:
@@ -168,9 +169,9 @@ def _tuned(matrix: np.ndarray, target: np.ndarray, index: np.ndarray) -> float:
     """Return ridge that does best on the last third of these rows when fitted to the first two."""
     cut = 2 * len(index) // 3
     scores = [
-        float(np.mean(_score(matrix, target, index[:cut], index[cut:], ridge))) for ridge in _RIDGES
+        float(np.mean(_score(matrix, target, index[:cut], index[cut:], ridge))) for ridge in RIDGES
     ]
-    return _RIDGES[int(np.argmax(scores))]
+    return RIDGES[int(np.argmax(scores))]
 
 
 def _score(
