@@ -174,7 +174,7 @@ def _summarise(report: ImportReport) -> None:
         console.print(f"note: {sentence}")
     console.print(f"{report.samples} samples, {report.duration:.1f} s at {report.rate:.6g} Hz")
     for topic, columns in report.columns.items():
-        console.print(f"  {topic}: {', '.join(columns)}")
+        console.print(f"  {topic} at {report.rates[topic]:.6g} Hz: {', '.join(columns)}")
     if report.ignored:
         console.print(f"not imported: {', '.join(report.ignored)}")
     if report.intrinsic is not None:
@@ -189,4 +189,20 @@ def _summarise(report: ImportReport) -> None:
             soft_wrap=True,
         )
     console.print(f"written to {report.bag.resolve()}")
-    console.print(f"next: ankle estimate {report.bag} --out {report.bag}_estimates", soft_wrap=True)
+    console.print(_next(report), soft_wrap=True)
+
+
+def _next(report: ImportReport) -> str:
+    """Return the next command, or why there is no estimate."""
+    from impedance_estimator.estimator import LEAST_RATE
+
+    held = {column.split("[")[0] for column in report.columns.get("/ankle/samples", ())}
+    absent = [name for name in ("position", "torque") if name not in held]
+    if absent:
+        return f"no estimate: the bag holds no {' and no '.join(absent)}"
+    if report.rate < LEAST_RATE:
+        return (
+            f"no estimate below {LEAST_RATE:g} Hz: import again with --resample 1024; what is "
+            f"faster than {report.rate / 2:.4g} Hz stays absent"
+        )
+    return f"next: ankle estimate {report.bag} --out {report.bag}_estimates"

@@ -17,6 +17,7 @@ from scipy.io.matlab import MatlabFunction, MatlabOpaque
 
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.laboratory_units import known_unit, split_header
+from session_recorder.importing.structure_rates import state_rates
 from session_recorder.importing.table import Table, optional_library
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
@@ -25,16 +26,6 @@ MATLAB_HEADER = 512
 MIN_OBJECT_ROWS = 100
 """Rows of a matrix inside Matlab objects that count as recorded samples; smaller ones are
 properties."""
-RATE_NAMES = (
-    "fs",
-    "rate",
-    "samplingrate",
-    "samplerate",
-    "samplingfrequency",
-    "samplefrequency",
-    "frequency",
-    "hz",
-)
 TRANSPOSED_BELOW = 4
 """A matrix with more than this many times more columns than rows holds its signals in rows."""
 
@@ -147,13 +138,14 @@ def _labels(arrays: dict[str, Any], matrix: str, columns: int) -> list[str]:
 
 def _table(source: Path, arrays: dict[str, Any]) -> Table:
     table = Table(source)
+    single: dict[str, float] = {}
     for name, value in arrays.items():
         array = np.asarray(value)
         if array.ndim > 2 or array.dtype.kind not in "biuf" or array.size == 0:
             continue
         if array.size == 1:
-            if name.rpartition(".")[2].lower().replace("_", "") in RATE_NAMES and array.item() > 0:
-                table.rate = float(array.item())
+            if array.item() > 0:
+                single[name] = float(array.item())
             continue
         unit = split_header(name)[1]
         if array.ndim < 2 or 1 in array.shape:
@@ -165,6 +157,7 @@ def _table(source: Path, arrays: dict[str, Any]) -> Table:
         for k, label in enumerate(_labels(arrays, name, array.shape[1])):
             own = unit or split_header(label)[1]
             table.add(f"{name}:{label}", np.ascontiguousarray(array[:, k], dtype=float), own)
+    state_rates(table, single)
     return table
 
 

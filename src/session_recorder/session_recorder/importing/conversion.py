@@ -93,6 +93,8 @@ def convert(
         _check_time(signals, rate)
     else:
         signals.time = np.arange(length) / signals.rate
+        if resample is not None:
+            _make_even(signals, resample)
     return signals
 
 
@@ -184,9 +186,3 @@ def _check_time(signals: Signals, stated_rate: float | None) -> None:
         out += sentences[:SHOWN_FINDINGS]
         if len(sentences) > SHOWN_FINDINGS:
             out.append(f"and {len(sentences) - SHOWN_FINDINGS} more like these")
-    if signals.time.min() < 0:
-        shift = float(-np.floor(signals.time.min()))
-        signals.warnings.append(
-            f"time begins before 0: {shift:g} s are added, because a bag's times are not negative"
-        )
-        signals.time = signals.time + shift

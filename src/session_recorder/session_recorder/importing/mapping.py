@@ -36,7 +36,7 @@ from session_recorder.importing.possible_units import (
 from session_recorder.importing.proposal import Proposal
 from session_recorder.importing.sampling import Sampling
 from session_recorder.importing.table import Table
-from session_recorder.importing.time_column import even_columns, find_time
+from session_recorder.importing.time_column import comparable, even_columns, find_time
 
 _TYPICAL_INERTIA = 0.013
 """[kg.m^2] The paper's ankle; of two readings that are possible the nearer one is likelier."""
@@ -75,12 +75,14 @@ def propose(table: Table) -> Proposal:
     candidates = _by_name(table, proposal)
     found = {quantity: names[0] for quantity, names in candidates.items()}
     sampling = find_time(table, found, proposal)
+    whole = table
+    table, sampling = comparable(table, candidates, found, sampling, proposal)
     if "torque" not in found and "position" not in found:
         _by_data(table, found, sampling, proposal)
     else:
         _by_movement(table, candidates, found, sampling, proposal)
     _mechanics(table, found, sampling, proposal)
-    _emg(table, found, proposal)
+    _emg(whole, found, proposal)
     missing = [quantity for quantity in ("position", "torque") if quantity not in found]
     if len(missing) == 1:
         proposal.doubts.append(

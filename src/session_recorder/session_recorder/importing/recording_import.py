@@ -7,8 +7,8 @@ recorded in the bag as a warning.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,9 @@ from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import RigFile
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.conversion import Signals, convert
+from session_recorder.importing.clocks import parts
+from session_recorder.importing.conversion import Signals
+from session_recorder.importing.joining import convert_parts, shift_to_zero
 from session_recorder.importing.plausibility import (
     Intrinsic,
     check_intrinsic,
@@ -61,7 +63,9 @@ class ImportReport:
     duration
         From the first to the last sample [s].
     rate
-        Sampling rate [Hz].
+        Sampling rate [Hz] of angle and torque; of the EMG where there is nothing else.
+    rates
+        Sampling rate [Hz] of each topic.
     warnings
         Missing samples, contradictions that were forced, conversions worth knowing.
     ignored
@@ -75,6 +79,7 @@ class ImportReport:
     samples: int
     duration: float
     rate: float
+    rates: dict[str, float]
     warnings: tuple[str, ...]
     ignored: tuple[str, ...]
     intrinsic: Intrinsic | None
@@ -150,12 +155,17 @@ def import_recording(
         source if isinstance(source, Table) else read_table(source, wanted=tuple(columns.values()))
     )
     source = table.source
-    chosen = table.choose(list(dict.fromkeys(columns.values())))
-    times = [chosen[column] for name, column in columns.items() if name.startswith("t[")]
+    if table.rate is None:
+        table = replace(table, rate=rate)
+    by_clock = parts(table, columns, stated)
+    chosen = {name: values for part in by_clock for name, values in part.values.items()}
+    held = [*columns.values(), *chosen, *table.times.values()]
+    times = [table.columns[n] for n, t in table.times.items() if n == t]
+    times += [chosen[c] for n, c in columns.items() if n.startswith("t[") and c in chosen]
     ignored = [
         name
         for name in table.names
-        if name not in chosen
+        if name not in held
         and f"{name}:1" not in table.columns  # a name that stands above several columns
         and not any(np.array_equal(table.columns.get(name, []), time) for time in times)
     ]
@@ -163,20 +173,27 @@ def import_recording(
         progress(0.3)
     sign = TORQUE_SIGNS[torque_sign or "rig"]
     direction = DIRECTIONS[positive or PROJECT_DIRECTION]
-    signals = convert(columns, stated, chosen, sign, rate, resample, neutral or 0.0, direction)
+    converted = convert_parts(source, by_clock, sign, rate, resample, neutral or 0.0, direction)
+    signals = converted[0]
+    found = _check_signals(signals, torque_sign or "rig")
+    _report_missing(signals, missing)
+    for other in converted[1:]:
+        other.contradictions += check_ranges(other.columns[EMG_TOPIC])
+        _report_missing(other, missing)
+        signals.warnings += [w for w in other.warnings if w not in signals.warnings]
+        signals.contradictions += other.contradictions
+    shift_to_zero(converted)
     signals.warnings[:0] = table.notes
     signals.contradictions += check_units(columns, table.units)
-    found = _check_signals(signals, torque_sign or "rig")
     if signals.contradictions and not force:
         raise ImportRefused(f"{source}: " + "; ".join(signals.contradictions))
     signals.warnings += [f"forced: {sentence}" for sentence in signals.contradictions]
-    _report_missing(signals, missing)
     if rig is not None:
         signals.warnings += _rig_contradictions(signals, rig)
     if progress:
         progress(0.5)
     with BagWriter(bag, overwrite=overwrite) as writer:
-        written = _write(writer, signals, missing, progress)
+        written = _write(writer, converted, missing, progress)
         writer.custom_data.update(
             {
                 "imported_from": Path(source).name,
@@ -193,13 +210,15 @@ def import_recording(
         )
         if rig is not None:
             writer.custom_data[RIG_KEY] = rig.text()
-    names = {topic: tuple(held) for topic, held in signals.columns.items()}
+    names = {topic: tuple(held) for s in converted for topic, held in s.columns.items()}
+    rates = {topic: s.rate for s in converted for topic in s.columns}
     return ImportReport(
         writer.path,
         names,
         written,
         float(signals.time[-1] - signals.time[0]),
         signals.rate,
+        rates,
         tuple(signals.warnings),
         tuple(ignored),
         found,
@@ -267,26 +286,31 @@ def _report_missing(signals: Signals, missing: str) -> None:
             )
 
 
-def _write(writer: BagWriter, signals: Signals, missing: str, progress: Progress | None) -> int:
-    """Write blocks of all topics in the order of time; return the samples of the longest
-    topic.
+def _write(
+    writer: BagWriter, converted: Sequence[Signals], missing: str, progress: Progress | None
+) -> int:
+    """Write blocks of all topics in the order of time; return the samples of the longest topic of
+    the first signals.
     """
-    size = max(1, round(signals.rate / BLOCKS_PER_SECOND))
-    blocks: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
-    for topic, held in signals.columns.items():
-        data = np.column_stack([signals.time, *held.values()])
-        if missing == "gap":
-            data = data[np.isfinite(data).all(axis=1)]
-        else:
-            data[~np.isfinite(data)] = np.nan
-        blocks[topic] = ((TIME_COLUMN, *held), data)
-        writer.add_topic(topic)
-    total = max(len(data) for _, data in blocks.values())
-    for start in range(0, total, size):
-        for topic, (names, data) in blocks.items():
-            piece = data[start : start + size]
-            if len(piece):
-                writer.write_block(topic, Block(names, piece))
-        if progress and start % (size * BLOCKS_PER_SECOND) == 0:
-            progress(0.5 + 0.5 * start / total)
-    return total
+    blocks: list[tuple[float, str, Block]] = []
+    counts = []
+    for signals in converted:
+        size = max(1, round(signals.rate / BLOCKS_PER_SECOND))
+        for topic, held in signals.columns.items():
+            data = np.column_stack([signals.time, *held.values()])
+            if missing == "gap":
+                data = data[np.isfinite(data).all(axis=1)]
+            else:
+                data[~np.isfinite(data)] = np.nan
+            names = (TIME_COLUMN, *held)
+            pieces = [data[start : start + size] for start in range(0, len(data), size)]
+            blocks += [(float(piece[0, 0]), topic, Block(names, piece)) for piece in pieces]
+            if signals is converted[0]:
+                counts.append(len(data))
+            writer.add_topic(topic)
+    blocks.sort(key=lambda entry: entry[0])
+    for number, (_, topic, block) in enumerate(blocks):
+        writer.write_block(topic, block)
+        if progress and number % BLOCKS_PER_SECOND == 0:
+            progress(0.5 + 0.5 * number / len(blocks))
+    return max(counts)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
-from ankle_interfaces.resampling import regular_grid
+from ankle_interfaces.resampling import regular_grid, resample
 from session_recorder.errors import ImportRefused
 
 MAX_IRREGULAR_SHARE = 0.01
@@ -151,7 +151,10 @@ def _rounded(time: np.ndarray, steps: np.ndarray) -> Sampling | None:
 def resample_columns(
     time: np.ndarray, columns: dict[str, np.ndarray], rate: float
 ) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
-    """Return columns on an even grid, by lines between neighbouring samples.
+    """Return columns on an even grid.
+
+    Even samples without a gap go through a filter that keeps what both rates can hold, and lets
+    nothing fold down from above. Others are put onto the grid by lines between neighbours.
 
     Parameters
     ----------
@@ -179,6 +182,9 @@ def resample_columns(
             f"time column: from {np.min(time):g} to {np.max(time):g} s at {rate:g} Hz would be "
             f"{span * rate:.3g} samples; allowed: {MAX_GRID:g}. Is a time damaged, or in ms?"
         )
+    even = _band_limited(time, columns, rate)
+    if even is not None:
+        return *even, 0
     order = np.argsort(time, kind="stable")
     keep = np.concatenate([[True], np.diff(time[order]) > 0])
     chosen = order[keep]
@@ -195,3 +201,22 @@ def resample_columns(
         {name: values[kept, k] for k, name in enumerate(columns)},
         int(np.count_nonzero(~kept)),
     )
+
+
+def _band_limited(
+    time: np.ndarray, columns: dict[str, np.ndarray], rate: float
+) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+    """Return even samples at another rate, None where a time or a value is missing."""
+    try:
+        sampling = judge_times(time)
+    except ValueError:
+        return None
+    line = time[0] + np.arange(len(time)) / sampling.rate
+    if sampling.kind == "irregular" or np.max(np.abs(time - line)) * sampling.rate > 1.0:
+        return None
+    if not all(np.isfinite(values).all() for values in columns.values()):
+        return None
+    made = {name: resample(values, sampling.rate, rate) for name, values in columns.items()}
+    count = int(np.floor((line[-1] - line[0]) * rate + 1e-6)) + 1
+    grid = time[0] + np.arange(count) / rate
+    return grid, {name: values[:count] for name, values in made.items()}

@@ -31,6 +31,8 @@ class Table:
         Sampling rate [Hz] of a column, where the file states it by column.
     rate
         Sampling rate [Hz] that the file states for all of it; None without.
+    times
+        Time column of a column, where the file has several that differ; see `clocks.own_times`.
     refused
         Columns that are there and cannot be used, by name with the reason.
     notes
@@ -44,6 +46,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
     rates: dict[str, float] = field(default_factory=dict)
     rate: float | None = None
+    times: dict[str, str] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     section: str = ""
@@ -136,7 +139,8 @@ class Table:
             self.rates[name] = rate
 
     def _rename(self, old: str, new: str) -> None:
-        self.columns[new] = self.columns.pop(old)
+        # In its place, because the order says which time column a signal follows.
+        self.columns = {new if n == old else n: values for n, values in self.columns.items()}
         if old in self.units:
             self.units[new] = self.units.pop(old)
         if old in self.rates:

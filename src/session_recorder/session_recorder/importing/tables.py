@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from session_recorder.errors import ImportRefused
+from session_recorder.importing.clocks import own_times
 from session_recorder.importing.reading_process import read_apart
 from session_recorder.importing.sections import choose_section
 from session_recorder.importing.table import Table
@@ -79,7 +80,9 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
     tables = [table for table in tables if table.columns or table.refused]
     if not tables:
         raise ImportRefused(f"{source} holds no column of numbers")
-    return choose_section(tables, section, wanted)
+    chosen = choose_section(tables, section, wanted)
+    chosen.times = own_times(chosen)
+    return chosen
 
 
 def _reader(module: str) -> Callable[[Path], list[Table]]:

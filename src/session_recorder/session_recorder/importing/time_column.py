@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from session_recorder.errors import ImportRefused
+from session_recorder.importing.clocks import main_column, on_one_clock
 from session_recorder.importing.column_names import counts_samples
 from session_recorder.importing.laboratory_units import to_si
 from session_recorder.importing.proposal import Proposal
@@ -19,6 +20,10 @@ from session_recorder.importing.sampling import (
 from session_recorder.importing.table import TIME, Table
 
 _TIME_UNITS = ("s", "ms", "us")
+_MECHANICAL = ("position", "torque", "velocity", "reference_position", "reference_velocity")
+"""Quantities that are compared sample by sample."""
+_MAX_COMPARED = 6
+"""Columns of one quantity that are compared; more are markers or other joints."""
 _LIKELY_RATE = (50.0, 20_000.0)  # Hz
 _RATE_AGREEMENT = 0.01
 """Part by which a stated rate may differ from that of the time column without a doubt."""
@@ -43,7 +48,9 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
     ImportRefused
         Nothing gives the time; the message says what to state.
     """
-    name = found.pop("t", None) or _counting_column(table)
+    main = main_column(found) or ""
+    stated = found.pop("t", None)
+    name = table.times.get(main) or stated or _counting_column(table)
     if name is not None:
         times = table.columns[name][np.isfinite(table.columns[name])]
         times = times[~repeated_times(times)]
@@ -65,12 +72,14 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
                     f"a rate of {table.rate:.6g} Hz is stated, but '{name}' steps at "
                     f"{sampling.rate:.6g} Hz, which counts: is '{name}' in {unit}?"
                 )
+            if table.times:
+                proposal.reasons.append("each signal has the times of its own time column")
             if sampling.kind == "irregular":
                 proposal.resample = sampling.rate
             if sampling.sentence:
                 proposal.doubts.append(sampling.sentence)
             return sampling
-    rate = next(iter(table.rates.values()), None)
+    rate = table.rates.get(main) or (None if main else next(iter(table.rates.values()), None))
     if rate is not None:
         if TIME not in table.columns:
             proposal.columns["t[s]"] = TIME
@@ -114,6 +123,51 @@ def _time_unit(times: np.ndarray) -> str | None:
         if _LIKELY_RATE[0] <= 1.0 / (step * to_si(unit)[1]) <= _LIKELY_RATE[1]:
             return unit
     return None
+
+
+def comparable(
+    table: Table,
+    candidates: dict[str, list[str]],
+    found: dict[str, str],
+    sampling: Sampling,
+    proposal: Proposal,
+) -> tuple[Table, Sampling]:
+    """Return a table in which angle, torque and what goes with them have one clock.
+
+    Parameters
+    ----------
+    table
+        Values of the file by column.
+    candidates
+        Columns whose names say what they are, by quantity.
+    found
+        The likeliest of them, by quantity.
+    sampling
+        Of the time that is proposed.
+    proposal
+        Holds the time; gets the rate to resample to where the clocks differ.
+
+    Returns
+    -------
+    tuple[Table, Sampling]
+        The table with these columns on one clock, and its sampling.
+    """
+    main = main_column(found)
+    names = [n for q, held in candidates.items() if q in _MECHANICAL for n in held[:_MAX_COMPARED]]
+    if main not in names:
+        return table, sampling
+    time_name = next((n for n in proposal.columns if n.startswith("t[")), None)
+    time = proposal.columns[time_name] if time_name else None
+    judged, even, differ = on_one_clock(
+        table, [main, *names], time, (time_name or "t[s]")[2:-1], sampling
+    )
+    if differ:
+        proposal.resample = even.rate
+        proposal.doubts.append(
+            f"angle and torque have different sampling rates: they are brought to {even.rate:.6g} "
+            "Hz"
+        )
+    return judged, even
 
 
 def even_columns(
