@@ -55,11 +55,13 @@ from biofeedback.session.protocol import load_protocol
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "results" / "bad_input.md"
 HEAD = """# Bad input
 
-`make bad-input CASES={cases} SEED={seed}`: input of every kind that others write, from a seed. A
-case is *accepted* where its reader took it and everything that it then states holds (values finite
-and within bounds, no motion beyond a limit, samples complete or reported as missing), *refused*
-where the reader refused it by its own error, and *anything else* otherwise: another exception, more
-than {longest:g} s, motion, or content that is silently wrong.
+`make bad-input CASES={cases} SEED={seed}`: input of every kind that others write, from a seed.
+
+- *Accepted*: the reader took it, and everything that it then states holds. Values are finite and
+  within bounds, no motion goes beyond a limit, samples are complete or reported as missing.
+- *Refused*: the reader refused it by its own error.
+- *Anything else*: another exception, more than {longest:g} s, motion, or content that is silently
+  wrong.
 
 | input | cases | accepted | refused | anything else |
 | --- | --- | --- | --- | --- |
