@@ -18,7 +18,8 @@ from session_analysis.study.recording_results import imported_bag
 from session_recorder.bag_metadata import METADATA_FILE
 from session_recorder.bag_reader import BagReader
 
-BIDS_VERSION = "1.10.0"
+BIDS_VERSION = "1.11.0"
+"""The first version of the specification that has EMG."""
 TASK = "anklePerturbation"
 TRACKING = "rig"
 _KINDS = {"position": "ORNT", "velocity": "ANGVEL", "torque": "MISC"}
@@ -189,6 +190,9 @@ def _emg(bag: BagReader, entry: Entry, folder: Path, stem: str) -> Path:
         "TaskName": TASK,
         "SamplingFrequency": rate,
         "EMGReference": "bipolar",
+        # Required by the specification; a recording states neither.
+        "PowerLineFrequency": "n/a",
+        "SoftwareFilters": "n/a",
         # A BDF file has neither a time of each sample nor a mark for those that are absent.
         "StartTime": float(data[0, 0]),
         "AbsentSamples": absent,
