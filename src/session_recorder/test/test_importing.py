@@ -320,5 +320,5 @@ def test_export_and_import_again_gives_the_same_numbers(write, tmp_path, file_fo
     )
     assert first[0] == second[0]
     assert np.array_equal(first[1], second[1])
-    with pytest.raises(BagError, match="nothing is overwritten unasked"):
+    with pytest.raises(BagError, match="--overwrite"):
         export_bag(tmp_path / "bag", output, file_format)

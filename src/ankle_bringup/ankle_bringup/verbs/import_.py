@@ -194,9 +194,10 @@ def _summarise(report: ImportReport) -> None:
 
 def _next(report: ImportReport) -> str:
     """Return the next command, or why there is no estimate."""
+    from ankle_interfaces.topics import ANKLE_SAMPLES
     from impedance_estimator.estimator import LEAST_RATE
 
-    held = {column.split("[")[0] for column in report.columns.get("/ankle/samples", ())}
+    held = {column.split("[")[0] for column in report.columns.get(ANKLE_SAMPLES.absolute, ())}
     absent = [name for name in ("position", "torque") if name not in held]
     if absent:
         return f"no estimate: the bag holds no {' and no '.join(absent)}"
