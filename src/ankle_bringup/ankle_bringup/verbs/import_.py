@@ -24,7 +24,10 @@ def verb(
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The new bag; else named after the file.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="The new bag; else named after the SHA-256 of the file's content."
+        ),
     ] = None,
     column: Annotated[
         list[str],
@@ -87,6 +90,14 @@ def verb(
         Path | None,
         typer.Option(help="The calibrated rig (rig.yaml) that was in force; the bag carries it."),
     ] = None,
+    keep_source_name: Annotated[
+        bool,
+        typer.Option(
+            "--keep-source-name",
+            help="Keep the file's name in the bag. It may hold a person's name, so that otherwise "
+            "the bag states SHA-256, format and size alone.",
+        ),
+    ] = False,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Import a recording into a bag; wrong units and signs are recognised from the data and
@@ -99,14 +110,15 @@ def verb(
     """
     from ankle_physics.rig_file import RigFile
     from session_recorder.importing import import_recording, propose, read_table
+    from session_recorder.importing.source_of_bag import default_bag
 
-    target = out or Path(source.stem)
     stated = dict(_statement(text) for text in column)
     with progress(f"reading {source}") as share:
         table = read_table(source, section, tuple(stated.values()))
         table.rate = rate or table.rate
         share(1.0)
         proposal = None if stated else propose(table)
+    target = out or default_bag(source, keep_source_name)
     if proposal is not None:
         stated = dict(proposal.columns)
         torque_sign = torque_sign or proposal.torque_sign
@@ -114,7 +126,7 @@ def verb(
         resample = proposal.resample if resample is None else resample
         neutral = proposal.neutral = proposal.neutral if neutral is None else neutral
         positive = proposal.positive = positive or proposal.positive
-        _show(proposal, source, target)
+        _show(proposal, source, target, keep_source_name)
         if not accept and not _agreed():
             raise RunError("nothing is imported yet: type the line above, or add --yes")
     if not overwrite and target.exists() and not (target.is_dir() and not any(target.iterdir())):
@@ -133,6 +145,7 @@ def verb(
             force=force,
             rig=RigFile.load(rig) if rig is not None else None,
             overwrite=overwrite,
+            keep_source_name=keep_source_name,
             progress=share,
         )
     _summarise(report)
@@ -153,7 +166,7 @@ def _statement(text: str) -> tuple[str, str]:
     return name, column
 
 
-def _show(proposal: Proposal, source: Path, out: Path) -> None:
+def _show(proposal: Proposal, source: Path, out: Path, keep_name: bool) -> None:
     console.print(f"{source} is likely to hold:")
     for name, held in proposal.columns.items():
         console.print(f"  {name} in column '{held}'")
@@ -162,7 +175,8 @@ def _show(proposal: Proposal, source: Path, out: Path) -> None:
     for sentence in proposal.doubts:
         console.print(f"in doubt: {sentence}")
     console.print("The line to type:")
-    console.print(f"  {proposal.command(source, out)}", soft_wrap=True)
+    kept = " --keep-source-name" if keep_name else ""
+    console.print(f"  {proposal.command(source, out)}{kept}", soft_wrap=True)
 
 
 def _agreed() -> bool:

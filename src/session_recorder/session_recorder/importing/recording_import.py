@@ -29,6 +29,7 @@ from session_recorder.importing.plausibility import (
     check_velocity,
     intrinsic,
 )
+from session_recorder.importing.source_of_bag import source_record, without_name
 from session_recorder.importing.statement import (
     DIRECTIONS,
     EMG_TOPIC,
@@ -99,6 +100,7 @@ def import_recording(
     force: bool = False,
     rig: RigFile | None = None,
     overwrite: bool = False,
+    keep_source_name: bool = False,
     progress: Progress | None = None,
 ) -> ImportReport:
     """Import one recording into a new bag.
@@ -137,6 +139,9 @@ def import_recording(
         there is a warning.
     overwrite
         Replace a bag that is there.
+    keep_source_name
+        Let the bag name its file, which may hold a person's name. Otherwise the bag states the
+        file's SHA-256, format and size.
     progress
         Called with the fraction that is done.
 
@@ -194,18 +199,22 @@ def import_recording(
         progress(0.5)
     with BagWriter(bag, overwrite=overwrite) as writer:
         written = _write(writer, converted, missing, progress)
+        stated_columns = ", ".join(f"{name} = {column}" for name, column in columns.items())
+        texts = {
+            "imported_table": table.section or "the only one",
+            "stated_columns": stated_columns,
+            "warnings": "\n".join(signals.warnings),
+        }
+        if not keep_source_name:
+            texts = {key: without_name(text, source) for key, text in texts.items()}
         writer.custom_data.update(
             {
-                "imported_from": Path(source).name,
-                "imported_table": table.section or "the only one",
-                "stated_columns": ", ".join(
-                    f"{name} = {column}" for name, column in columns.items()
-                ),
+                **source_record(source, keep_source_name),
+                **texts,
                 "stated_torque_sign": torque_sign or "no torque",
                 "stated_neutral": f"{neutral or 0.0:g}",
                 "stated_positive": positive or PROJECT_DIRECTION,
                 "sampling_rate[Hz]": f"{signals.rate!r}",
-                "warnings": "\n".join(signals.warnings),
             }
         )
         if rig is not None:
