@@ -1,4 +1,4 @@
-"""What a bag says of its file: enough to know the file again, and no name, which may be a person's."""
+"""What a bag says of its file: enough to know it again, and no name, maybe a person's."""
 
 import hashlib
 
