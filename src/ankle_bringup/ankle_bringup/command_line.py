@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from ankle_bringup import verbs
+from ankle_interfaces.error_report import report_error
 
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 _SHARED_OPTIONS = {
@@ -165,12 +166,11 @@ def ankle(
 
 
 def main() -> None:
-    """Run the command; an error that a user can act on is one line on stderr and exit code 1."""
+    """Run the command; an error is one line on stderr, and the exit code tells whose it is."""
     try:
         app()
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
+    except Exception as error:
+        sys.exit(report_error(error))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from ankle_bringup.browser_pages import free_port, wait_until_served
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
+from biofeedback.errors import SessionError
 from biofeedback.session.scripted_session import ScriptedSession
 from biofeedback.web.system_browser import ARGUMENTS, NO_BROWSER, find_browser
 from session_analysis.console import report_validation
@@ -114,7 +115,7 @@ async def _lead(url: str, out: Path, console: Console) -> tuple[dict, str]:
         )
         try:
             state = await session.run(LONGEST_SESSION)
-        except (asyncio.TimeoutError, RuntimeError) as error:
+        except (asyncio.TimeoutError, SessionError) as error:
             raise RunError(
                 "the session did not come to its end: "
                 f"{error or f'longer than {LONGEST_SESSION:g} s'}"

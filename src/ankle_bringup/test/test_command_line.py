@@ -17,6 +17,7 @@ from ankle_bringup.executables import declared_parameters, executables, packages
 from ankle_bringup.graph import load_graph
 from ankle_bringup.terminal import LOG_PERIOD, LogLines, as_json, clear_folder, new_table
 from ankle_bringup.verbs.diagnose import base_values
+from ankle_interfaces.error_report import PROGRAM_ERROR
 
 RATE = 1000
 
@@ -180,6 +181,21 @@ def test_bad_input_is_one_line_on_stderr(tmp_path, capsys, monkeypatch):
     assert ended.value.code == 1
     lines = capsys.readouterr().err.strip().splitlines()
     assert [line for line in lines if line.startswith("error: ")] == lines[-1:]
+
+
+def test_an_error_of_the_program_does_not_look_like_the_users(extra_verb, capfd, monkeypatch):
+    extra_verb(
+        "fail_inside",
+        'def verb() -> None:\n    """Fail.\n\n    Example: ankle fail-inside\n    """\n'
+        "    min([])\n",
+    )
+    monkeypatch.setattr(sys, "argv", ["ankle", "fail-inside"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == PROGRAM_ERROR
+    said = capfd.readouterr().err
+    assert said.startswith("error of the program")
+    assert "fail_inside.py:6" in said
 
 
 def test_a_file_that_is_no_recording_is_refused_with_the_verb_that_makes_one(tmp_path):

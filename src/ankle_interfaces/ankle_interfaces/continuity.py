@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ankle_interfaces.errors import SamplingError
+
 # Clocks of rigs drift by parts per million; a tenth of a per cent tells 1000 Hz from 1024 Hz.
 RATE_TOLERANCE = 1e-3
 # Half a sample: less is rounding of t, more means that a sample is missing or doubled.
@@ -49,11 +51,11 @@ def sampling_rate(time: np.ndarray) -> float:
 
     Raises
     ------
-    ValueError
+    SamplingError
         Fewer than two samples or a median step that is not positive.
     """
     if len(time) < 2:
-        raise ValueError(
+        raise SamplingError(
             f"{len(time)} sample(s) do not tell a sampling rate; at least 2 are needed"
         )
     steps = np.diff(time)
@@ -61,10 +63,10 @@ def sampling_rate(time: np.ndarray) -> float:
     regular = steps[np.abs(steps - step) < STEP_TOLERANCE * abs(step)]
     step = float(np.mean(regular)) if len(regular) else step
     if not step > 0:
-        raise ValueError(f"time does not increase: median step {step:g} s")
+        raise SamplingError(f"time does not increase: median step {step:g} s")
     rate = 1.0 / step
     if not np.isfinite(rate):
-        raise ValueError(f"a median step of {step:g} s is no sampling interval")
+        raise SamplingError(f"a median step of {step:g} s is no sampling interval")
     return float(round(rate)) if abs(rate - round(rate)) < 1e-4 * rate else rate
 
 

@@ -7,6 +7,8 @@ from fractions import Fraction
 import numpy as np
 from scipy.signal import firwin, resample_poly
 
+from ankle_interfaces.errors import SamplingError
+
 # Largest denominator of the rate ratio: 2048/1000 = 256/125 is exact with it, and the polyphase
 # filter stays short.
 LARGEST_FACTOR = 2048
@@ -30,11 +32,11 @@ def resample(signals: np.ndarray, from_rate: float, to_rate: float) -> np.ndarra
 
     Raises
     ------
-    ValueError
+    SamplingError
         A rate that is not positive.
     """
     if not (from_rate > 0 and to_rate > 0):
-        raise ValueError(f"rates must be positive, got {from_rate:g} and {to_rate:g} Hz")
+        raise SamplingError(f"rates must be positive, got {from_rate:g} and {to_rate:g} Hz")
     ratio = Fraction(to_rate / from_rate).limit_denominator(LARGEST_FACTOR)
     up, down = ratio.numerator, ratio.denominator
     if up == down:
@@ -60,11 +62,11 @@ def regular_grid(
 
     Raises
     ------
-    ValueError
+    SamplingError
         Time does not increase.
     """
     if np.any(np.diff(time) <= 0):
-        raise ValueError("time does not increase everywhere")
+        raise SamplingError("time does not increase everywhere")
     grid = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate + 1e-6)) + 1) / rate
     columns = [np.interp(grid, time, values[:, k]) for k in range(values.shape[1])]
     return grid, np.column_stack(columns)

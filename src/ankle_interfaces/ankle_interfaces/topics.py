@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from ankle_interfaces.block import MESSAGE_TYPE, TIME_COLUMN
+from ankle_interfaces.errors import BlockError
 
 STRING = "std_msgs/msg/String"
 FLOAT = "std_msgs/msg/Float64"
@@ -86,12 +87,12 @@ class Topic:
 
         Raises
         ------
-        ValueError
+        BlockError
             The topic has fewer columns, or one that is left out is required.
         """
         missing = [name for name in self.columns[count:] if name not in self.optional]
         if missing or count > len(self.columns):
-            raise ValueError(
+            raise BlockError(
                 f"{self.name}: {count} columns are refused; "
                 + (f"required: {', '.join(missing)}" if missing else f"{len(self.columns)} exist")
             )

@@ -8,11 +8,13 @@ from typing import Any
 
 import yaml
 
+from ankle_interfaces.errors import UserError
+
 LARGEST_FILE = 10_000_000
 """[bytes] Longest file that is read: a model, a protocol or a rig file has some thousand."""
 
 
-class YamlError(ValueError):
+class YamlError(UserError, ValueError):
     """Reports text that is no YAML, or a file that is no text."""
 
 

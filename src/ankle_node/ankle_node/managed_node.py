@@ -10,12 +10,17 @@ from collections.abc import Callable, Sequence
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle.node import LifecycleNodeMixin
 
+from ankle_interfaces.errors import UserError
 from ankle_interfaces.quantity import Quantity
 from ankle_node.node import ERROR, AnkleNode
 
 FAILURES = (ValueError, OSError)
 """What a transition may raise because of the node's surroundings. The transition then fails, and
 the sentence is in the log and in the health."""
+
+
+class StartError(UserError, RuntimeError):
+    """Reports a node whose first transition failed; the log says why."""
 
 
 class ManagedNode(LifecycleNodeMixin, AnkleNode):
@@ -50,12 +55,12 @@ class ManagedNode(LifecycleNodeMixin, AnkleNode):
 
         Raises
         ------
-        RuntimeError
-            A transition failed; the log says why.
+        StartError
+            A transition failed.
         """
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() is not TransitionCallbackReturn.SUCCESS:
-                raise RuntimeError(f"{self.get_name()} could not start")
+                raise StartError(f"{self.get_name()} could not start; its log says why")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare the node; the standard transition to inactive."""

@@ -13,6 +13,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from ankle_interfaces.error_report import USERS_ERROR, report_error
 from ankle_node.block_executor import BlockExecutor
 from ankle_node.domain import stay_on_this_host
 from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
@@ -65,8 +66,8 @@ def run(make: Callable[[], AnkleNode], arguments: Sequence[str] | None = None) -
     Returns
     -------
     int
-        Exit code: 0 after a stop by signal or by the node itself, 1 after an error, which is one
-        line on stderr.
+        Exit code: 0 after a stop by signal or by the node itself, `USERS_ERROR` or `PROGRAM_ERROR`
+        of `ankle_interfaces.error_report` after an error, which is one line on stderr.
     """
     stay_on_this_host()
     with unblocked_output():
@@ -95,8 +96,8 @@ def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
         node.hand_over()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (ValueError, OSError) as error:
-        return _fail(error)
+    except Exception as error:
+        return report_error(error)
     finally:
         if node is not None:
             node.destroy_node()
@@ -107,4 +108,4 @@ def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
 def _fail(reason: object) -> int:
     """Write why the node ends, as one line on stderr; return the exit code."""
     print(f"error: {reason}", file=sys.stderr, flush=True)
-    return 1
+    return USERS_ERROR

@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from ankle_interfaces.errors import UserError
 from ankle_interfaces.topics import SESSION_EVENT
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
 
@@ -24,7 +25,7 @@ HOLD_STARTED, HOLD_ENDED = "hold started", "hold ended"
 TORQUE_TARGET = "torque_target[N.m]"
 
 
-class SessionEventError(ValueError):
+class SessionEventError(UserError, ValueError):
     """Reports a line that is no session event."""
 
 

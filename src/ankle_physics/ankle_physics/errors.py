@@ -1,5 +1,7 @@
 """Errors of models and terms. Each message names the value, its unit and the allowed range."""
 
+from ankle_interfaces.errors import UserError
 
-class ModelError(ValueError):
+
+class ModelError(UserError, ValueError):
     """Reports a model file or a parameter value that cannot be used."""

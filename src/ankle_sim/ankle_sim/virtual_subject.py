@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_interfaces import topics
+from ankle_interfaces.errors import QuantityError
 
 MUSCLES = topics.MUSCLES
 CALF = np.array([True, False, True, True])
@@ -144,7 +145,7 @@ class State:
 
     Raises
     ------
-    ValueError
+    QuantityError
         A value out of range, with its name and range.
     """
 
@@ -160,7 +161,7 @@ class State:
         ):
             value = getattr(self, name)
             if not lower <= value <= upper:
-                raise ValueError(
+                raise QuantityError(
                     f"{name} = {value:g}{unit} is refused; allowed: {lower:g} to {upper:g}{unit}"
                 )
 

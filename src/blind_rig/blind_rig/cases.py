@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ankle_interfaces.errors import QuantityError
 from blind_rig import effects, faults, strength
 from blind_rig.bag import Contents, fingerprint, write_bag
 from blind_rig.effects import Effect
@@ -68,11 +69,11 @@ def plan_cases(count: int, seed: int) -> list[Plan]:
 
     Raises
     ------
-    ValueError
+    QuantityError
         Fewer than one case.
     """
     if count < 1:
-        raise ValueError(f"{count} cases; at least 1 is needed")
+        raise QuantityError(f"{count} cases; at least 1 is needed")
     generator = np.random.default_rng(np.random.SeedSequence(seed))
     shares = {"null": NULLS, "unknown": UNKNOWNS, "broken": FAULTS, "pair": PAIRS}
     kinds = [kind for kind, part in shares.items() for _ in range(round(part * count))]

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from numba import njit
 
+from ankle_interfaces.errors import QuantityError
 from blind_rig.anatomy import Setup
 from blind_rig.ankle_torque import LONGEST_DELAY, closed_loop
 
@@ -164,7 +165,7 @@ def _mj_step() -> ctypes._CFuncPtr:  # type: ignore[name-defined]
         ]
     )
     if not libraries:
-        raise RuntimeError(f"the MuJoCo library is missing in {folder}")
+        raise FileNotFoundError(f"the MuJoCo library is missing in {folder}")
     step = ctypes.CDLL(str(libraries[0])).mj_step
     step.argtypes, step.restype = [ctypes.c_void_p, ctypes.c_void_p], None
     return step
@@ -199,14 +200,14 @@ def simulate(
 
     Raises
     ------
-    ValueError
+    QuantityError
         A reflex delay beyond `LONGEST_DELAY`.
     FloatingPointError
         The simulation diverged.
     """
     longest = max(float(np.max(delay)), setup.reflex.antagonist_delay, setup.reflex.late_delay)
     if longest > LONGEST_DELAY:
-        raise ValueError(f"reflex delay of {longest:g} s; up to {LONGEST_DELAY:g} s is possible")
+        raise QuantityError(f"reflex delay of {longest:g} s; up to {LONGEST_DELAY:g} s is possible")
     dt = 1.0 / rate
     model = mujoco.MjModel.from_xml_string(_mjcf(setup, operating_angle, dt))
     data = mujoco.MjData(model)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
+from ankle_interfaces.errors import SamplingError
 from emg_driver.electrode_quality import SHORTEST_STRETCH, WINDOW, defects
 from emg_driver.emg_memory import EmgMemory
 from emg_driver.muscles import MUSCLES, STRETCHED_BY
@@ -142,7 +143,7 @@ class EmgProcessor:
 
         Raises
         ------
-        ValueError
+        SamplingError
             A sampling rate below `LOWEST_RATE`, or times that give none.
         """
         notes: list[str] = []
@@ -186,7 +187,7 @@ class EmgProcessor:
 
     def _start(self, rate: float) -> None:
         if rate < LOWEST_RATE:
-            raise ValueError(
+            raise SamplingError(
                 f"EMG comes at {rate:g} Hz; at least {LOWEST_RATE:g} Hz are needed for a signal "
                 "of up to 450 Hz"
             )

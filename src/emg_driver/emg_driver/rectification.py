@@ -12,6 +12,8 @@ import math
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
+from ankle_interfaces.errors import QuantityError
+
 # Time constants of the cut-off after which a fresh filter counts as settled: exp(-6) = 0.2 % of a
 # step is left.
 SETTLING_TIME_CONSTANTS = 6.0
@@ -37,13 +39,13 @@ class Rectifier:
 
     Raises
     ------
-    ValueError
+    QuantityError
         A cut-off that the rate does not allow.
     """
 
     def __init__(self, rate: float, channels: int, cutoff: float, order: int) -> None:
         if not 0 < cutoff < rate / 2:
-            raise ValueError(
+            raise QuantityError(
                 f"high-pass cut-off {cutoff:g} Hz is outside 0 to {rate / 2:g} Hz (half the "
                 "sampling rate)"
             )

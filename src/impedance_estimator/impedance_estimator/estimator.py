@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ankle_interfaces.errors import SamplingError
 from ankle_interfaces.topics import IMPEDANCE_ESTIMATE, IMPEDANCE_REFLEX_IRF
 from impedance_estimator.settings import EstimatorSettings
 
@@ -108,8 +109,10 @@ class Estimator(ABC):
 
     Raises
     ------
-    ValueError
-        A rate out of range, or settings that do not fit the rate.
+    SamplingError
+        A rate out of range.
+    QuantityError
+        Settings that do not fit the rate.
 
     A new estimator is one file in `algorithms`, with a subclass called `Algorithm`.
     """
@@ -128,7 +131,7 @@ class Estimator(ABC):
         self, rate: float, measured_velocity: bool, settings: EstimatorSettings | None = None
     ) -> None:
         if not LEAST_RATE <= rate <= LARGEST_RATE:
-            raise ValueError(
+            raise SamplingError(
                 f"sampling rate {rate:g} Hz is refused; allowed: {LEAST_RATE:g} to "
                 f"{LARGEST_RATE:g} Hz"
             )

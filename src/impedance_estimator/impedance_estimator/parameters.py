@@ -74,7 +74,7 @@ def settings_from(values: dict[str, Value]) -> EstimatorSettings:
 
     Raises
     ------
-    ValueError
+    QuantityError
         Values that do not fit each other.
     """
     settings_type = ALGORITHMS[str(values["algorithm"])].settings_type

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import check_settings, choice, number
 
 HIGHPASS_CHOICES = ("torque", "all")
@@ -15,7 +16,7 @@ class EstimatorSettings:
 
     Raises
     ------
-    ValueError
+    QuantityError
         A value out of its range, with name, value, unit and range.
     """
 
@@ -44,7 +45,7 @@ class Settings(EstimatorSettings):
 
     Raises
     ------
-    ValueError
+    QuantityError
         A value out of its range, with name, value, unit and range.
     """
 
@@ -119,7 +120,7 @@ class Settings(EstimatorSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.reflex_last_lag <= self.reflex_first_lag:
-            raise ValueError(
+            raise QuantityError(
                 f"reflex_last_lag = {self.reflex_last_lag:g} s must be after reflex_first_lag = "
                 f"{self.reflex_first_lag:g} s"
             )

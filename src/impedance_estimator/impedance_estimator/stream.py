@@ -172,7 +172,7 @@ class EstimateStream:
         ------
         BlockError, UnitError
             A column is missing or in a unit of another dimension.
-        ValueError
+        SamplingError
             A sampling rate that the estimator refuses.
         """
         velocity = any(split_column(name)[0] == "velocity" for name in block.columns)

@@ -21,6 +21,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
 
 
@@ -195,7 +196,7 @@ class Polynomial(Shape):
 
     def __post_init__(self) -> None:
         if not self.duration > 0:
-            raise ValueError(
+            raise QuantityError(
                 f"a polynomial edge must last longer than 0 s, got {self.duration:g} s"
             )
 

@@ -15,6 +15,7 @@ from scipy import signal
 
 from impedance_estimator.offline.parallel_cascade import ParallelCascade, parallel_cascade
 from model_discrepancy.recording.recording import Recording
+from session_analysis.errors import AnalysisError
 
 STRETCH = 10.0
 """[s] Length of a disjoint stretch; twice the shortest record that the cascade takes."""
@@ -113,13 +114,13 @@ def second_opinion(recording: Recording) -> SecondOpinion:
 
     Raises
     ------
-    ValueError
+    AnalysisError
         It is too short, not finite, or does not move.
     """
     position, torque, velocity = recording.position, recording.torque, recording.velocity
     largest = float(np.max(movements(position, recording.rate)))
     if largest < MIN_MOVEMENT:
-        raise ValueError(
+        raise AnalysisError(
             f"the position moves by no more than {largest:.2g} rad within a second: no "
             "perturbation to learn from"
         )
@@ -131,7 +132,7 @@ def second_opinion(recording: Recording) -> SecondOpinion:
             own = None if velocity is None else velocity[part]
             return parallel_cascade(recording.rate, position[part], torque[part], own)
         except np.linalg.LinAlgError:
-            raise ValueError("position does not vary: no perturbation to learn from") from None
+            raise AnalysisError("position does not vary: no perturbation to learn from") from None
 
     whole, first, second = fit(slice(None)), fit(parts[0]), fit(parts[1])
     vaf = tuple(

@@ -106,13 +106,13 @@ def parse_qos_text(text: str) -> tuple[Qos, ...]:
 
     Raises
     ------
-    ValueError
+    BagError
         It is no such text.
     """
     try:
         return tuple(parse_qos(parse_yaml(text) or []))
     except (YamlError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"not a list of QoS profiles: {' '.join(str(error).split())}") from None
+        raise BagError(f"not a list of QoS profiles: {' '.join(str(error).split())}") from None
 
 
 def information(contents: Contents) -> dict[str, Any]:

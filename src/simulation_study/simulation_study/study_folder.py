@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ankle_interfaces.errors import UserError
+
 STUDY_FILE = "study.json"
 
 
-class StudyError(RuntimeError):
+class StudyError(UserError, RuntimeError):
     """Reports a study that cannot begin or go on as asked."""
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 
 from ankle_actuator_driver.safety.rig import Event, Order
+from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Value
 
 PACKAGE = __name__.rpartition(".")[0]
@@ -76,7 +77,7 @@ class RigLink(ABC):
         ------
         OSError
             The line cannot be opened; the message names it.
-        ValueError
+        QuantityError
             A parameter that this line cannot use.
         """
 
@@ -144,7 +145,7 @@ def open_link(name: str, values: Mapping[str, Value], clocks: Clocks) -> RigLink
 
     Raises
     ------
-    ValueError
+    QuantityError
         No such line; names those that there are.
     OSError
         The line cannot be opened.
@@ -162,11 +163,11 @@ def link_class(name: str) -> type[RigLink]:
 
     Raises
     ------
-    ValueError
+    QuantityError
         No such line; names those that there are.
     """
     if name not in link_names():
-        raise ValueError(
+        raise QuantityError(
             f"parameter 'link' = '{name}' is refused; allowed: {', '.join(link_names())}"
         )
     offered = _offered().get(name)

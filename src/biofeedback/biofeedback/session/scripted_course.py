@@ -14,6 +14,7 @@ from typing import Any
 import aiohttp
 import numpy as np
 
+from biofeedback.errors import SessionError
 from biofeedback.live_signals import GOOD
 from biofeedback.session.scripted_session import LIMITS, ScriptedSession
 
@@ -75,7 +76,7 @@ class ScriptedCourse(ScriptedSession):
             await self._say(page, "claim")
             async for content in self._messages(page):
                 if content["type"] == "answer" and not content["ok"]:
-                    raise RuntimeError(f"refused: {content['error']}")
+                    raise SessionError(f"refused: {content['error']}")
                 if content["type"] == "state":
                     state = content
                 if content["type"] != "frame" or not state or state["subject"] is None:
@@ -90,14 +91,14 @@ class ScriptedCourse(ScriptedSession):
                         await self._check(page, open_checks[0], content["now"])
                     continue
                 asked = await self._lead(page, state, content, asked)
-        raise RuntimeError("the node closed the connection")
+        raise SessionError("the node closed the connection")
 
     async def _check(self, page: Any, check: dict[str, Any], now: float) -> None:
         """Do an entry of the check list: push for a contraction, rest for the others."""
         if check["state"] == "running":
             return
         if check["state"] == "failed":
-            raise RuntimeError(f"check '{check['title']}': {check['result']['problem']}")
+            raise SessionError(f"check '{check['title']}': {check['result']['problem']}")
         push = {"mvc_plantarflexion": LARGEST_PUSH, "mvc_dorsiflexion": -LARGEST_PUSH}.get(
             check["name"], 0.0
         )

@@ -14,6 +14,7 @@ from typing import Any
 
 import aiohttp
 
+from biofeedback.errors import SessionError
 from biofeedback.web.server import FRAME_ANSWER
 
 PUSH_CORRECTION = 0.5
@@ -65,7 +66,7 @@ class ScriptedSession:
         ------
         asyncio.TimeoutError
             It took longer, or the node fell silent.
-        RuntimeError
+        SessionError
             A command was refused.
         """
         return await asyncio.wait_for(self._run(), longest)
@@ -80,7 +81,7 @@ class ScriptedSession:
             await self._say(page, "claim")
             async for content in self._messages(page):
                 if content["type"] == "answer" and not content["ok"]:
-                    raise RuntimeError(f"refused: {content['error']}")
+                    raise SessionError(f"refused: {content['error']}")
                 if content["type"] == "state":
                     state = content
                 if content["type"] != "frame" or not state:
@@ -104,7 +105,7 @@ class ScriptedSession:
                 if content["now"] - corrected >= 1.0 and kind != "baseline":
                     corrected = content["now"]
                     await self._correct(page, state, content)
-        raise RuntimeError("the node closed the connection")
+        raise SessionError("the node closed the connection")
 
     async def _messages(self, page: Any) -> Any:
         while True:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import pkgutil
 from importlib import import_module
 
+from ankle_interfaces.errors import QuantityError
 from impedance_estimator.estimator import Estimator
 from impedance_estimator.settings import EstimatorSettings
 
@@ -56,9 +57,9 @@ def make_estimator(
 
     Raises
     ------
-    ValueError
+    QuantityError
         No such name, or a rate or settings that the estimator refuses.
     """
     if name not in ALGORITHMS:
-        raise ValueError(f"algorithm '{name}' is not known; allowed: {', '.join(ALGORITHMS)}")
+        raise QuantityError(f"algorithm '{name}' is not known; allowed: {', '.join(ALGORITHMS)}")
     return ALGORITHMS[name](rate, measured_velocity, settings)

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ankle_interfaces.errors import QuantityError
 from impedance_estimator import digital_filters, standard_errors, validity
 from impedance_estimator.correlation import running_products
 from impedance_estimator.correlation.differences import backward_difference
@@ -73,7 +74,7 @@ class CorrelationEstimator(Estimator):
                 f"'{self.name}'; expected Settings"
             )
         if self.input_lowpass and self.settings.lowpass_cutoff > 0.4 * rate:
-            raise ValueError(
+            raise QuantityError(
                 f"lowpass_cutoff = {self.settings.lowpass_cutoff:g} Hz is refused at {rate:g} Hz; "
                 f"allowed: at most {0.4 * rate:g} Hz"
             )

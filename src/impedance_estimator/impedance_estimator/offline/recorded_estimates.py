@@ -15,6 +15,7 @@ from ankle_interfaces.block import TIME_COLUMN, Block
 from ankle_interfaces.errors import BlockError
 from ankle_interfaces.topics import IMPEDANCE_PROVENANCE, IMPEDANCE_TRACKED
 from impedance_estimator.algorithms import DEFAULT
+from impedance_estimator.errors import EstimateError
 from impedance_estimator.estimator import (
     ESTIMATE_COLUMNS,
     ESTIMATE_TOPIC,
@@ -111,8 +112,11 @@ def estimate_signal(
     Raises
     ------
     ValueError
-        Shapes differ, fewer than 256 samples, an unknown algorithm, or a sampling rate that is
-        refused.
+        Shapes differ.
+    EstimateError
+        There are fewer than 256 samples.
+    QuantityError, SamplingError
+        The algorithm is unknown, or the sampling rate is refused.
     """
     columns = [time, position, torque] if velocity is None else [time, position, velocity, torque]
     shapes = {np.shape(column) for column in (*columns, time if reference is None else reference)}
@@ -221,7 +225,7 @@ def estimate_bag(
 
 def _require_start(stream: EstimateStream, source: str) -> None:
     if stream.estimator is None:
-        raise ValueError(
+        raise EstimateError(
             f"{source}: no estimate; {stream.reason} (at least 256 samples in order are needed)"
         )
 

@@ -13,6 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
+from ankle_interfaces.errors import SamplingError
+from impedance_estimator.errors import EstimateError
+
 LOWPASS = 80.0
 """[Hz] Above, the position of the real trials is noise; the perturbation has its power below 40 Hz.
 """
@@ -79,11 +82,13 @@ def predict_torque(
 
     Raises
     ------
+    EstimateError
+        A response that is not finite.
     ValueError
-        As `checked_signals`, or a response that is not finite.
+        As `checked_signals`.
     """
     if not np.all(np.isfinite(response)) or not np.all(np.isfinite(parameters)):
-        raise ValueError("the estimate is not finite: no valid estimate yet?")
+        raise EstimateError("the estimate is not finite: no valid estimate yet?")
     position, torque_checked, velocity = checked_signals(rate, position, torque, velocity)
     x, v, a, rectified, y = working_signals(rate, position, torque_checked, velocity)
     step = decimation(rate) / rate
@@ -103,16 +108,19 @@ def checked_signals(
     Raises
     ------
     ValueError
-        Shapes that differ, values that are not finite, a record shorter than 5 s, or a rate below
-        250 Hz.
+        Shapes that differ.
+    EstimateError
+        Values that are not finite, or a record shorter than 5 s.
+    SamplingError
+        A rate below 250 Hz.
     """
     if rate < WORKING_RATE:
-        raise ValueError(
+        raise SamplingError(
             f"sampling rate {rate:g} Hz is refused; allowed: {WORKING_RATE:g} Hz and more"
         )
     position = np.asarray(position, dtype=float)
     if position.ndim != 1 or len(position) < 5.0 * rate:
-        raise ValueError(
+        raise EstimateError(
             f"position of shape {position.shape} is refused; needed: one row of at least 5 s "
             f"({math.ceil(5.0 * rate)} samples)"
         )
@@ -131,7 +139,7 @@ def checked_signals(
             )
         bad = int(np.sum(~np.isfinite(values)))
         if bad:
-            raise ValueError(f"{name} has {bad} values that are NaN or infinite")
+            raise EstimateError(f"{name} has {bad} values that are NaN or infinite")
     return (
         position,
         None if torque is None else np.asarray(torque, dtype=float),

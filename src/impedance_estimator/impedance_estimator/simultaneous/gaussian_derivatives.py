@@ -18,6 +18,8 @@ import math
 import numpy as np
 from numba import njit
 
+from ankle_interfaces.errors import QuantityError
+
 KERNEL_HALF_WIDTH = 4.5
 """The kernel ends at so many standard deviations, where the Gaussian has fallen to 4e-5."""
 
@@ -37,12 +39,12 @@ def gaussian_derivatives(sigma: float, rate: float) -> np.ndarray:
 
     Raises
     ------
-    ValueError
+    QuantityError
         A standard deviation under 0.7 samples, where the sampled second derivative is no longer
         one.
     """
     if sigma * rate < 0.7:
-        raise ValueError(
+        raise QuantityError(
             f"smoothing {sigma:g} s is refused at {rate:g} Hz; allowed: at least {0.7 / rate:g} s"
         )
     n = math.ceil(KERNEL_HALF_WIDTH * sigma * rate)

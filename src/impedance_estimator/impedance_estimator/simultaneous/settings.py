@@ -17,7 +17,7 @@ class SimultaneousSettings(EstimatorSettings):
 
     Raises
     ------
-    ValueError
+    QuantityError
         A value out of its range, with name, value, unit and range.
     """
 

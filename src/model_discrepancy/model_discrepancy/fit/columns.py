@@ -25,6 +25,7 @@ from ankle_physics.foot_motion import foot_motion
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, Term, term_library
+from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion
 
@@ -140,7 +141,7 @@ class Columns:
             elif other.place is Place.TORQUE_SENSOR:
                 response = other.response(self.rows.frequency, values[other.name])
                 if response is None:
-                    raise ValueError(
+                    raise DiagnosisError(
                         f"{other.name} acts at the torque sensor and states no frequency response"
                     )
                 filters.append(response)

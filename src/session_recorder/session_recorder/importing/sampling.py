@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ankle_interfaces.continuity import STEP_TOLERANCE, sampling_rate
+from ankle_interfaces.errors import SamplingError
 from ankle_interfaces.resampling import regular_grid, resample
 from session_recorder.errors import ImportRefused
 
@@ -92,14 +93,14 @@ def judge_times(time: np.ndarray) -> Sampling:
 
     Raises
     ------
-    ValueError
+    SamplingError
         Fewer than two times, or time does not increase at all.
     """
     if len(time) < 2:
-        raise ValueError(f"{len(time)} sample(s) do not tell a sampling rate")
+        raise SamplingError(f"{len(time)} sample(s) do not tell a sampling rate")
     steps = np.diff(time)
     if np.all(steps <= 0):
-        raise ValueError(f"time does not increase: median step {float(np.median(steps)):g} s")
+        raise SamplingError(f"time does not increase: median step {float(np.median(steps)):g} s")
     rounded = _rounded(time, steps)
     if rounded is not None:
         return rounded

@@ -19,6 +19,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from ankle_interfaces.errors import UserError
+
 # include/uapi/linux/landlock.h; the system calls have the same numbers on every architecture.
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 _VERSION_FLAG = 1
@@ -31,7 +33,7 @@ _RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
 _FILE_RIGHTS = 0b111 | 1 << 14 | 1 << 15
 
 
-class ConcealmentError(RuntimeError):
+class ConcealmentError(UserError, RuntimeError):
     """Reports that the kernel refused to confine this process."""
 
 

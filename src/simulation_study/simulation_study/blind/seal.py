@@ -18,11 +18,13 @@ from typing import Any
 
 from cryptography.fernet import Fernet, InvalidToken
 
+from ankle_interfaces.errors import UserError
+
 KEY_FILE = "key"
 SALT_BYTES = 32
 
 
-class SealError(RuntimeError):
+class SealError(UserError, RuntimeError):
     """Reports a truth that is missing, cannot be decrypted, or is not the one that was committed
     to.
     """

@@ -18,6 +18,7 @@ from typing import Union
 import numpy as np
 
 from ankle_actuator_driver.safety.rig import DeviceFault, DeviceState, Status, Wanted
+from ankle_interfaces.errors import QuantityError
 
 MAGIC = b"ANKL"
 VERSION = 2
@@ -190,7 +191,7 @@ def read_key(path: str) -> bytes:
 
     Raises
     ------
-    ValueError
+    QuantityError
         A key that is too short or too long; names the file.
     OSError
         A file that cannot be read.
@@ -199,7 +200,7 @@ def read_key(path: str) -> bytes:
         return b""
     key = Path(path).expanduser().read_bytes().strip()
     if not SHORTEST_KEY <= len(key) <= LARGEST_KEY:
-        raise ValueError(
+        raise QuantityError(
             f"the key in {path} has {len(key)} bytes; allowed: {SHORTEST_KEY} to {LARGEST_KEY}, "
             "as `openssl rand -hex 16` makes them"
         )
