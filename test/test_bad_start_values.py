@@ -10,6 +10,8 @@ import os
 import pytest
 from forked_node import run_node
 
+from ankle_bringup.executables import NODE_MODULE, executables, packages_with_nodes
+
 pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PATIENCE = 60.0
@@ -38,6 +40,7 @@ CASES = [
         ["clock_drift:=0.1"],
         "parameter 'clock_drift' = 0.1 is refused; allowed: -0.0005 to 0.0005",
     ),
+    (SIMULATION, ["KK:=3.0"], "parameter 'KK' is unknown; did you mean 'K'?"),
     (EMULATOR, ["faults:=explode"], "fault switch 'explode' is unknown"),
     (FEEDBACK, ["port:=0", "host:=0.0.0.0"], "token of at least 16 characters"),
     (
@@ -83,6 +86,12 @@ CASES = [
         ["reflex_end:=0.03"],
         "'reflex_end' = 0.03 s is refused; allowed: after 'reflex_start' = 0.04 s",
     ),
+]
+NODES = {entry.module for name in packages_with_nodes() for entry in executables(name).values()}
+CASES += [
+    (module, ["nobody:=3.0"], "parameter 'nobody' is unknown; ")
+    for module in sorted(NODES)
+    if module.endswith(NODE_MODULE)
 ]
 
 

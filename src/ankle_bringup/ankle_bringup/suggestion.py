@@ -1,11 +1,11 @@
-"""A name that nobody knows is refused with the name that was probably meant."""
+"""A name on the command line that nobody knows is refused."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 from ankle_bringup.errors import GraphError
+from ankle_interfaces.suggestion import hint
 
 
 def require_known(kind: str, name: str, known: Iterable[str]) -> None:
@@ -23,13 +23,8 @@ def require_known(kind: str, name: str, known: Iterable[str]) -> None:
     Raises
     ------
     GraphError
-        The name is not among them; has a suggestion where one is similar, and the known names.
+        The name is not among them; has a suggestion where one is similar, else the known names.
     """
-    names = sorted(known)
-    if name in names:
-        return
-    similar = get_close_matches(name, names, n=1)
-    suggestion = f"did you mean '{similar[0]}'? " if similar else ""
-    raise GraphError(
-        f"no {kind} is named '{name}'; {suggestion}known: {', '.join(names) or 'none'}"
-    )
+    names = set(known)
+    if name not in names:
+        raise GraphError(f"no {kind} is named '{name}'; {hint(name, names)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import rclpy
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -11,6 +12,7 @@ from rclpy.node import Node
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
 from ankle_node import declared_parameters
+from ankle_node.given_parameters import check_given, shared_names, unknown
 
 
 class NodeWithParameters(Node):
@@ -26,15 +28,17 @@ class NodeWithParameters(Node):
     Attributes
     ----------
     ignored
-        A warning for each given parameter that the node does not have.
+        A warning for each parameter given to every node that the node does not have.
     """
+
+    arguments: ClassVar[Sequence[str]] = ()
+    """Command line of the process, from which rclpy takes the start values."""
 
     def __init__(self, name: str, parameters: Sequence[Quantity]) -> None:
         self._declared = {parameter.name: parameter for parameter in parameters}
         super().__init__(name)
-        self.ignored = declared_parameters.check_overrides(
-            self._parameter_overrides, self._declared
-        )
+        shared = shared_names(self.arguments, self.get_name())
+        self.ignored = check_given(self._parameter_overrides, self._declared, shared)
         for parameter in parameters:
             self.declare_parameter(
                 parameter.name, parameter.default, declared_parameters.declaration(parameter)
@@ -63,7 +67,7 @@ class NodeWithParameters(Node):
         changes = []
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
-                reason = declared_parameters.unknown(parameter.name, self._declared)
+                reason = unknown(parameter.name, self._declared)
                 self.get_logger().error(reason)
                 return SetParametersResult(successful=False, reason=reason)
             present = self.get_parameter(parameter.name).value

@@ -16,6 +16,7 @@ from rclpy.utilities import remove_ros_args
 from ankle_interfaces.error_report import USERS_ERROR, report_error
 from ankle_node.block_executor import BlockExecutor
 from ankle_node.domain import stay_on_this_host
+from ankle_node.node_with_parameters import NodeWithParameters
 from ankle_node.unblocked_output import NO_LOG_FILES, unblocked_output
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ def _run(make: Callable[[], AnkleNode], arguments: list[str]) -> int:
     node: AnkleNode | None = None
     try:
         stop = StopSignal()
+        NodeWithParameters.arguments = arguments
         node = make()
         stop.starting = False
         executor = BlockExecutor()

@@ -8,6 +8,10 @@ import time
 
 import pytest
 
+from ankle_interfaces.errors import QuantityError
+from ankle_interfaces.quantity import Quantity
+from ankle_node.given_parameters import check_given, shared_names
+
 pytestmark = [pytest.mark.live, pytest.mark.untimed]
 
 PROGRAM = """
@@ -135,6 +139,41 @@ def test_a_typing_error_at_the_start_is_refused_and_what_is_of_other_nodes_is_na
     assert process.returncode == 0
     assert "accepted" in lines[1]
     assert "parameter 'protocol' is unknown; known: amplitude, seed, shape; it is ignored" in error
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ("probe: {ros__parameters: {nobody: 3}}", True),
+        ("/: {probe: {ros__parameters: {nobody: 3}}}", True),
+        ("/*/probe: {ros__parameters: {nobody: 3}}", True),
+        ("/**: {ros__parameters: {nobody: 3}}", False),
+        ("/**: {ros__parameters: {nobody: 3}}\nprobe: {ros__parameters: {nobody: 3}}", True),
+        ("/**: {ros__parameters: {nobody: 3}}\nother: {ros__parameters: {nobody: 3}}", False),
+    ],
+)
+def test_what_a_file_gives_to_this_node_is_refused_and_what_it_gives_to_all_is_named(
+    tmp_path, content, named
+):
+    file = tmp_path / "parameters.yaml"
+    file.write_text(content)
+    shared = shared_names(["--ros-args", "--params-file", str(file)], "probe")
+    declared = {"seed": Quantity("seed", "1", 0, 10, 1, description="Seed.")}
+    if named:
+        with pytest.raises(QuantityError, match="'nobody' is unknown; known: seed"):
+            check_given(["nobody"], declared, shared)
+    else:
+        assert check_given(["nobody"], declared, shared) == [
+            "parameter 'nobody' is unknown; known: seed; it is ignored"
+        ]
+
+
+def test_what_the_command_line_gives_is_for_this_node(tmp_path):
+    file = tmp_path / "parameters.yaml"
+    file.write_text("/**: {ros__parameters: {nobody: 3, check: {somebody: 1}}}")
+    arguments = ["--ros-args", "--params-file", str(file), "-p"]
+    assert shared_names([*arguments, "nobody:=4"], "probe") == {"check.somebody"}
+    assert shared_names([*arguments, "probe:nobody:=4"], "probe") == {"check.somebody"}
 
 
 SLOW = """
