@@ -213,8 +213,8 @@ def write_section(outcomes: list[Outcome], closing: str, given: argparse.Namespa
     cases = sum(len(outcome.cases) for outcome in outcomes)
     text = f"""{TITLE}: whole processes
 
-Written by `python benchmarks/live_faults.py --times {given.times} --seed {given.seed}`: the
-graph `rig` with its emulator as processes, {cases} cases, at a load of {os.getloadavg()[0]:.1f}.
+Written by `.venv/bin/python benchmarks/live_faults.py --times {given.times} --seed {given.seed}`:
+the graph `rig` with its emulator as processes, {cases} cases, load {os.getloadavg()[0]:.1f}.
 The time to rest ends when the drive is off, by the rig's own log. Samples lost are gaps between
 the times in the bag, and for a recorder that has ended what another reader heard meanwhile and its
 bag lacks; reported is what the recorder states while it runs, or the account of that bag. The last

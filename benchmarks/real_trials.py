@@ -2,12 +2,11 @@
 other.
 
     .venv/bin/python benchmarks/real_trials.py             # the recordings beside the repository
-    .venv/bin/python benchmarks/real_trials.py FOLDER      # NPZ files with time, position, torque
+    .venv/bin/python benchmarks/real_trials.py FOLDER      # bags of `ankle fetch-trials`
 
 The online estimators give K, B, I and the reflex response that they hold at the end of the half.
 The parallel cascade is fitted to the whole half and knows no parametric form: the offline
-reference. VAF in per cent, between 0.1 and 80 Hz, zero-phase. The recordings' torque is the
-subject's; it is turned round.
+reference. VAF in per cent, between 0.1 and 80 Hz, zero-phase.
 
 A second table is about a joint with known parameters that is moved as the subjects' ankles were, so
 that there is a truth.
@@ -22,13 +21,14 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from ankle_interfaces.continuity import sampling_rate
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.offline.parallel_cascade import parallel_cascade
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.offline.torque_prediction import Prediction, predict_torque
 from impedance_estimator.settings import EstimatorSettings, Settings
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
+from model_discrepancy.errors import DiagnosisError
+from simulation_study.human_trials import load_trial, trial_paths
 
 RECORDINGS = Path(__file__).resolve().parents[2] / "shared" / "recordings"
 # A half lasts 30 s; estimates need to be valid before its end.
@@ -121,7 +121,7 @@ def halves(
         x, y = position[parts[fitted]], torque[parts[fitted]]
         for method, (algorithm, settings) in ONLINE.items():
             result = estimate_signal(time[parts[fitted]], x, None, y, algorithm, settings)
-            row, response = result.valid[-1], result.responses[-1][1]
+            row, response = result.valid[-1], result.responses[-1][1][:, :2]
             predictions = [
                 predict_torque(rate, row[1:4], response, position[parts[part]], torque[parts[part]])
                 for part in (fitted, other)
@@ -146,13 +146,13 @@ def print_shifted(files: list[Path]) -> None:
     """K and G of every half with its torque a sample earlier, as recorded, and a sample later."""
     print("| trial | half | torque shifted by [samples] | K | G | doubt |\n|" + " --- |" * 6)
     for file in files:
-        data = np.load(file)
-        middle = len(data["time"]) // 2
+        trial = load_trial(file)
+        middle = len(trial.time) // 2
         for label, part in (("first", slice(0, middle)), ("second", slice(middle, None))):
             for shift in (-1, 0, 1):
-                torque = np.roll(-data["torque"], shift)[part]
+                torque = np.roll(trial.torque, shift)[part]
                 row = estimate_signal(
-                    data["time"][part], data["position"][part], None, torque, "simultaneous"
+                    trial.time[part], trial.position[part], None, torque, "simultaneous"
                 ).valid[-1]
                 named = dict(zip(ESTIMATE_COLUMNS, row, strict=True))
                 values = [
@@ -174,9 +174,10 @@ def main() -> int:
     )
     arguments = parser.parse_args()
     folder = arguments.folder
-    files = sorted(folder.glob("*.npz"))
-    if not files:
-        print(f"no NPZ files in {folder}", file=sys.stderr)
+    try:
+        files = trial_paths(folder)
+    except DiagnosisError as error:
+        print(error, file=sys.stderr)
         return 1
     if arguments.shift:
         print_shifted(files)
@@ -184,10 +185,9 @@ def main() -> int:
     print("| " + " | ".join(HEADER) + " |")
     print("|" + " --- |" * len(HEADER))
     for file in files:
-        data = np.load(file)
-        rate = sampling_rate(data["time"])
+        trial = load_trial(file)
         for label, method, found, (own, other) in halves(
-            rate, data["time"], data["position"], -data["torque"]
+            trial.rate, trial.time, trial.position, trial.torque
         ):
             values = [
                 f"{value:.{digits}f}" for value, digits in zip(found, (1, 2, 4, 1), strict=True)
@@ -204,8 +204,8 @@ def main() -> int:
         + " --- |" * 5
     )
     for file in files:
-        data = np.load(file)
-        print_known_joint(file.stem, sampling_rate(data["time"]), data["time"], data["position"])
+        trial = load_trial(file)
+        print_known_joint(file.stem, trial.rate, trial.time, trial.position)
     return 0
 
 

@@ -144,7 +144,7 @@ def study(out: Path, count: int, seed: int) -> str:
         results.append(json.loads(file.read_text()))
     text = report(
         results,
-        f"python -m simulation_study.calibrated_study --recordings {count} --seed {seed} "
+        f".venv/bin/python -m simulation_study.calibrated_study --recordings {count} --seed {seed} "
         "--out FOLDER",
     )
     (out / TABLE).write_text(text)

@@ -56,7 +56,8 @@ def write_table(
         found += work(plan)
         print(f"{number} of {len(todo)}: {plan.name}", file=sys.stderr, flush=True)
     sizes = " ".join(f"--{kind}s {count}" for kind, count in asked.items())
-    command = f"python -m simulation_study.{module} --seed {options.seed} {sizes} --out FOLDER"
+    program = f".venv/bin/python -m simulation_study.{module}"
+    command = f"{program} --seed {options.seed} {sizes} --out FOLDER"
     options.out.mkdir(parents=True, exist_ok=True)
     text = report(found, command)
     (options.out / f"{module}.md").write_text(text)

@@ -2,7 +2,7 @@
 
 ``python -m simulation_study.human_halves RECORDINGS --out FOLDER``
 
-RECORDINGS holds ``mcgill_*.npz`` as for `simulation_study.human_trials`. Each half of a trial is
+RECORDINGS holds the trials as for `simulation_study.human_trials`. Each half of a trial is
 diagnosed once, and its model is kept in FOLDER. The other half is then estimated online with this
 model. FOLDER receives ``human_halves.md``:
 
@@ -30,9 +30,8 @@ from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.offline.model_prediction import predict_with_model
 from impedance_estimator.offline.parallel_cascade import parallel_cascade
 from impedance_estimator.offline.recorded_estimates import OfflineResult, estimate_signal
-from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
-from simulation_study.human_trials import load_trial
+from simulation_study.human_trials import load_trial, trial_paths
 
 HALVES = ("first", "second")
 SUBJECT_FILE, TABLE = "subject.yaml", "human_halves.md"
@@ -198,9 +197,7 @@ def main() -> None:
     parser.add_argument("recordings", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    files = sorted(options.recordings.glob("mcgill_*.npz"))
-    if not files:
-        raise DiagnosisError(f"no mcgill_*.npz in {options.recordings}")
+    files = trial_paths(options.recordings)
     options.out.mkdir(parents=True, exist_ok=True)
     text = table(files, options.out)
     (options.out / TABLE).write_text(text)

@@ -1,7 +1,7 @@
 """What single terms add on the recorded human trials: ``python -m simulation_study.human_terms
 RECORDINGS --out FILE TERM...``.
 
-RECORDINGS holds ``mcgill_*.npz`` as for `simulation_study.human_trials`. For each trial the base
+RECORDINGS holds the trials as for `simulation_study.human_trials`. For each trial the base
 model is fitted, then the best model that the search finds without the given terms; each term is
 then fitted beside either. FILE becomes a table in Markdown of VAF on unseen data [%]: trained on
 one half in time, scored on the other, both ways.
@@ -14,7 +14,6 @@ from pathlib import Path
 
 from ankle_physics.errors import ModelError
 from ankle_physics.term import term_library
-from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
@@ -22,7 +21,7 @@ from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import candidates, grid, moves_foot, screen, with_term
 from model_discrepancy.search.term_search import search
-from simulation_study.human_trials import load_trial
+from simulation_study.human_trials import load_trial, trial_paths
 
 # Enough for a term with three nonlinear parameters beside five others.
 EVALUATIONS = 40
@@ -92,9 +91,7 @@ def main() -> None:
     unknown = [name for name in options.terms if name not in term_library()]
     if unknown:
         raise ModelError(f"unknown term '{unknown[0]}'; known: {', '.join(term_library())}")
-    files = sorted(options.recordings.glob("mcgill_*.npz"))
-    if not files:
-        raise DiagnosisError(f"no mcgill_*.npz in {options.recordings}")
+    files = trial_paths(options.recordings)
     options.out.write_text(table(files, options.terms))
 
 

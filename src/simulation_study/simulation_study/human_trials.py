@@ -1,9 +1,9 @@
 """The diagnosis on the recorded human trials: ``python -m simulation_study.human_trials RECORDINGS
 --out FOLDER``.
 
-RECORDINGS holds ``mcgill_*.npz`` with time [s], position [rad] and torque [N.m]; their torque is
-the subject's, opposite to this project's sign. Prints base, augmented and explainable VAF on unseen
-data.
+RECORDINGS holds the bags ``trial_*`` that ``ankle fetch-trials`` writes, or ``mcgill_*.npz`` with
+time [s], position [rad] and torque [N.m]; the torque of these files is the subject's, opposite to
+this project's sign. Prints base, augmented and explainable VAF on unseen data.
 """
 
 from __future__ import annotations
@@ -20,14 +20,30 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 
 
-def load_trial(file: Path) -> Recording:
+def trial_paths(folder: Path) -> list[Path]:
+    """Return the bags and files of the trials in a folder.
+
+    Raises
+    ------
+    DiagnosisError
+        It has none.
+    """
+    found = sorted([*folder.glob("trial_*"), *folder.glob("mcgill_*.npz")])
+    if not found:
+        raise DiagnosisError(f"no bag trial_* and no mcgill_*.npz in {folder}")
+    return found
+
+
+def load_trial(path: Path) -> Recording:
     """Return one trial, in this project's sign."""
-    data = np.load(file)
+    if path.is_dir():
+        return Recording.from_bag(path)
+    data = np.load(path)
     return Recording(
         sampling_rate(data["time"]),
         data["position"],
         -data["torque"],
-        name=file.stem,
+        name=path.stem,
         notes=("the torque's sign was turned round",),
     )
 
@@ -38,9 +54,7 @@ def main() -> None:
     parser.add_argument("recordings", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    files = sorted(options.recordings.glob("mcgill_*.npz"))
-    if not files:
-        raise DiagnosisError(f"no mcgill_*.npz in {options.recordings}")
+    files = trial_paths(options.recordings)
     for file in files:
         begun = time.process_time()
         diagnosis = diagnose(

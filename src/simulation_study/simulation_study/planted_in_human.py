@@ -26,7 +26,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.resimulation import simulated_torque
-from simulation_study.human_trials import load_trial
+from simulation_study.human_trials import load_trial, trial_paths
 from simulation_study.planted_trials import STRENGTHS, outcome, run_all
 
 # Of the rms that the paper's model leaves of the trial, between 0.1 and 80 Hz.
@@ -98,11 +98,7 @@ def main() -> None:
     parser.add_argument("recordings", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="folder for results.jsonl")
     options = parser.parse_args()
-    trials = {
-        file.stem: load_trial(file) for file in sorted(options.recordings.glob("mcgill_*.npz"))
-    }
-    if not trials:
-        raise DiagnosisError(f"no mcgill_*.npz in {options.recordings}")
+    trials = {path.stem: load_trial(path) for path in trial_paths(options.recordings)}
     # What the position sensor does, changes no torque.
     names = [
         n

@@ -126,7 +126,8 @@ def study(out: Path, count: int, seed: int) -> str:
             results[stiffness].append(json.loads(file.read_text()))
     text = report(
         results,
-        f"python -m simulation_study.servo_bias --subjects {count} --seed {seed} --out FOLDER",
+        f".venv/bin/python -m simulation_study.servo_bias --subjects {count} --seed {seed} "
+        "--out FOLDER",
     )
     (out / TABLE).write_text(text)
     return text

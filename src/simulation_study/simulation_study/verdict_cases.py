@@ -23,7 +23,7 @@ from blind_rig.protocols import EVERY_PROTOCOL, PROTOCOLS, Protocol
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Trial, record, run
 from model_discrepancy.recording.recording import Recording
-from simulation_study.human_trials import load_trial
+from simulation_study.human_trials import load_trial, trial_paths
 from simulation_study.planted_in_human import plant
 
 DURATION_S = 60.0
@@ -182,7 +182,8 @@ def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedan
     """
     if plan.kind == "planted":
         assert folder is not None
-        return plant(load_trial(folder / f"{plan.protocol}.npz"), plan.hidden[0]), None
+        path = next(path for path in trial_paths(folder) if path.stem == plan.protocol)
+        return plant(load_trial(path), plan.hidden[0]), None
     trial = _trial(plan)
     done = run(trial)
     samples = record(trial, done)

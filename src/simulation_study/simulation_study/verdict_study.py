@@ -20,6 +20,7 @@ from typing import Any
 from ankle_physics.term import term_library
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from simulation_study.blind.acceptance import ANSWERS
+from simulation_study.human_trials import trial_paths
 from simulation_study.verdict_cases import KINDS, Plan, made, plans
 from simulation_study.verdict_report import report
 
@@ -187,16 +188,16 @@ def main() -> None:
         parser.add_argument(option, type=int, default=0, dest=kind, help="so many of this kind")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--trials", type=Path, help="folder of recorded human trials (mcgill_*)")
+    parser.add_argument("--trials", type=Path, help="folder of recorded human trials")
     parser.add_argument("--part", default="1/1", help="k/n: every n-th case, beginning at the k-th")
     options = parser.parse_args()
     counts = {kind: getattr(options, kind) for kind in KINDS}
-    names = sorted(f.stem for f in options.trials.glob("mcgill_*.npz")) if options.trials else []
+    names = [path.stem for path in trial_paths(options.trials)] if options.trials else []
     if counts["planted"] and not names:
-        parser.error("--planted needs --trials FOLDER with mcgill_*.npz")
+        parser.error("--planted needs --trials, a folder as `ankle fetch-trials` writes it")
     part, of = (int(word) for word in options.part.split("/"))
     given = " ".join(f"{option} {counts[k]}" for option, k in OPTIONS.items() if counts[k])
-    command = f"python -m simulation_study.verdict_study --seed {options.seed} {given}"
+    command = f".venv/bin/python -m simulation_study.verdict_study --seed {options.seed} {given}"
     options.out.mkdir(parents=True, exist_ok=True)
     done = {entry["case"] for entry in read_cases(options.out)}
     todo = [p for p in ordered(counts, options.seed, names)[part - 1 :: of] if p.name not in done]

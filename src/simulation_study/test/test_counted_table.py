@@ -20,8 +20,8 @@ def test_options_say_how_many_recordings_of_each_kind_are_worked_through(
         lambda found, command: f"{sorted(found)} by {command}",
     )
     words = (
-        "['null', 'null', 'pair'] by python -m simulation_study.a_study --seed 3 --nulls 2 "
-        "--pairs 1 --out FOLDER"
+        "['null', 'null', 'pair'] by .venv/bin/python -m simulation_study.a_study --seed 3 "
+        "--nulls 2 --pairs 1 --out FOLDER"
     )
     assert (tmp_path / "new" / "a_study.md").read_text() == words
     told = capsys.readouterr()
