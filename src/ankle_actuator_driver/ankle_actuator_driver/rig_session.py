@@ -36,7 +36,7 @@ CLOCK_READING_TOLERANCE = 50e-6
 """[s] Longest time between two readings of clocks that count as one moment."""
 CLOCK_READINGS = 5
 LINE_CUT_REASON = "this driver hung when it was commanded to stop, and has cut the line to the rig"
-REPORT_PERIOD = 1.0
+NEWS_PERIOD = 1.0
 """[s] Longest time between two pieces of news."""
 LONG_PAUSE = LOST_AFTER / 2
 """[s] Time without a look at the line that is worth a note: half of what the watchdogs allow."""
@@ -302,7 +302,7 @@ class RigSession:
             self._send()
             news = News(bridge.samples, bridge.notes, bridge.states.changes, ros)
             bridge.samples, bridge.notes, bridge.states.changes = [], [], []
-        if news.blocks or news.notes or news.changes or now - self._reported > REPORT_PERIOD:
+        if news.blocks or news.notes or news.changes or now - self._reported > NEWS_PERIOD:
             self._reported = now
             self._news.put(news)
 

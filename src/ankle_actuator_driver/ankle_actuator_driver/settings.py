@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ankle_actuator_driver.link.rig_link import DEVICE_PORT, link_names
-from ankle_actuator_driver.safety.bridge import OPERATOR_TIMEOUT as USUAL_OPERATOR_TIMEOUT
+from ankle_actuator_driver.safety.bridge import USUAL_OPERATOR_TIMEOUT
 from ankle_actuator_driver.safety.limits import HARD_LIMIT_PARAMETERS, LIMIT_PARAMETERS
 from ankle_actuator_driver.safety.sensor_supervision import SENSOR_PARAMETERS
 from ankle_interfaces.quantity import Quantity

@@ -24,10 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankle_interfaces import topics
 from ankle_interfaces.errors import QuantityError
 
-MUSCLES = topics.MUSCLES
 CALF = np.array([True, False, True, True])
 FORCE_SHARE = np.array([0.55, 1.0, 0.15, 0.30])
 """Share of a muscle in its group's torque: physiological cross-section, Ward et al. 2009 (soleus

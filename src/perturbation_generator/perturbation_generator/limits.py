@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ankle_interfaces.ankle_range import PASSIVE_RANGE
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
 from perturbation_generator.signal import Signal
@@ -72,7 +73,7 @@ AMPLITUDE_LIMIT = Quantity(
     "amplitude_limit",
     "rad",
     0.0,
-    0.35,
+    PASSIVE_RANGE,
     Limits.amplitude,
     description="Largest distance from rest, overshoot included.",
     start_only=True,

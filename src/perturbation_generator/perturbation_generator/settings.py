@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from ankle_interfaces.ankle_range import PASSIVE_RANGE
 from ankle_interfaces.quantity import Quantity
 from perturbation_generator.edges import Polynomial, Shape
 
@@ -82,13 +83,12 @@ COMMON_PARAMETERS = (
         description="Samples a second (paper: 2048).",
         start_only=True,
     ),
-    # 0.35 rad is the end of the ankle's passive range in dorsiflexion; 'amplitude_limit' is the
-    # limit that protects.
+    # What protects is 'amplitude_limit'.
     Quantity(
         "amplitude",
         "rad",
         0.0,
-        0.35,
+        PASSIVE_RANGE,
         Settings.amplitude,
         description="Largest distance from the rest position.",
     ),

@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
+from ankle_interfaces.ankle_range import PASSIVE_RANGE
 from rig_emulator.faults import Faults
 
 TORQUE_RANGE = 100.0
 """[N.m] End of the range of the torque sensor: beyond what a seated subject's ankle can do."""
 TORQUE_NOISE = 0.14
 """[N.m] Standard deviation that is left of a dead torque sensor: the rig's own noise."""
-POSITION_RANGE = 0.35
-"""[rad] End of the range of the encoder: 20 degrees, the passive range of an ankle."""
+POSITION_RANGE = PASSIVE_RANGE
+"""[rad] End of the range of the encoder."""
 VELOCITY_RANGE = 10.0
 """[rad/s] End of the range of the velocity sensor: twice the largest velocity that is allowed."""
 SPIKE_SIZE = np.array([0.3, 3.0, 50.0])

@@ -13,9 +13,9 @@ from matplotlib.patches import Patch
 
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
+from session_analysis.colours import COLOURS
 from session_analysis.estimate_answer import QUANTITIES, Answer
 from session_analysis.html_page import (
-    COLOURS,
     bullets,
     figure,
     heading,

@@ -17,18 +17,11 @@ from emg_driver.muscles import (
     STRETCHED_BY,
 )
 from emg_driver.settings import Settings
+from session_analysis.colours import COLOURS
 from session_analysis.excerpts import Excerpt, estimate_column, smoothed
 from session_analysis.hold_opinions import HoldOpinion
 from session_analysis.table3 import Cell, as_text
 
-COLOURS = (
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
-    "#cc79a7",
-    "#56b4e9",
-    "#e69f00",
-)  # Okabe & Ito: told apart by colour-blind readers
 SHOWN_MUSCLE = "SOL"  # as in the paper's figures
 UV = 1e6
 HOLDS_IN_A_ROW = 4

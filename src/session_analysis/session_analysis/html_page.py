@@ -16,8 +16,6 @@ body{overflow-wrap:break-word}.wide table{overflow-wrap:normal}
 .loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}ul.loss{padding-left:2rem}
 @media print{body{font-size:10px;margin:0;max-width:none}.wide{overflow-x:visible}
 .wide table{overflow-wrap:anywhere}td{white-space:normal}td,th{padding:.1rem .3rem}}"""
-# Okabe & Ito: told apart by colour-blind readers.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 
 
 def page(title: str, parts: Sequence[str], interactive: bool = True) -> str:

@@ -15,13 +15,15 @@ from simulation_study.rigs import RIGS, record
 from simulation_study.trial import INERTIA, VISCOSITY, Trial
 
 IGNORED_DURATION = 30.0
-"""Estimates of the first seconds [s] are ignored: van 't Veld et al. 2018, section III-A."""
+"""Estimates of the first seconds [s] are ignored, longer than any memory: van 't Veld et al. 2018,
+section III-A.
+"""
 SNAPSHOT = 30.0
 """Estimates are kept with their standard errors at this distance [s]: more than any memory, so that
 they are independent.
 """
 ARRIVAL_DURATION = 2.0
-"""An estimate has arrived when it stays within 10 % of a jump for so long [s]: three perturbations.
+"""An estimate has arrived when it stays by its new value for so long [s]: three perturbations.
 """
 GAINS = ("K", "B", "I", "G")
 VALUES = [

@@ -132,12 +132,19 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
             own = [e for e in of["null"] if e["plan"][stratum] == value]
             count = _share(e["verdict"] != "no_mismatch" for e in own)
             lines.append((f"false alarms, {stratum} {value}", count))
+    wrong = f"stated with {MIN_STATED_PROBABILITY:g} or more and wrong"
     for kind, words in (
-        ("effect", "stated with 0.7 or more and wrong, one effect"),
-        ("pair", "stated with 0.7 or more and wrong, two effects"),
-        ("left_out", "stated with 0.7 or more and wrong, family left out"),
-        ("foreign", "stated with 0.7 or more and wrong, foreign to the library"),
-        ("planted", "stated with 0.7 or more and wrong, planted in human trials"),
+        ("effect", f"{wrong}, one effect"),
+        ("pair", f"{wrong}, two effects"),
+        ("left_out", f"{wrong}, family left out"),
+        (
+            "foreign",
+            f"{wrong}, foreign to the library",
+        ),
+        (
+            "planted",
+            f"{wrong}, planted in human trials",
+        ),
     ):
         lines.append(
             (words, _share(not right for e in of[kind] for _, _, right in stated_names(e)))

@@ -45,7 +45,7 @@ rig before it has nothing to follow."""
 COMMANDS_TIMEOUT = 1.0
 """[s] Time for which the thread that takes commands may be silent while the drive is on: it shows
 itself every 0.1 s, and a stop that waits longer than this is none."""
-OPERATOR_TIMEOUT = 2.0
+USUAL_OPERATOR_TIMEOUT = 2.0
 """[s] The default of the time for which the operator's page may stay away: twenty of its messages,
 longer than a page needs to reload, and no longer than an operator takes to look up."""
 
@@ -90,7 +90,7 @@ class Bridge:
         self, limits: Limits, soft_start: float, reference_delay: float, fault: str = ""
     ) -> None:
         self.limits, self.soft_start = limits, soft_start
-        self.operator_timeout = OPERATOR_TIMEOUT
+        self.operator_timeout = USUAL_OPERATOR_TIMEOUT
         self.states = SafetyStates(fault)
         self.sensors = SensorSupervision()
         self.orders: list[Order] = []

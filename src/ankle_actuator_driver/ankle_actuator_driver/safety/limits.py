@@ -11,6 +11,7 @@ import numpy as np
 
 from ankle_actuator_driver.safety.interpolated_path import Path
 from ankle_actuator_driver.safety.stop_motion import stopping_distance
+from ankle_interfaces.ankle_range import PASSIVE_RANGE
 from ankle_interfaces.errors import QuantityError
 from ankle_interfaces.quantity import Quantity, Value
 
@@ -193,8 +194,9 @@ _KINDS = (
     (
         "angle",
         "rad",
-        0.35,
-        "Largest distance of the reference from rest; 0.35 rad is the end of the passive range.",
+        PASSIVE_RANGE,
+        f"Largest distance of the reference from rest; {PASSIVE_RANGE:g} rad is the end of the "
+        "passive range.",
     ),
     ("velocity", "rad/s", 10.0, "Largest velocity of the reference."),
     ("acceleration", "rad/s^2", 5000.0, "Largest acceleration of the reference."),

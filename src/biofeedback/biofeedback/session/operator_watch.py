@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-OPERATOR_TIMEOUT = 2.0
+LONGEST_UNWATCHED = 2.0
 """[s] Time without an operator's page after which the session stops: a page that reloads is back
 within one second, and a subject at the rig must not be alone for longer than it takes to notice."""
 OPERATOR_HEARTBEAT_AGE = 0.5
@@ -41,10 +41,10 @@ class OperatorWatch:
 
     def answers(self, monotonic: float) -> bool:
         """Tell whether a page was heard recently enough to arm and start."""
-        return monotonic - self._heard <= OPERATOR_TIMEOUT
+        return monotonic - self._heard <= LONGEST_UNWATCHED
 
     def has_left(self, monotonic: float, active: bool) -> bool:
-        """Tell whether nobody has watched an active session for `OPERATOR_TIMEOUT`.
+        """Tell whether nobody has watched an active session for `LONGEST_UNWATCHED`.
 
         A session that becomes active without a page is given that time, too.
         """
@@ -53,4 +53,4 @@ class OperatorWatch:
             return False
         if self._alone_since is None:
             self._alone_since = max(self._heard, monotonic - OPERATOR_HEARTBEAT_AGE)
-        return monotonic - self._alone_since > OPERATOR_TIMEOUT
+        return monotonic - self._alone_since > LONGEST_UNWATCHED

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from session_analysis.colours import COLOURS
 from session_analysis.html_page import (
-    COLOURS,
     bullets,
     figure,
     heading,

@@ -21,6 +21,9 @@ from ankle_physics.term import term_library
 from blind_rig.strength import STRENGTHS
 from simulation_study.blind.acceptance import ANSWERS, VARIABILITY, Answer
 
+# The rule by which a sealed study judges is stated here and not taken from the diagnosis that it
+# judges: a diagnosis with longer sets or another threshold must not change its own score.
+# Most names that a set may hold in order to count.
 LARGEST_SET = 3
 # A name with at least this probability is a statement, under whichever verdict it stands.
 STATED_PROBABILITY = 0.7

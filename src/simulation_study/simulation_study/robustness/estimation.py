@@ -15,8 +15,9 @@ from impedance_estimator.offline.parallel_cascade import parallel_cascade
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import EstimatorSettings, Settings
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
+from simulation_study.estimates import ARRIVAL_DURATION, IGNORED_DURATION, SNAPSHOT
 from simulation_study.robustness.conditions import JUMP, Condition
-from simulation_study.robustness.recordings import IGNORED_DURATION, Recorded, recording
+from simulation_study.robustness.recordings import Recorded, recording
 
 ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
     "simultaneous": ("simultaneous", SimultaneousSettings()),
@@ -26,10 +27,6 @@ ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
 """Algorithm and settings of the online estimators by the name that the tables use."""
 OFFLINE = "parallel cascade"
 """Over the whole judged stretch; without standard errors."""
-SNAPSHOT = 30.0
-"""Estimates that count for the standard errors are so far apart [s]: more than any memory."""
-ARRIVAL_DURATION = 2.0
-"""An estimate has arrived when it stays within the tolerance so long [s]: three perturbations."""
 ARRIVED_OF_JUMP, ARRIVED_OF_VALUE = 0.1, 0.05
 """Tolerance about the new value: the larger of these shares of the jump and of the value. A tenth
 of a small jump lies inside the scatter of any estimator.

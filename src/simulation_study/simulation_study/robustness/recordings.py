@@ -11,12 +11,9 @@ import numpy as np
 
 from blind_rig.impedance import true_impedance
 from blind_rig.trial import record, run
+from simulation_study.estimates import IGNORED_DURATION
 from simulation_study.robustness.conditions import JUMP, Condition, blind_trial
 
-IGNORED_DURATION = 30.0
-"""Estimates of the first seconds [s] are ignored, longer than any memory. van 't Veld et al. 2018,
-section III-A.
-"""
 MEAN_ESTIMATE_LAG = 10.0
 """An estimate lies so far behind [s] on average: half of the longest memory. The truth is that of
 the samples which the estimates stand for.
