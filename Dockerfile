@@ -4,7 +4,7 @@
 FROM ros:jazzy
 
 RUN apt-get update \
- && apt-get install --yes --no-install-recommends python3-pip python3-colcon-common-extensions chromium-browser \
+ && apt-get install --yes --no-install-recommends python3-pip python3-colcon-common-extensions \
  && rm -rf /var/lib/apt/lists/*
 
 WORKDIR /workspace

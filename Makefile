@@ -15,8 +15,6 @@ PACKAGES := $(foreach package,$(patsubst src/%/setup.py,%,$(wildcard src/*/setup
 LAYOUT := $(wildcard src/*/setup.py src/*/setup.cfg src/*/package.xml)
 # make COLCON_PACKAGES="ankle_physics ankle_sim" test-colcon takes some packages only
 COLCON_PACKAGES ?=
-# Where the operating system keeps Chromium; the tests of the pages need one.
-CHROMIUM := $(shell command -v chromium chromium-browser google-chrome 2> /dev/null | head -n 1)
 
 .PHONY: setup demo test mutants faults bad-input soak test-slow test-colcon test-pythons lint manifests docs bench bench-live bench-diagnosis clean help
 .DEFAULT_GOAL := help
@@ -63,7 +61,7 @@ $(STAMP): $(VENV)/packages $(LAYOUT)
 test: setup
 	@$(MAKE) --no-print-directory -j 3 compiled-simultaneous compiled-CE lint
 	@$(BIN)/python -m pytest -q -m "not slow" -n 4 || $(BIN)/python -m pytest -q -m "not slow" -n 0 --failed-live
-	@test -n "$(CHROMIUM)" || echo "NOT TESTED: the pages in a browser, because there is no Chromium (Debian: sudo apt-get install chromium; Ubuntu: sudo apt-get install chromium-browser)"
+	@$(BIN)/python -m biofeedback.web.system_browser || true
 
 test-slow: setup
 	@$(BIN)/python -m pytest -q -m slow

@@ -35,9 +35,10 @@ def trial_paths(folder: Path) -> list[Path]:
 
 
 def load_trial(path: Path) -> Recording:
-    """Return one trial, in this project's sign."""
+    """Return position and torque of one trial, in this project's sign."""
     if path.is_dir():
-        return Recording.from_bag(path)
+        read = Recording.from_bag(path)
+        return Recording(read.rate, read.position, read.torque, name=path.name)
     data = np.load(path)
     return Recording(
         sampling_rate(data["time"]),
