@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.saturation import saturation_sentences
 from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.judgements import (
@@ -70,6 +71,8 @@ class Answer:
         Why estimates are not valid, and how long.
     doubts
         Why valid estimates are doubtful, and how long.
+    saturated
+        Which channels stand at an end of their range, and what to do, one sentence each.
     """
 
     bag: Path
@@ -83,6 +86,7 @@ class Answer:
     no_opinion: str
     not_valid: list[ShareOfTime]
     doubts: list[ShareOfTime]
+    saturated: list[str]
 
     def column(self, name: str) -> np.ndarray:
         """Return one column of the estimates, shape (n,)."""
@@ -167,9 +171,10 @@ def answer(
     losses = account_of_bag(BagReader(bag))
     if progress:
         progress("second opinion", 0.5)
-    opinion, reason = None, ""
+    opinion, reason, saturated = None, "", list[str]()
     try:
         recording = Recording.from_bag(bag)
+        saturated = saturation_sentences(recording.channels(), recording.reference)
         if recording.faults:
             reason = "; ".join(recording.faults)
         else:
@@ -197,6 +202,7 @@ def answer(
         reason,
         shares_of_invalid_time(result.judgements),
         shares_of_doubted_time(result.judgements),
+        saturated,
     )
 
 

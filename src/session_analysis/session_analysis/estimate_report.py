@@ -97,6 +97,7 @@ def _parts(found: Answer) -> list[str]:
         share += f", {doubtful.sum()} of them doubtful (doubt of {DOUBT_THRESHOLD:g} and more)"
     parts = [
         paragraph(f"{share}. Estimator: {found.algorithm}.", "answer"),
+        *(paragraph(f"In doubt: {sentence}.", "loss") for sentence in found.saturated),
         table(value_rows(found)),
         paragraph(BASE_VALUES),
         *_reasons(found),

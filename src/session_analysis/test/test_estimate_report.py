@@ -134,6 +134,17 @@ def test_the_report_says_why_estimates_are_doubtful_or_not_valid(tmp_path):
     assert "settling after the start" in sure
 
 
+def test_a_saturated_channel_is_in_the_report_with_its_share(tmp_path):
+    clean = ankle()
+    assert answer(write_bag(tmp_path / "clean", clean), estimates(), "CE", "").saturated == []
+    clean[:, 2] = np.minimum(clean[:, 2], np.quantile(clean[:, 2], 0.9))
+    found = answer(write_bag(tmp_path / "bag", clean), estimates(), "CE", "")
+    (said,) = found.saturated
+    assert said.startswith("torque is saturated: ")
+    assert "record again" in said
+    assert f"In doubt: {said}." in write_estimates(found, tmp_path).read_text()
+
+
 def test_the_second_opinion_finds_the_ankle_and_predicts_the_other_half(tmp_path):
     bag = write_bag(tmp_path / "bag", ankle(60.0))
     opinion = second_opinion(Recording.from_bag(bag))

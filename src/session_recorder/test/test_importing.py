@@ -322,3 +322,12 @@ def test_export_and_import_again_gives_the_same_numbers(write, tmp_path, file_fo
     assert np.array_equal(first[1], second[1])
     with pytest.raises(BagError, match="--overwrite"):
         export_bag(tmp_path / "bag", output, file_format)
+
+
+def test_a_saturated_channel_is_said_with_its_share(write, tmp_path):
+    torque = synthetic()["torque"]
+    source = write(torque=np.minimum(torque, np.quantile(torque, 0.95)))
+    report = import_recording(source, tmp_path / "bag", STATED, torque_sign="rig")
+    (said,) = report.warnings
+    assert said.startswith("torque is saturated: 4.8 % of the samples stand at its upper end")
+    assert said in BagReader(tmp_path / "bag").custom_data["warnings"]

@@ -79,6 +79,8 @@ def verb(
     losses = found.losses.sentences()
     for sentence in losses:
         console.print(f"loss: {sentence}")
+    for sentence in found.saturated:
+        console.print(f"in doubt: {sentence}", soft_wrap=True)
     for remark in found.remarks():
         console.print(f"note: {remark}", soft_wrap=True)
     head, *rows = value_rows(found)
@@ -110,6 +112,7 @@ def verb(
         "valid": int(found.valid.sum()),
         "doubtful": int(found.doubtful.sum()),
         "doubtful_because": {share.reason: round(share.share, 4) for share in found.doubts},
+        "saturated": found.saturated,
         "not_valid_because": {share.reason: round(share.share, 4) for share in found.not_valid},
         "median": result.median(),
         "held_out_vaf[%]": found.opinion.held_out_vaf if found.opinion else None,

@@ -99,6 +99,14 @@ class Recording:
         """Return the time since the first sample [s], shape (n,)."""
         return np.arange(len(self.position)) / self.rate
 
+    def channels(self) -> dict[str, np.ndarray]:
+        """Return what the rig measured, by name with unit, each of shape (n,)."""
+        joint = joint_in_force()
+        channels = {joint.position_column: self.position, joint.torque_column: self.torque}
+        if self.velocity is not None:
+            channels[joint.velocity_column] = self.velocity
+        return channels
+
     @classmethod
     def from_bag(cls, path: str | Path) -> Recording:
         """Read the trial in a bag: ``/ankle/samples``, and reference and EMG where they were

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import bilinear, butter, lfilter, sosfiltfilt
 
+from ankle_interfaces.saturation import saturation_sentences
 from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.recording.recording import Recording
 
@@ -55,11 +56,10 @@ def faults(recording: Recording) -> list[str]:
             *found,
             f"the recording lasts {recording.duration:.1f} s; at least {SHORTEST_S:g} s are needed",
         ]
-    channels = {"position": recording.position, "torque": recording.torque}
-    if recording.velocity is not None:
-        channels["velocity"] = recording.velocity
-    for name, values in channels.items():
-        found += _channel_faults(name, values, recording.rate)
+    channels = recording.channels()
+    found += saturation_sentences(channels, recording.reference)
+    for column, values in channels.items():
+        found += _channel_faults(column.split("[")[0], values, recording.rate)
     if found:
         return found
     found += _movement_faults(recording)
@@ -76,14 +76,6 @@ def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
     same = np.diff(values) == 0.0
     longest = _longest_run(same)
     noisy = _is_noisy(values, same)
-    for side, extreme in (("upper", values.max()), ("lower", values.min())):
-        # At least three samples in a row at the very extreme, often: the converter's end.
-        clipped = _runs_at(values == extreme, 3)
-        if noisy and clipped > 0.002 * len(values):
-            found.append(
-                f"{name} is saturated: {100 * clipped / len(values):.1f} % of the samples sit at "
-                f"its {side} end {extreme:g}"
-            )
     if noisy and longest / rate > _LONGEST_FLAT_S:
         found.append(
             f"{name} is stuck: {longest / rate:.2f} s without any change, though it varies "
@@ -348,10 +340,3 @@ def _longest_run(flags: np.ndarray) -> int:
     """Return the length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
-
-
-def _runs_at(flags: np.ndarray, least: int) -> int:
-    """Return the samples in runs of True of at least this length."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    lengths = edges[1::2] - edges[::2] if len(edges) else np.zeros(0)
-    return int(np.sum(lengths[lengths >= least]))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ankle_interfaces.block import TIME_COLUMN, Block
+from ankle_interfaces.saturation import saturation_sentences
 from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import RigFile
@@ -184,6 +185,7 @@ def import_recording(
     _report_missing(signals, missing)
     for other in converted[1:]:
         other.contradictions += check_ranges(other.columns[EMG_TOPIC])
+        other.warnings += saturation_sentences(other.columns[EMG_TOPIC])
         _report_missing(other, missing)
         signals.warnings += [w for w in other.warnings if w not in signals.warnings]
         signals.contradictions += other.contradictions
@@ -257,8 +259,10 @@ def _rig_contradictions(signals: Signals, rig: RigFile) -> list[str]:
 def _check_signals(signals: Signals, torque_sign: str) -> Intrinsic | None:
     ankle = signals.columns.get(ANKLE_SAMPLES.absolute, {})
     reference = signals.columns.get(PERTURBATION_REFERENCE.absolute, {})
-    signals.contradictions += check_ranges({**ankle, **signals.columns.get(EMG_TOPIC, {})})
+    measured = {**ankle, **signals.columns.get(EMG_TOPIC, {})}
+    signals.contradictions += check_ranges(measured)
     signals.contradictions += [f"reference: {sentence}" for sentence in check_ranges(reference)]
+    signals.warnings += saturation_sentences(measured, reference.get("position[rad]"))
     # Where samples are missing in time, neighbours are not one step apart: such a place is kept out
     # of the estimates.
     jumps = np.concatenate([[False], np.abs(np.diff(signals.time) * signals.rate - 1) > 0.5])
