@@ -1,5 +1,7 @@
 """Each package's manifest against its imports, its set-up script and the requirements."""
 
+import importlib
+import pkgutil
 import re
 import subprocess
 import sys
@@ -80,11 +82,21 @@ def test_a_module_of_unknown_origin_is_named(tmp_path):
 def test_a_package_exports_what_it_says_and_is_light_to_import(package):
     program = (
         f"import sys, {package}; "
-        "heavy = {'numpy', 'scipy', 'numba', 'rclpy'} & set(sys.modules); "
-        f"[getattr({package}, name) for name in getattr({package}, '__all__', [])]; print(heavy)"
+        "heavy = {'numpy', 'scipy', 'numba', 'rclpy', 'mujoco', 'matplotlib'} & set(sys.modules); "
+        f"[getattr({package}, name) for name in {package}.__all__]; print(heavy)"
     )
     shown = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
     )
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_an_exported_name_is_not_that_of_a_module_which_would_hide_it(package):
+    module = importlib.import_module(package)
+    assert module.__all__ == sorted(set(module.__all__))
+    modules = {found.name for found in pkgutil.iter_modules(module.__path__)}
+    assert not modules & set(module.__all__)
+    with pytest.raises(AttributeError, match=f"package '{package}' has no 'nobody'"):
+        _ = module.nobody

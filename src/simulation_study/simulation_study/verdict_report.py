@@ -137,14 +137,8 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
         ("effect", f"{wrong}, one effect"),
         ("pair", f"{wrong}, two effects"),
         ("left_out", f"{wrong}, family left out"),
-        (
-            "foreign",
-            f"{wrong}, foreign to the library",
-        ),
-        (
-            "planted",
-            f"{wrong}, planted in human trials",
-        ),
+        ("foreign", f"{wrong}, foreign to the library"),
+        ("planted", f"{wrong}, planted in human trials"),
     ):
         lines.append(
             (words, _share(not right for e in of[kind] for _, _, right in stated_names(e)))
