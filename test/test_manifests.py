@@ -100,3 +100,34 @@ def test_an_exported_name_is_not_that_of_a_module_which_would_hide_it(package):
     assert not modules & set(module.__all__)
     with pytest.raises(AttributeError, match=f"package '{package}' has no 'nobody'"):
         _ = module.nobody
+
+
+OF_A_RIG = (
+    "ankle_actuator_driver.ankle_actuator_driver_node",
+    "ankle_actuator_driver.link.udp",
+    "perturbation_generator.perturbation_generator_node",
+    "session_recorder.record_node",
+    "session_recorder.replay_node",
+)
+
+
+@pytest.mark.parametrize(
+    ("requirements", "modules"),
+    [
+        (("rig",), OF_A_RIG),
+        (("rig", "emulator"), (*OF_A_RIG, "rig_emulator.rig_emulator_node")),
+    ],
+)
+def test_a_rigs_computer_needs_no_module_beside_its_requirements(requirements, modules):
+    stated = "".join((ROOT / f"requirements/{name}.txt").read_text() for name in requirements)
+    installed = set(re.findall(r"^[A-Za-z][\w-]*", stated, re.MULTILINE))
+    from_apt = {"aiohttp", "cryptography", "h5py", "matplotlib", "numpy", "scipy"}
+    named = FROM_PYPI | {name: name for name in from_apt}
+    missing = sorted(module for module, name in named.items() if name not in installed)
+    assert {"matplotlib", "mujoco"} <= set(missing)
+    blocked = "".join(f"sys.modules[{module!r}] = None; " for module in missing)
+    program = f"import sys; {blocked}import {', '.join(modules)}"
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert shown.returncode == 0, shown.stderr

@@ -1,6 +1,6 @@
 """What can go wrong at the rig, as switches: ``drop=0.1,corrupt=0.01,emergency_stop=1``.
 
-`SWITCHES` says what each does. Every value is 0 (off) to 1.
+`Faults` says what each does.
 """
 
 from __future__ import annotations
@@ -9,40 +9,68 @@ from dataclasses import dataclass, fields, replace
 
 from ankle_interfaces.errors import QuantityError
 
-SWITCHES = {
-    "drop": "part of the packets that are lost, each way",
-    "duplicate": "part of the packets that come twice",
-    "reorder": "part of the packets that later ones overtake",
-    "corrupt": "part of the packets with some flipped bits",
-    "burst": "seconds for which all packets wait, once a second",
-    "freeze": "the controller's communication hangs: nothing comes or goes; its servo lives on",
-    "encoder_stuck": "the measured position stays where it is",
-    "encoder_slip": "radians by which the measured position slips at once",
-    "encoder_spikes": "part of the samples whose position is 0.3 rad off",
-    "position_saturated": "the measured position is at the end of its range",
-    "position_nan": "the measured position is not a number",
-    "velocity_stuck": "the measured velocity is zero",
-    "velocity_saturated": "the measured velocity is at the end of its range",
-    "velocity_spikes": "part of the samples whose velocity is 3 rad/s off",
-    "velocity_nan": "the measured velocity is not a number",
-    "torque_dead": "the torque sensor shows its noise only",
-    "torque_stuck": "the measured torque stays as it is",
-    "torque_spikes": "part of the samples whose torque is 50 N.m off",
-    "torque_nan": "the measured torque is not a number",
-    "torque_saturated": "the torque sensor is at the end of its range",
-    "torque_swings": "part of 100 N.m, the amplitude of a torque that swings 8 times a second",
-    "nan": "all samples are not a number",
-    "no_samples": "the state is reported without samples",
-    "ignore_off": "the rig stays powered though it is commanded to switch off",
-    "ignore_reference": "the plate is held though the rig says that it follows",
-    "unchecked": "the rig checks nothing: no limits, no sensors, no torque",
-    "emergency_stop": "the button at the rig is pressed",
-}
-
 
 @dataclass(frozen=True)
 class Faults:
-    """Holds the switches of the rig's faults; see `SWITCHES`."""
+    """Holds the switches of the rig's faults, each 0 (off) to 1.
+
+    Attributes
+    ----------
+    drop
+        Part of the packets that are lost, each way.
+    duplicate
+        Part of the packets that come twice.
+    reorder
+        Part of the packets that later ones overtake.
+    corrupt
+        Part of the packets with some flipped bits.
+    burst
+        Seconds for which all packets wait, once a second.
+    freeze
+        The controller's communication hangs: nothing comes or goes; its servo lives on.
+    encoder_stuck
+        The measured position stays where it is.
+    encoder_slip
+        Radians by which the measured position slips at once.
+    encoder_spikes
+        Part of the samples whose position is 0.3 rad off.
+    position_saturated
+        The measured position is at the end of its range.
+    position_nan
+        The measured position is not a number.
+    velocity_stuck
+        The measured velocity is zero.
+    velocity_saturated
+        The measured velocity is at the end of its range.
+    velocity_spikes
+        Part of the samples whose velocity is 3 rad/s off.
+    velocity_nan
+        The measured velocity is not a number.
+    torque_dead
+        The torque sensor shows its noise only.
+    torque_stuck
+        The measured torque stays as it is.
+    torque_spikes
+        Part of the samples whose torque is 50 N.m off.
+    torque_nan
+        The measured torque is not a number.
+    torque_saturated
+        The torque sensor is at the end of its range.
+    torque_swings
+        Part of 100 N.m, the amplitude of a torque that swings 8 times a second.
+    nan
+        All samples are not a number.
+    no_samples
+        The state is reported without samples.
+    ignore_off
+        The rig stays powered though it is commanded to switch off.
+    ignore_reference
+        The plate is held though the rig says that it follows.
+    unchecked
+        The rig checks nothing: no limits, no sensors, no torque.
+    emergency_stop
+        The button at the rig is pressed.
+    """
 
     drop: float = 0.0
     duplicate: float = 0.0

@@ -151,10 +151,6 @@ class BagReader:
         """Tell whether nothing is missing or damaged."""
         return not self.problems
 
-    def metadata_record(self, name: str) -> dict[str, str]:
-        """Return an MCAP metadata record; empty where there is none of that name."""
-        return next((file.metadata[name] for file in self._files if name in file.metadata), {})
-
     def topic(self, name: str, message_type: str | None = None) -> Topic:
         """Return one topic.
 

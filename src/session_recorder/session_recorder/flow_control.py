@@ -60,18 +60,11 @@ class Flow:
             )
             self._changed.notify_all()
 
-    @property
-    def under_way(self) -> int:
+    def _under_way(self) -> int:
         """Return the number of messages that the slowest reader has not acknowledged.
 
         It is 0 without readers that report it.
-
-        It is 0 without readers that report it.
         """
-        with self._changed:
-            return self._under_way()
-
-    def _under_way(self) -> int:
         if self.readers == 0:
             return 0
         slowest = min(self._done.values()) if len(self._done) >= self.readers else 0

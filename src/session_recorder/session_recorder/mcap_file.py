@@ -21,7 +21,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, DataEnd, Footer, Message, MessageIndex, Metadata, Schema
+from mcap.records import Channel, Chunk, DataEnd, Footer, Message, MessageIndex, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk, get_chunk_data_stream
 
 from session_recorder.errors import BagError
@@ -87,7 +87,6 @@ class McapFile:
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.counts: Counter[int] = Counter()
-        self.metadata: dict[str, dict[str, str]] = {}
         self.problems: list[str] = []
         self.start_ns: int | None = None
         self.end_ns: int | None = None
@@ -127,10 +126,11 @@ class McapFile:
                 statistics.message_count and not summary.chunk_indexes
             ):
                 return False
-            metadata = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
+            # Where the index is damaged, its records of metadata cannot be read either.
+            for _ in reader.iter_metadata():
+                pass
         except DAMAGE:
             return False
-        self.metadata = metadata
         self.channels, self.schemas = summary.channels, summary.schemas
         self.counts.update(statistics.channel_message_counts)
         if statistics.message_count:
@@ -182,8 +182,6 @@ class McapFile:
                     )
                     continue
                 self._collect(inner, offset)
-            elif isinstance(record, Metadata):
-                self.metadata[record.name] = dict(record.metadata)
             elif isinstance(record, DataEnd):
                 finished = True
             elif isinstance(record, Footer):

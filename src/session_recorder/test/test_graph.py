@@ -93,7 +93,6 @@ def test_recorded_graph_is_complete_and_read_by_others(graph, tmp_path):
     assert reader.complete
     assert reader.custom_data["missing_samples /ankle/samples"] == "32"
     assert "32 samples (0.016 s) missing" in reader.custom_data["warnings"]
-    assert reader.metadata_record("session_recorder") == reader.custom_data
     counts = {name: topic.count for name, topic in reader.topics.items()}
     assert counts["/ankle/samples"] == 159
     assert counts["/joint_states"] == 160
