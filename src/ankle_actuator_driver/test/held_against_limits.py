@@ -12,19 +12,19 @@ ANGLE, VELOCITY, ACCELERATION = 0.175, 5.0, 2000.0  # rad, rad/s, rad/s^2
 LARGEST_MOTION = np.array([ANGLE, VELOCITY, ACCELERATION]) * (1 + 1e-5)
 LONGEST_BRIDGED_GAP = 0.04  # s; longer gaps are not bridged by a rig
 JOIN = 1e-3  # rad; between the two ends of a pause at rest
-BOUNDARY = np.linalg.inv(
-    np.array(
-        [
-            [1, 0, 0, 0, 0, 0],
-            [0, 1, 0, 0, 0, 0],
-            [0, 0, 2, 0, 0, 0],
-            [1, 1, 1, 1, 1, 1],
-            [0, 1, 2, 3, 4, 5],
-            [0, 0, 2, 6, 12, 20],
-        ],
-        dtype=float,
-    )
+ENDS = np.array(
+    [
+        [1, 0, 0, 0, 0, 0],
+        [0, 1, 0, 0, 0, 0],
+        [0, 0, 2, 0, 0, 0],
+        [1, 1, 1, 1, 1, 1],
+        [0, 1, 2, 3, 4, 5],
+        [0, 0, 2, 6, 12, 20],
+    ],
+    dtype=float,
 )
+"""From a polynomial of the fifth order to position, velocity and acceleration at 0 and at 1."""
+BOUNDARY = np.linalg.inv(ENDS)
 """From position, velocity and acceleration at both ends to the polynomial between them."""
 PLACES = np.linspace(0.0, 1.0, 17)
 

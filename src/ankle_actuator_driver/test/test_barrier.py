@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from held_against_limits import ENDS
 from virtual_laboratory import unchecked
 
 from ankle_actuator_driver.safety.continuation import contradiction
@@ -232,18 +233,8 @@ def test_the_extremes_of_the_path_are_those_of_a_much_finer_one():
         h = time[k + 1] - time[k]
         s = np.linspace(0, 1, 4001)
         basis = np.vander(s, 6, increasing=True)
-        rows = [
-            [1, 0, 0, 0, 0, 0],
-            [0, 1, 0, 0, 0, 0],
-            [0, 0, 2, 0, 0, 0],
-            [1, 1, 1, 1, 1, 1],
-            [0, 1, 2, 3, 4, 5],
-            [0, 0, 2, 6, 12, 20],
-        ]
         scale = np.array([1, h, h * h])
-        c = np.linalg.solve(
-            np.array(rows, float), np.concatenate([motion[k] * scale, motion[k + 1] * scale])
-        )
+        c = np.linalg.solve(ENDS, np.concatenate([motion[k] * scale, motion[k + 1] * scale]))
         position = basis @ c
         assert np.abs(position).max() <= np.abs(path.position[k]).max() * (1 + 1e-3) + 1e-6
         second = np.vander(s, 4, increasing=True) @ (c[2:] * [2, 6, 12, 20]) / h**2

@@ -74,6 +74,7 @@ Namespace = Annotated[
     str, typer.Option(help="Namespace of the laboratory, as 'left'; empty: the root.")
 ]
 SEED = Quantity("seed", "1", 0, 2**31 - 1, 1)
+"""It ends where a signed integer of 32 bits does, which every generator of numbers takes."""
 LOG_PERIOD = 10.0
 """[s] Shortest time between two lines of progress in a log: seldom enough to be read."""
 CORES = os.cpu_count() or 1

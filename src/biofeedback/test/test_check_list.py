@@ -117,9 +117,9 @@ def test_a_protocol_names_its_checks(tmp_path):
 
 
 def test_nothing_is_armed_before_the_check_list_is_complete(tmp_path):
-    from test_stop import VirtualSession
+    from virtual_session import short_session
 
-    virtual = VirtualSession(tmp_path, check_list=("rig_calibration", "warm_up"))
+    virtual = short_session(tmp_path, check_list=("rig_calibration", "warm_up"))
     with pytest.raises(CommandError, match="Rig calibration in date, Warm-up"):
         virtual.command("arm")
     assert virtual.rig.requests == []
@@ -191,9 +191,9 @@ def test_the_shipped_visit_has_the_whole_check_list():
 
 
 def test_nothing_is_measured_before_samples_are_received(tmp_path):
-    from test_stop import VirtualSession
+    from virtual_session import short_session
 
-    virtual = VirtualSession(tmp_path, check_list=("zero",))
+    virtual = short_session(tmp_path, check_list=("zero",))
     command = Command(1, "check", {"check": "zero", "act": "begin"})
     with pytest.raises(CommandError, match="'Zero' cannot be measured: no samples of torque"):
         asyncio.run(virtual.runner.carry_out(command))

@@ -4,66 +4,24 @@ import asyncio
 import json
 import threading
 import time
-from dataclasses import replace
 
 import pytest
-from laboratory import FakeRig, FakeSubject, short_protocol, until
+from laboratory import until
 from page_client import of_kind, operator, say, talk
+from virtual_session import short_session
 
 from biofeedback.errors import CommandError
-from biofeedback.live_signals import LiveSignals
 from biofeedback.session import rig_agreement, saved_session
 from biofeedback.session.commands import BURST, Command
 from biofeedback.session.drivers import NO_DRIVER, Drivers
 from biofeedback.session.operator_watch import LONGEST_UNWATCHED
 from biofeedback.session.rig_agreement import RESUME_PATIENCE, WATCH_AFTER_LOST_ANSWER
-from biofeedback.session.runner import SessionRunner
-from biofeedback.session.session_program import IDLE, RUNNING, Session
-
-PERIOD = 1 / 30
-
-
-class VirtualSession:
-    """A runner without its thread, in virtual time, with an operator's page that can close."""
-
-    def __init__(self, folder, check_list=()):
-        self.rig, self.events = FakeRig(), []
-        protocol = replace(short_protocol(folder, baseline=60), check_list=check_list)
-        self.session = Session(protocol)
-        self.now, self.signals = 1000.0, LiveSignals()
-        self.runner = SessionRunner(
-            self.session,
-            self.signals,
-            self.rig,
-            FakeSubject(),
-            self.events.append,
-            lambda: self.now,
-        )
-        self.operator = True
-        self.pass_time(0.1)
-
-    def pass_time(self, seconds):
-        for _ in range(round(seconds / PERIOD)):
-            self.now += PERIOD
-            if self.operator:
-                self.runner.hear_operator(self.now)
-            self.runner.tick(self.now, self.now)
-
-    def command(self, name):
-        asyncio.run(self.runner.carry_out(Command(1, name, {})))
-        self.rig.state = {"arm": "armed", "start": "running"}.get(name, self.rig.state)
-
-    def run(self):
-        self.command("arm")
-        self.command("start")
-        self.pass_time(2.0)
-        assert self.session.state == RUNNING
-        assert self.rig.requests == ["arm", "start"]
+from biofeedback.session.session_program import IDLE, RUNNING
 
 
 @pytest.fixture
 def virtual(tmp_path):
-    return VirtualSession(tmp_path)
+    return short_session(tmp_path)
 
 
 # ----- nothing stands before a stop -----
@@ -221,7 +179,7 @@ def test_a_start_that_is_cancelled_ends_in_a_stop(virtual):
 def test_a_resumed_session_follows_its_rig_at_once(virtual, tmp_path):
     virtual.run()
     saved = virtual.session.saved()
-    again = VirtualSession(tmp_path)
+    again = short_session(tmp_path)
     again.rig.state = "ready: stopped by its watchdog"
     again.runner.resume(saved, again.now)
     again.pass_time(RESUME_PATIENCE + 0.2)
@@ -380,7 +338,7 @@ def test_a_start_that_is_refused_again_and_again_does_not_keep_a_session_armed(v
 
 
 def test_a_session_whose_tick_fails_stops_the_rig(tmp_path):
-    made = VirtualSession(tmp_path)
+    made = short_session(tmp_path)
     made.session.tick = None  # any failure
     made.runner.start()
     until(lambda: "stop" in made.rig.requests, "the stop")

@@ -14,17 +14,21 @@ from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.known_physics_stream import KnownPhysicsStream
 
 
-def test_estimates_are_those_of_the_whole_joint_without_the_plate():
-    hardening = {"hardening_stiffness": {}}
-    known = KnownPhysics(rig({"footplate_inertia": {"Ip": 0.004}}), Model.of({**CORE, **hardening}))
+def stated_at(known, position):
+    """Estimates of zero as the joint's, after two seconds at a position [rad]."""
     stream = KnownPhysicsStream(known, LAYOUT)
     samples = np.zeros((4096, 4))
     samples[:, 0] = np.arange(4096) / RATE
-    samples[:, 1] = 0.1
+    samples[:, 1] = position
     stream.correct(samples)
     stream.restate()
-    rows = np.zeros((1, len(ESTIMATE_COLUMNS)))
-    out = stream.complete(rows)[0]
+    return stream.complete(np.zeros((1, len(ESTIMATE_COLUMNS))))[0]
+
+
+def test_estimates_are_those_of_the_whole_joint_without_the_plate():
+    hardening = {"hardening_stiffness": {}}
+    known = KnownPhysics(rig({"footplate_inertia": {"Ip": 0.004}}), Model.of({**CORE, **hardening}))
+    out = stated_at(known, 0.1)
     assert out[3] == pytest.approx(-0.004)
     assert out[1] == pytest.approx(known.added_stiffness(0.1, 0.0, 2.0))
     assert out[4] == 0.0
@@ -36,15 +40,8 @@ def test_the_operating_point_is_that_of_the_corrected_channels():
         RigFile("test", datetime(2026, 1, 1, tzinfo=timezone.utc), zero_position=0.1),
         Model.of({**CORE, **hardening}),
     )
-    stream = KnownPhysicsStream(known, LAYOUT)
-    samples = np.zeros((4096, 4))
-    samples[:, 0] = np.arange(4096) / RATE
-    samples[:, 1] = 0.1
-    stream.correct(samples)
-    stream.restate()
     # At the rig's zero the hardening spring has no stiffness yet.
-    added = stream.complete(np.zeros((1, len(ESTIMATE_COLUMNS))))[0, 1]
-    assert added == pytest.approx(0.0, abs=0.1)
+    assert stated_at(known, 0.1)[1] == pytest.approx(0.0, abs=0.1)
     assert known.added_stiffness(0.1, 0.0, 2.0) > 50.0
 
 

@@ -29,6 +29,8 @@ def _require_new(path: Path, overwrite: bool) -> None:
 
 
 SECONDS = Quantity("seconds", "s", 30.0, 600.0, 90.0)
+"""The diagnosis refuses less than 20 s of good samples, so that some may be lost of the shortest;
+the default is documented for the step of a session (``docs/biofeedback.md``)."""
 RECORDER_SECONDS = 60.0
 """[s] Time for a recorder to start: 2 s, and half a minute on a busy computer."""
 TAKEOVER_SECONDS = 60.0

@@ -48,7 +48,7 @@ class About:
 
 
 EMPTY_ABOUT = About()
-"""Of a recording about which nothing is known."""
+"""It stands for a recording about which nothing is known."""
 
 
 def read_about(study: Study) -> dict[str, About]:
