@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from ankle_interfaces.block import unpack
 from ankle_interfaces.continuity import Continuity
+from ankle_interfaces.error_report import PROGRAM_ERROR
 from ankle_node.node import BLOCK_QOS
 from perturbation_generator.edges import Filtered
 from perturbation_generator.pulse_step import PulseStep
@@ -203,5 +204,5 @@ sys.exit(run(Failing))
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
     output = finish(process)
-    assert process.returncode == 1
-    assert "error: no samples" in output
+    assert process.returncode == PROGRAM_ERROR
+    assert "ValueError: no samples" in output
