@@ -1,5 +1,5 @@
-"""The operator's page of a conditioning course: numbers in units that are read, nothing cut, and
-what follows a finished session.
+"""The pages of a conditioning course: numbers in units that are read, nothing cut, what follows a
+finished session, and the success rate in the subject's view.
 """
 
 import json
@@ -44,10 +44,10 @@ COURSE = replace(
 
 @pytest.fixture
 def open_state(browser, laboratory):
-    """Return what opens the operator's page of a state."""
+    """Return what opens a page of a state, the operator's unless another is named."""
     pages = []
 
-    def open_one(state, width=1280, height=720, traces=TRACES):
+    def open_one(state, width=1280, height=720, traces=TRACES, path="/operator"):
         def answer(socket):
             socket.on_message(lambda text: None)
             for message in (messages.Command(True), state, traces, FRAME):
@@ -58,8 +58,8 @@ def open_state(browser, laboratory):
         page.add_init_script(FROZEN_CLOCK)
         page.add_init_script(CANVAS_WORDS)
         page.route_web_socket("**/ws*", answer)
-        page.goto(laboratory.url("/operator"))
-        page.locator("#log li").first.wait_for()
+        page.goto(laboratory.url(path))
+        page.locator("#log li" if path == "/operator" else ".v-detail").first.wait_for()
         pages.append(page)
         return page
 
@@ -109,3 +109,32 @@ def test_no_value_of_a_course_is_cut_at_any_width(open_state):
             wrong[width] = problems
         page.close()
     assert wrong == {}
+
+
+@pytest.mark.parametrize(
+    ("language", "rate", "hits"),
+    [
+        ("en", "Success in 67 % of the trials", "5 of 6 reached (83 %)"),
+        ("nl", "Gelukt bij 67 % van de pogingen", "5 van 6 gehaald (83 %)"),
+        ("de", "Gelungen bei 67 % der Versuche", "5 von 6 erreicht (83 %)"),
+        ("fr", "Réussite dans 67 % des essais", "5 sur 6 atteints (83 %)"),
+    ],
+)
+def test_the_subject_sees_the_success_rate(open_state, language, rate, hits):
+    wrong = {}
+    for state, said in ((COURSE, rate), (STATE, hits)):
+        page = open_state(state, *SIZES[0], path=f"/?language={language}")
+        page.locator(".v-foot", has_text=said).wait_for()
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(300)
+            if problems := page.evaluate(CHECK):
+                wrong[said, width] = problems
+    assert wrong == {}
+
+
+def test_no_success_rate_is_shown_before_there_is_one(open_state):
+    first = replace(COURSE, trials=replace(TRIALS, done=0, success_rate=None))
+    page = open_state(first, path="/")
+    page.locator(".v-detail", has_text="Trial 1 of 245").wait_for()
+    assert page.locator(".v-foot").inner_text() == ""

@@ -79,7 +79,7 @@ export class View {
     put(parts.less, `← ${words.axis.less}`);
     put(parts.name, words.axis[target.feedback] + (this.screen.units ? `${target.feedback.length === 1 ? ` ${target.feedback}` : ""} [${target.unit.replaceAll(".", "·")}]; torque [N·m]` : ""));
     put(parts.more, `${words.axis.more} →`);
-    put(parts.foot, session.holds_done ? fill(words.hits, { hits: session.hits, done: session.holds_done }) : "");
+    put(parts.foot, this.success(session, state.trials, words));
     const counts = frame && (session.state === "running" || session.kind === "break");
     put(parts.time, counts && session.duration > 0 ? clock(frame.remaining) : "");
     parts.time.classList.toggle("holding", session.kind === "hold" && session.state === "running");
@@ -93,6 +93,12 @@ export class View {
     if (trials) return fill(words.trial, { done: Math.min(trials.done + 1, trials.planned), planned: trials.planned });
     const block = fill(words.progress, session);
     return session.hold ? `${block} · ${fill(words.hold, session)}` : block;
+  }
+
+  // A course rewards trials, another session holds.
+  success({ hits, holds_done: done }, trials, words) {
+    const rate = trials ? trials.success_rate : done ? hits / done : null;
+    return rate === null ? "" : fill(trials ? words.successes : words.hits, { hits, done, percent: Math.round(100 * rate) });
   }
 
   showHint(quality, words) {
