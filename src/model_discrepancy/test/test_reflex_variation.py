@@ -2,9 +2,13 @@
 not.
 """
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from model_discrepancy.criticism.variability import USUAL_REFLEX_JITTER, variability
+from model_discrepancy.fit.reflex_variation import moved_from_rest
 from model_discrepancy.problem import prepare
 from simulation_study.verdict_cases import Plan, made
 
@@ -48,4 +52,23 @@ def test_responses_that_overlap_do_not_tell_which_stretch_differs():
     found = varies(protocol="multisine")
     assert found.timing is None
     assert found.serial is None
+    assert found.unusual == []
+
+
+def test_a_movement_during_an_earlier_response_is_not_one_from_rest():
+    """The rows follow a pulse from rest, one 0.2 s after it, and one 0.5 s later; a pulse goes
+    back at once and is one movement.
+    """
+    velocity = np.zeros(2000)
+    for onset in (500, 540, 740, 780, 1280, 1320):
+        velocity[onset : onset + 5] = 1.0
+    rows = SimpleNamespace(time=np.array([0.4, 0.6, 0.8, 1.2, 1.4]))
+    fitter = SimpleNamespace(motion=SimpleNamespace(velocity=velocity, rate=1000.0), rows=rows)
+    assert moved_from_rest(fitter).tolist() == [False, True, False, False, True]
+
+
+@pytest.mark.slow
+def test_an_earlier_reflex_that_varies_is_not_taken_for_the_response_to_the_next_movement():
+    """With movements that come before the last response has ended."""
+    found = varies(protocol="binary", seed=79)
     assert found.unusual == []

@@ -10,7 +10,7 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import term_search
-from model_discrepancy.search.exchange import exchange, is_second_effect
+from model_discrepancy.search.exchange import exchange, second_effect
 from model_discrepancy.search.found import Found, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
@@ -57,7 +57,20 @@ def test_the_only_refinement_is_an_effect_where_it_takes_off_much_of_what_is_lef
 ):
     """A term of a named family corrects its shape; a value at a bound is none that was found."""
     final = SimpleNamespace(at_bounds=at_bounds)
-    assert is_second_effect(final, replace(SECOND, **changes), [named]) == is_effect
+    found = second_effect(final, [replace(SECOND, **changes)], [named])
+    assert (found == replace(SECOND, **changes).name) == is_effect
+
+
+@pytest.mark.parametrize(
+    ("gains", "second"),
+    [((0.4, 0.1), "reflex_depression"), ((0.4, 0.4), None), ((0.1, 0.1), None)],
+)
+def test_one_refinement_is_an_effect_where_it_alone_takes_off_much(gains, second):
+    """Several that do so have not the shape of what is missing."""
+    names = (SECOND.name, "thixotropy")
+    trials = [replace(SECOND, name=n, gain=g) for n, g in zip(names, gains, strict=True)]
+    final = SimpleNamespace(at_bounds=())
+    assert second_effect(final, trials, ["tendon"]) == second
 
 
 def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model_are_removed(

@@ -22,6 +22,7 @@ from model_discrepancy.fit.reflex_variation import (
     LEAST_ROWS,
     REST_S,
     USUAL_REFLEX_VARIATION,
+    moved_from_rest,
     reflex_variation,
     since_movement,
 )
@@ -246,13 +247,22 @@ def _variation(
     if rest.sum() < max(LEAST_ROWS, _LEAST_REST_SHARE * rows.used.sum()):
         return float("nan"), WINDOWS_S[0], 0.0
     level = float(np.mean(squared[rest]))
-    ratios = [
-        float(np.mean(squared[inside])) / level
-        for low, high in WINDOWS_S
-        if (inside := rows.used & (since >= low) & (since < high)).any()
-    ]
-    k = int(np.argmax(ratios))
-    inside = rows.used & (since >= WINDOWS_S[k][0]) & (since < WINDOWS_S[k][1])
+    # Otherwise an earlier reflex, which varies, counts as this movement's response.
+    single = rows.used & moved_from_rest(fitter)
+    ratios = {
+        window: float(np.mean(squared[inside])) / level
+        for window in WINDOWS_S
+        if (inside := single & _within(since, window)).sum() >= LEAST_ROWS
+    }
+    if not ratios:
+        return float("nan"), WINDOWS_S[0], 0.0
+    largest = max(ratios, key=lambda window: ratios[window])
     power = fit.plain**2
-    excess = float(np.mean(power[inside]) - np.mean(power[rest])) * inside.sum() / rows.used.sum()
-    return ratios[k], WINDOWS_S[k], excess / float(np.var(fitter.plain_target[rows.used]))
+    excess = float(np.mean(power[single & _within(since, largest)]) - np.mean(power[rest]))
+    share = (rows.used & _within(since, largest)).sum() / rows.used.sum()
+    variance = float(np.var(fitter.plain_target[rows.used]))
+    return ratios[largest], largest, excess * share / variance
+
+
+def _within(since: np.ndarray, window: tuple[float, float]) -> np.ndarray:
+    return (since >= window[0]) & (since < window[1])

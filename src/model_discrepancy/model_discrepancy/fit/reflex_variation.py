@@ -13,6 +13,9 @@ from model_discrepancy.fit.fitter import Fitter
 
 # After the plate's last movement the joint is at rest again.
 REST_S = 0.3
+# A pulse stays at its level for 40 ms (van 't Veld et al. 2018, section II-B), and a margin for
+# slow ramps.
+_LONGEST_PULSE_S = 0.1
 # Rows at rest that give a ratio of powers to 10 %.
 LEAST_ROWS = 200
 # Stretch reflexes at rest vary by 10 to 40 % from one stretch to the next, habituation included
@@ -166,11 +169,29 @@ def since_movement(fitter: Fitter) -> np.ndarray:
     """Return the time of each row since the plate moved last [s]; infinite before the first
     movement.
     """
-    motion, rows = fitter.motion, fitter.rows
+    moving, last = _last_moving(fitter)
+    return np.where(last >= 0, fitter.rows.time - moving[np.maximum(last, 0)], np.inf)
+
+
+def moved_from_rest(fitter: Fitter) -> np.ndarray:
+    """Say of each row whether the joint was at rest before the plate's last movement, so that no
+    earlier response reaches into this one. A pulse, which goes back at once, is one movement.
+    """
+    moving, last = _last_moving(fitter)
+    still = np.diff(moving, prepend=-np.inf)
+    begins = still > _LONGEST_PULSE_S
+    from_rest = (still[begins] > REST_S)[np.cumsum(begins) - 1]
+    return (last >= 0) & from_rest[np.maximum(last, 0)]
+
+
+def _last_moving(fitter: Fitter) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times at which the plate moves [s], and for each row which of them was last; -1
+    before the first one.
+    """
+    motion = fitter.motion
     speed = np.abs(motion.velocity)
-    moving = np.flatnonzero(speed > _STRETCH_SHARE * np.percentile(speed, 99.5))
-    last = np.searchsorted(moving / motion.rate, rows.time, side="right") - 1
-    return np.where(last >= 0, rows.time - moving[np.maximum(last, 0)] / motion.rate, np.inf)
+    moving = np.flatnonzero(speed > _STRETCH_SHARE * np.percentile(speed, 99.5)) / motion.rate
+    return moving, np.searchsorted(moving, fitter.rows.time, side="right") - 1
 
 
 def _level_at_rest(fitter: Fitter, residual: np.ndarray) -> float:

@@ -29,18 +29,21 @@ RIVALS_REFITTED = 3
 # parameters; a term that was found early may only have stood in for it.
 SWAP_GAIN = 0.005
 MOST_SWAPS = 3
-# Share of the whitened error that the others leave, fitted and on unseen rows. The only refinement
-# of a model is an effect of its own where it takes off so much, changes torque that matters and has
-# no value at a bound. Of 32 development recordings on the independent rig the second of two effects
-# took off 0.16 to 0.47 so; what only corrected a shape came with others, or took off at most 0.10.
+# Share of the whitened error that the others leave, fitted and on unseen rows. A refinement of a
+# model is an effect of its own where it alone takes off so much, changes torque that matters and
+# has no value at a bound. Of 32 development recordings on the independent rig the second of two
+# effects took off 0.16 to 0.47 so; what only corrected a shape came with others that took off as
+# much, or took off at most 0.10.
 SECOND_EFFECT_GAIN = 0.13
+# More refinements than these correct the shape of a model that is not the right one.
+MOST_REFINEMENTS = 3
 
 
 def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None:
     """Measure each effect and mark refinements.
 
-    These lower the mismatch by next to nothing, or move next to no torque. The only one of a model
-    may still be an effect beside a larger one.
+    These lower the mismatch by next to nothing, or move next to no torque. One of them may still be
+    an effect beside a larger one.
     """
     final = found.final
     whole = np.abs(before - found.effects[-1].errors)
@@ -51,11 +54,25 @@ def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None
         (found.refinements if small else found.effects).append(effect)
     for effect in found.effects:
         _try_without(fitter, final, effect, null)
-    if found.effects and len(found.refinements) == 1:
-        _try_without(fitter, final, found.refinements[0], null)
-        named = [effect.trial.name for effect in found.effects]
-        if is_second_effect(final, found.refinements[0].trial, named):
-            found.effects.append(found.refinements.pop())
+    _name_second_effect(fitter, found, null)
+
+
+def _name_second_effect(fitter: Fitter, found: Found, null: Null) -> Effect | None:
+    """Make the one refinement that is an effect beside the larger ones an effect, and return it;
+    None where there is no such one, or more than one takes off as much.
+    """
+    if not found.effects or not 1 <= len(found.refinements) <= MOST_REFINEMENTS:
+        return None
+    for effect in found.refinements:
+        _try_without(fitter, found.final, effect, null)
+    refinements = {effect.trial.name: effect for effect in found.refinements}
+    named = [effect.trial.name for effect in found.effects]
+    name = second_effect(found.final, [e.trial for e in refinements.values()], named)
+    if name is None:
+        return None
+    found.refinements.remove(refinements[name])
+    found.effects.append(refinements[name])
+    return refinements[name]
 
 
 def _try_without(fitter: Fitter, final: Fit, effect: Effect, null: Null) -> None:
@@ -69,60 +86,63 @@ def _try_without(fitter: Fitter, final: Fit, effect: Effect, null: Null) -> None
     effect.trial = judged(fitter, effect.without, trial, null.threshold(name))
 
 
-def is_second_effect(final: Fit, only: Trial, named: Sequence[str]) -> bool:
-    """Say whether the only refinement of a model is an effect beside the larger ones.
+def second_effect(final: Fit, refinements: Sequence[Trial], named: Sequence[str]) -> str | None:
+    """Return which refinement of a model is an effect beside the larger ones, or None.
 
     Parameters
     ----------
     final
-        The model with all of them.
-    only
-        The refinement, judged against the model without it.
+        Model with all effects and refinements.
+    refinements
+        Each judged against the model without it.
     named
         Terms of the larger effects; a refinement of their families corrects their shape.
     """
+    large = [t for t in refinements if min(t.gain, *t.held_out) > SECOND_EFFECT_GAIN]
+    if len(large) != 1:
+        return None
+    (only,) = large
     library = term_library()
     families = {library[name].family for name in named}
     at_bounds = any(label.startswith(f"{only.name}.") for label in final.at_bounds)
-    return (
+    is_second = (
         only.accepted
-        and min(only.gain, *only.held_out) > SECOND_EFFECT_GAIN
         and only.torque_share > MATERIAL_SHARE
         and not at_bounds
         and library[only.name].family not in families
     )
+    return only.name if is_second else None
 
 
-def _rivals(fitter: Fitter, found: Found, grids: Grids, progress: Progress) -> None:
-    """Find, for every effect, which other terms would do as well."""
+def _rivals(fitter: Fitter, found: Found, effect: Effect, grids: Grids, progress: Progress) -> None:
+    """Find which other terms would do as well as an effect."""
     final = found.final
-    for effect in found.effects:
-        name, without = effect.trial.name, effect.without
-        progress(f"looking for rivals of {name}")
-        points = {
-            other: tried
-            for other, tried in grids.best(without).items()
-            if other != name and name not in term_library()[other].generalises
-        }
-        screened = screen(fitter, without, points)
-        promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
-        trials = [
-            refitted(
-                fitter,
-                without,
-                s.name,
-                {**without.values, s.name: s.start},
-                evaluations=8,
-                limit=(1.0 + RIVAL_EXCESS) * final.score,
-            )
-            for rank, s in enumerate(promising)
-            if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
-        ]
-        effect.rivals = sorted(
-            (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
-            key=lambda t: -t.gain,
+    name, without = effect.trial.name, effect.without
+    progress(f"looking for rivals of {name}")
+    points = {
+        other: tried
+        for other, tried in grids.best(without).items()
+        if other != name and name not in term_library()[other].generalises
+    }
+    screened = screen(fitter, without, points)
+    promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
+    trials = [
+        refitted(
+            fitter,
+            without,
+            s.name,
+            {**without.values, s.name: s.start},
+            evaluations=8,
+            limit=(1.0 + RIVAL_EXCESS) * final.score,
         )
-        effect.excluded = _excluded(effect, final, trials, screened)
+        for rank, s in enumerate(promising)
+        if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
+    ]
+    effect.rivals = sorted(
+        (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
+        key=lambda t: -t.gain,
+    )
+    effect.excluded = _excluded(effect, final, trials, screened)
 
 
 def _is_simpler_sibling(name: str, other: str) -> bool:
@@ -170,7 +190,8 @@ def exchange(
         if not found.effects:
             return
         _weigh(fitter, found, null, fixed_errors(found.base, yardstick))
-        _rivals(fitter, found, grids, progress)
+        for effect in found.effects:
+            _rivals(fitter, found, effect, grids, progress)
         better = _better_rival(found)
         if better is None or swaps == MOST_SWAPS:
             return
@@ -206,3 +227,14 @@ def _swap(
     found.effects[found.effects.index(effect)] = taken
     found.effects[-1].errors = fixed_errors(current, yardstick)
     found.final = drop_superfluous(fitter, found, taken, current, null, progress)
+
+
+def name_second_effect(
+    fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Progress
+) -> None:
+    """Name the one refinement that is an effect of its own, and find its rivals; nothing is done
+    where there is no such one.
+    """
+    second = _name_second_effect(fitter, found, null)
+    if second is not None:
+        _rivals(fitter, found, second, grids, progress)

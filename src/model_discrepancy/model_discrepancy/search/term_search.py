@@ -17,7 +17,7 @@ from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
-from model_discrepancy.search.exchange import exchange
+from model_discrepancy.search.exchange import exchange, name_second_effect
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
@@ -74,7 +74,8 @@ def search(
     progress("scoring on unseen data")
     found.base_held_out = held_out(fitter, found.base)
     found.final_held_out = held_out(fitter, found.final) if found.effects else found.base_held_out
-    _drop_harmful_refinements(fitter, found, progress)
+    if _drop_harmful_refinements(fitter, found, progress):
+        name_second_effect(fitter, found, grids, null, progress)
     found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
@@ -91,14 +92,15 @@ def _unrefined(fitter: Fitter, found: Found) -> Fit | None:
     return fitter.fit(names, found.final.values, evaluations=20)
 
 
-def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) -> None:
-    """Remove refinements that do harm.
+def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) -> bool:
+    """Remove refinements that do harm, and return whether there were any.
 
     The last one goes first as long as the model predicts unseen data worse than the base model
     does: fitted to a half of the recording, one of them runs away. A compliant coupling that
     corrects little goes where it ends at a bound of its range: a strap that no foot wears would
     take K and I of the joint with it.
     """
+    before = len(found.refinements)
     for effect in list(found.refinements):
         name = effect.trial.name
         if place_of(name) is Place.COUPLING and any(
@@ -109,6 +111,7 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
     while found.refinements and found.final_held_out.vaf < found.base_held_out.vaf:
         progress(f"{found.refinements[-1].trial.name} lets unseen data be predicted worse")
         _drop_refinement(fitter, found, found.refinements[-1])
+    return len(found.refinements) < before
 
 
 def _drop_refinement(fitter: Fitter, found: Found, effect: Effect) -> None:
