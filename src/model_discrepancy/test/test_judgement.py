@@ -111,6 +111,12 @@ def test_names_that_close_little_of_what_torque_that_moved_the_plate_predicts_ar
     )
     held = remainder(0.02, True)
     assert judge(found(0.5), held, [], USUAL_VARIABILITY, scores)[0] == "explained"
+    # Even where they leave more than leakage usually is, but not where they leave half of it all.
+    assert judge(found(0.8), left, [], USUAL_VARIABILITY, scores)[0] == (
+        "no_mismatch" if expected == "no_mismatch" else "unexplained"
+    )
+    half = remainder(0.5, False, held=False)
+    assert judge(found(0.8), half, [], USUAL_VARIABILITY, scores)[0] == "unexplained"
 
 
 def test_names_beside_what_is_no_function_of_the_movement_do_not_explain_it():

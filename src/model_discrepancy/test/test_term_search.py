@@ -10,11 +10,13 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import term_search
-from model_discrepancy.search.exchange import exchange, second_effect
-from model_discrepancy.search.found import Found, Trial
+from model_discrepancy.search.exchange import better_rival, exchange, second_effect
+from model_discrepancy.search.found import Effect, Found, Trial
 from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.hypotheses import special_cases
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import search
+from model_discrepancy.search.trials import judged, refitted
 from simulation_study.planted_trials import simulate_trial
 
 RELATIVES = ("dahl_hysteresis", "saturating_damping")
@@ -71,6 +73,40 @@ def test_one_refinement_is_an_effect_where_it_alone_takes_off_much(gains, second
     trials = [replace(SECOND, name=n, gain=g) for n, g in zip(names, gains, strict=True)]
     final = SimpleNamespace(at_bounds=())
     assert second_effect(final, trials, ["tendon"]) == second
+
+
+@pytest.mark.parametrize(
+    ("name", "by_chance", "taken"),
+    [
+        ("maxwell_relaxation", 0.35, True),
+        ("maxwell_relaxation", 0.45, False),
+        ("activation_reflex_gain", 0.35, False),  # it follows torque, and has a margin
+    ],
+)
+def test_a_rival_takes_no_place_with_what_it_takes_off_by_chance(name, by_chance, taken):
+    fit = SimpleNamespace(size=5, score=60.0)
+    rival = Trial(name, fit, gain=0.4, held_out=(0.0, 0.0), bic=0.0, by_chance=by_chance)
+    effect = Effect(replace(SECOND, name="thixotropy"), errors=None, rivals=[rival])
+    found = Found(None, SimpleNamespace(size=5, score=80.0), effects=[effect])
+    assert (better_rival(found) == (effect, rival)) == taken
+
+
+def test_a_special_case_is_tried_where_a_general_term_was_accepted():
+    """Straps of one stiffness: the general term stiffens them, by a curvature next to nothing."""
+    trial = simulate_trial({"fixation_compliance": {}}, seed=4, duration=20.0)
+    problem = prepare(trial)
+    fitter, null = problem.fitter, SimpleNamespace(threshold=lambda name: 0.005)
+    start = {"stiffening_fixation": {"k_s": 2000.0, "b_s": 1.0, "curvature": 20.0}}
+    general = refitted(
+        fitter, problem.base, "stiffening_fixation", {**problem.base.values, **start}
+    )
+    general = judged(fitter, problem.base, general, 0.005)
+    assert general.accepted
+    (special,) = special_cases(fitter, problem.base, [general], null)
+    assert special.name == "fixation_compliance"
+    assert special.accepted
+    assert special.gain > general.gain - 0.005
+    assert special_cases(fitter, problem.base, [replace(general, held_out=(0.0, 0.0))], null) == []
 
 
 def test_refinements_that_let_unseen_data_be_predicted_worse_than_the_base_model_are_removed(

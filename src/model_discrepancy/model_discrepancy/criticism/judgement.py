@@ -86,7 +86,10 @@ def judge(
     gains_little = gained < MIN_GAP_SHARE * (scores.ceiling - scores.base)
     leaves_torque = gained < GAP_CLOSED_IN_TORQUE * (gained + 100.0 * remainder.torque_share)
     predictable_residual = remainder.held and remainder.criticises and left > LARGEST_LEAKAGE
-    beyond_leakage = remainder.exceeds_chance and left > LARGEST_LEAKAGE
+    in_doubt = not remainder.judged and gained < GAP_CLOSED_WITHOUT_COMMAND * (
+        scores.ceiling - scores.base
+    )
+    beyond_leakage = remainder.exceeds_chance and left > LARGEST_LEAKAGE and not in_doubt
     unexplained = (
         (predictable and (closed < GAP_CLOSED or leaves_torque or left > LARGEST_PREDICTABLE))
         or (predictable_residual and closed < GAP_CLOSED)
@@ -99,9 +102,6 @@ def judge(
     )
     if unexplained:
         return "unexplained", closed
-    in_doubt = not remainder.judged and gained < GAP_CLOSED_WITHOUT_COMMAND * (
-        scores.ceiling - scores.base
-    )
     if in_doubt and not (unusual or findings):
         return "no_mismatch", float("nan")
     return "explained", closed

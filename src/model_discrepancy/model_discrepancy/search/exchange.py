@@ -114,7 +114,9 @@ def second_effect(final: Fit, refinements: Sequence[Trial], named: Sequence[str]
     return only.name if is_second else None
 
 
-def _rivals(fitter: Fitter, found: Found, effect: Effect, grids: Grids, progress: Progress) -> None:
+def _rivals(
+    fitter: Fitter, found: Found, effect: Effect, grids: Grids, null: Null, progress: Progress
+) -> None:
     """Find which other terms would do as well as an effect."""
     final = found.final
     name, without = effect.trial.name, effect.without
@@ -139,7 +141,11 @@ def _rivals(fitter: Fitter, found: Found, effect: Effect, grids: Grids, progress
         if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
     ]
     effect.rivals = sorted(
-        (t for t in trials if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score),
+        (
+            replace(t, by_chance=null.threshold(t.name))
+            for t in trials
+            if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score
+        ),
         key=lambda t: -t.gain,
     )
     effect.excluded = _excluded(effect, final, trials, screened)
@@ -191,21 +197,32 @@ def exchange(
             return
         _weigh(fitter, found, null, fixed_errors(found.base, yardstick))
         for effect in found.effects:
-            _rivals(fitter, found, effect, grids, progress)
-        better = _better_rival(found)
+            _rivals(fitter, found, effect, grids, null, progress)
+        better = better_rival(found)
         if better is None or swaps == MOST_SWAPS:
             return
         _swap(fitter, found, *better, null, yardstick, progress)
 
 
-def _better_rival(found: Found) -> tuple[Effect, Trial] | None:
-    """Return the effect and its rival that fits better with no more parameters, if there is one."""
+def better_rival(found: Found) -> tuple[Effect, Trial] | None:
+    """Return the effect and its rival that fits better with no more parameters, if there is one.
+
+    A rival that takes off no more than by chance, such as a term that follows slow torque where
+    the reflex varies, takes no place.
+
+    Parameters
+    ----------
+    found
+        With the rivals of each effect.
+    """
     final = found.final
     options = [
         (effect, rival)
         for effect in found.effects
         for rival in effect.rivals
-        if rival.fit.size <= final.size and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
+        if rival.exceeds_chance
+        and rival.fit.size <= final.size
+        and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
     ]
     return min(options, key=lambda option: option[1].fit.score, default=None)
 
@@ -237,4 +254,4 @@ def name_second_effect(
     """
     second = _name_second_effect(fitter, found, null)
     if second is not None:
-        _rivals(fitter, found, second, grids, progress)
+        _rivals(fitter, found, second, grids, null, progress)

@@ -70,13 +70,18 @@ class Trial:
     displaced: tuple[str, ...] = ()
 
     @property
+    def exceeds_chance(self) -> bool:
+        """Tell whether the gain exceeds chance."""
+        margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
+        return self.gain > margin * self.by_chance
+
+    @property
     def accepted(self) -> bool:
         """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough, also for
         what it displaces.
         """
-        margin = FOLLOWING_MARGIN if term_library()[self.name].follows_torque else 1.0
         return (
-            self.gain > margin * self.by_chance
+            self.exceeds_chance
             and min(self.held_out) > 0.0
             and self.torque_share > LEAST_TERM_SHARE
             and (not self.displaced or self.gain > DISPLACING_GAIN)

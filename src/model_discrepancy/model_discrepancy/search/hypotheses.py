@@ -237,7 +237,8 @@ class Hypotheses:
         for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
             few = promising[begin : begin + REFITS_PER_STEP]
             trials = _refitted_and_judged(fitter, current, few, by_chance, self._progress)
-            tried = sorted([*tried, *trials], key=lambda t: -t.gain)
+            trials += special_cases(fitter, current, trials, null)
+            tried = _best_of_each([*tried, *trials])
             if any(t.accepted for t in trials):
                 break
         if tried:
@@ -273,6 +274,40 @@ def _needless(general: Trial, good: Sequence[Trial]) -> bool:
         and general.gain < special.gain + general.by_chance
         for special in good
     )
+
+
+def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: Null) -> list[Trial]:
+    """Return the special cases of the accepted terms, refitted from the values of these.
+
+    From a value of the grid a special case may end in another minimum, or promise less than terms
+    with more parameters, which crowd it out.
+
+    Parameters
+    ----------
+    fitter, current
+        The present model, and what fits it.
+    trials
+        Of the general terms, judged.
+    null
+        What each term gains by chance.
+    """
+    library = term_library()
+    cases = []
+    for general in trials:
+        for name in library[general.name].generalises if general.accepted else ():
+            values = general.fit.values[general.name]
+            symbols = [parameter.symbol for parameter in library[name].parameters]
+            if set(symbols) <= set(values):
+                start = {**general.fit.values, name: {s: values[s] for s in symbols}}
+                case = refitted(fitter, current, name, start)
+                cases.append(judged(fitter, current, case, null.threshold(name)))
+    return cases
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the best trial of each term, best first."""
+    ascending = sorted(trials, key=lambda t: t.gain)
+    return sorted({t.name: t for t in ascending}.values(), key=lambda t: -t.gain)
 
 
 def _refitted_and_judged(
