@@ -171,19 +171,27 @@ def answer(
     losses = account_of_bag(BagReader(bag))
     if progress:
         progress("second opinion", 0.5)
-    opinion, reason, saturated = None, "", list[str]()
+    opinion, reason, saturated, notes = None, "", list[str](), list(result.notes)
     try:
         recording = Recording.from_bag(bag)
         saturated = saturation_sentences(recording.channels(), recording.reference)
-        if recording.faults:
-            reason = "; ".join(recording.faults)
+        stretch = recording.longest_stretch()
+        if stretch.duration < MIN_RECORDING:
+            stretch = recording
+        if stretch is not recording:
+            first = stretch.start - recording.start
+            notes.append(
+                f"{recording.faults[0]}: the second opinion and its halves are of the longest "
+                f"stretch without one, {first:.1f} to {first + stretch.duration:.1f} s"
+            )
+        if stretch.faults:
+            reason = "; ".join(stretch.faults)
         else:
-            opinion = second_opinion(recording)
+            opinion = second_opinion(stretch)
     except (DiagnosisError, ValueError) as error:
         reason = str(error)
     if progress:
         progress("second opinion", 1.0)
-    notes = list(result.notes)
     if PERTURBATION_REFERENCE.absolute not in BagReader(bag).topics:
         notes.append(
             "the recording has no commanded angle: without it torque that moves a rig that gives "

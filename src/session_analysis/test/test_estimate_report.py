@@ -101,11 +101,12 @@ def test_the_report_answers_and_needs_no_network(tmp_path):
 
 
 def test_the_terminal_says_that_a_command_is_absent_and_why_there_is_no_second_opinion(tmp_path):
-    gap = range(600, 663)
-    bag = write_bag(tmp_path / "bag", ankle(), left_out=gap)
+    holes = {block for first in range(200, 1200, 200) for block in range(first, first + 20)}
+    bag = write_bag(tmp_path / "bag", ankle(), left_out=holes)
     remarks = " ".join(answer(bag, estimates(), "simultaneous", "").remarks())
     assert "the recording has no commanded angle" in remarks
-    assert "no second opinion: 1 gap(s) in the samples" in remarks
+    assert "5 gap(s) in the samples, 3.205 s in all" in remarks
+    assert "no second opinion" in remarks
     whole = ankle()
     with BagWriter(tmp_path / "commanded") as writer:
         for topic in ("/ankle/samples", "/perturbation/reference"):
@@ -116,6 +117,17 @@ def test_the_terminal_says_that_a_command_is_absent_and_why_there_is_no_second_o
             writer.write_block("/perturbation/reference", Block(COLUMNS[:2], rows[:, :2]))
     quiet = answer(tmp_path / "commanded", estimates(), "simultaneous", "").remarks()
     assert quiet == list(estimates().notes)
+
+
+def test_a_gap_leaves_the_second_opinion_of_the_longest_stretch(tmp_path):
+    whole = answer(write_bag(tmp_path / "whole", ankle()), estimates(), "simultaneous", "")
+    bag = write_bag(tmp_path / "bag", ankle(), left_out=range(200, 220))
+    found = answer(bag, estimates(), "simultaneous", "")
+    assert found.opinion is not None
+    assert found.opinion.K[0] == pytest.approx(whole.opinion.K[0], rel=0.1)
+    (remark,) = [note for note in found.remarks() if "second opinion" in note]
+    assert remark.startswith("1 gap(s) in the samples, 0.641 s in all, the longest 0.641 s: ")
+    assert remark.endswith("of the longest stretch without one, 7.0 to 40.0 s")
 
 
 def test_the_report_says_why_estimates_are_doubtful_or_not_valid(tmp_path):

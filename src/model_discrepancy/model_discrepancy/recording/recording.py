@@ -5,7 +5,7 @@ recorded.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,9 @@ EMG_TOPIC = EMG_SAMPLES.absolute
 # Rates below this do not hold the reflex's onset (milliseconds) nor the band up to 80 Hz that is
 # fitted.
 LOWEST_RATE = 250.0
+# A reflex response lasts about 0.4 s: a longer hole cannot be bridged, and 2 % of holes spoil the
+# filters.
+LONGEST_HOLE_S, LARGEST_HOLE_SHARE = 0.4, 0.02
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class Recording:
         What was converted, filled or found odd on the way here, one sentence each.
     faults
         What makes the recording unusable, one sentence each.
+    holes
+        Begin and end of each pause in the samples, bridged linearly, since the first sample [s].
     """
 
     rate: float
@@ -68,6 +73,7 @@ class Recording:
     start: float = 0.0
     notes: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
+    holes: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.position)
@@ -106,6 +112,28 @@ class Recording:
         if self.velocity is not None:
             channels[joint.velocity_column] = self.velocity
         return channels
+
+    def longest_stretch(self) -> Recording:
+        """Return the longest part between holes, without the fault that they are; the recording
+        itself where it has no fault or others.
+        """
+        if not self.holes or len(self.faults) != 1 or self.faults[0] != _fault_of(self.holes):
+            return self
+        ends = np.array([0.0, *np.ravel(self.holes), self.duration])
+        begin, end = max(ends.reshape(-1, 2), key=lambda part: part[1] - part[0])
+        # A hole ends with a sample and begins with one.
+        part = slice(round(begin * self.rate), round(end * self.rate) + 1)
+        return replace(
+            self,
+            position=self.position[part],
+            torque=self.torque[part],
+            velocity=None if self.velocity is None else self.velocity[part],
+            reference=None if self.reference is None else self.reference[part],
+            emg={muscle: values[part] for muscle, values in self.emg.items()},
+            start=self.start + float(begin),
+            faults=(),
+            holes=(),
+        )
 
     @classmethod
     def from_bag(cls, path: str | Path) -> Recording:
@@ -152,7 +180,7 @@ class Recording:
         columns = [samples.column(position), samples.column(torque)]
         if converted.has(velocity):
             columns.append(converted.column(velocity))
-        grid, values = _on_grid(clock, np.column_stack(columns), rate, faults)
+        grid, values, holes = _on_grid(clock, np.column_stack(columns), rate, faults)
         return cls(
             rate=rate,
             position=values[:, 0],
@@ -164,14 +192,15 @@ class Recording:
             start=float(grid[0]),
             notes=tuple(notes),
             faults=tuple(faults),
+            holes=holes,
         )
 
 
 def _on_grid(
     clock: np.ndarray, values: np.ndarray, rate: float, faults: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the samples on an equally spaced clock; gaps are bridged linearly, long ones are a
-    fault.
+) -> tuple[np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
+    """Return the samples on an equally spaced clock, and its holes; these are bridged linearly,
+    long ones are a fault.
     """
     steps = np.diff(clock)
     backwards = int(np.sum(steps <= 0))
@@ -180,20 +209,26 @@ def _on_grid(
         order = np.argsort(clock, kind="stable")
         keep = np.concatenate([[True], np.diff(clock[order]) > 0])
         clock, values = clock[order][keep], values[order][keep]
-    gaps = np.diff(clock) > 1.5 / rate
-    if not gaps.any():
-        return clock[0] + np.arange(len(clock)) / rate, values
-    lost = float(np.sum(np.diff(clock)[gaps] - 1.0 / rate))
-    sentence = (
-        f"{int(gaps.sum())} gap(s) in the samples, {lost:.3f} s in all, the longest "
-        f"{np.diff(clock).max():.3f} s"
-    )
-    # A reflex response lasts about 0.4 s: a longer hole cannot be bridged, and 2 % of holes spoil
-    # the filters.
-    if np.diff(clock).max() > 0.4 or lost > 0.02 * (clock[-1] - clock[0]):
-        faults.append(sentence)
+    pauses = np.flatnonzero(np.diff(clock) > 1.5 / rate)
+    if not len(pauses):
+        return clock[0] + np.arange(len(clock)) / rate, values, ()
+    since = clock - clock[0]
+    holes = tuple((float(since[k]), float(since[k + 1])) for k in pauses)
+    lengths = np.diff(holes)
+    lost = float(np.sum(lengths - 1.0 / rate))
+    if lengths.max() > LONGEST_HOLE_S or lost > LARGEST_HOLE_SHARE * since[-1]:
+        faults.append(_fault_of(holes))
     grid = np.arange(clock[0], clock[-1] + 0.25 / rate, 1.0 / rate)
-    return grid, np.column_stack([np.interp(grid, clock, column) for column in values.T])
+    on_grid = np.column_stack([np.interp(grid, clock, column) for column in values.T])
+    return grid, on_grid, holes
+
+
+def _fault_of(holes: tuple[tuple[float, float], ...]) -> str:
+    lengths = np.diff(holes)
+    return (
+        f"{len(holes)} gap(s) in the samples, {lengths.sum():.3f} s in all, the longest "
+        f"{lengths.max():.3f} s"
+    )
 
 
 def _other_clock(
