@@ -181,19 +181,14 @@ def _best_step(
         gain = 1.0 - sum(f.score for f in fits) / scores.sum()
         if _accepted(members, fits, name, gain, by_chance):
             tried[name] = fits, gain
-    # A special case is kept where its generalisation gains no more than chance beyond it.
-    needless = {
-        general
-        for general in tried
-        for special in term_library()[general].generalises
-        if special in tried
-        and tried[general][1] < tried[special][1] + found.by_chance.get(general, 0.0)
-    }
-    worth = [name for name in tried if name not in needless]
-    if not worth:
+    if not tried:
         return None
-    best = max(worth, key=lambda name: tried[name][1])
-    return best, *tried[best]
+    best = max(tried, key=lambda name: tried[name][1])
+    # A term with fewer parameters is taken where the best one gains no more than chance beyond it.
+    least = tried[best][1] - found.by_chance.get(best, 0.0)
+    near = [name for name in tried if name == best or tried[name][1] > least]
+    simplest = min(near, key=lambda name: (len(term_library()[name].parameters), -tried[name][1]))
+    return simplest, *tried[simplest]
 
 
 def _starts(name: str, screened: list[dict[str, Screened]]) -> list[dict[str, float]]:
