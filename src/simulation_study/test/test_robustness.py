@@ -100,6 +100,7 @@ def test_who_arrives_first_is_counted_over_runs(tmp_path):
     results["s"] = result("strap", "s", 70.0, 10.0)
     text = write_report(results, tmp_path, "ankle robustness")
     assert "| strap | K | -30 ± 3; 30 |" in text
+    assert "](robustness.png)\n" in text
     assert (tmp_path / "robustness.png").stat().st_size > 10_000
 
 

@@ -51,6 +51,8 @@ def write_report(results: Results, out: Path, command: str) -> str:
     """
     text = "\n".join(
         [
+            f"![errors of K and G by effect and estimator, and arrival after jumps]({PICTURE})",
+            "",
             f"Command: `{command}`. {len(results)} recordings of an independent rig "
             "(`blind_rig`, MuJoCo).",
             "",
