@@ -2,12 +2,9 @@
 
 import ast
 import re
-import shutil
-import subprocess
-import sys
 
 import pytest
-from documented_commands import PAGES, ROOT, commands
+from documented_commands import PAGES, ROOT
 
 PARTLY_DOCUMENTED = {
     "quintic",
@@ -53,52 +50,6 @@ MOST_WORDS = 36
 """Words of a sentence: a reader whose first language is another one still follows so many."""
 COMMAND_WRITTEN = [p for p in PAGES if p.parent.name == "results" or p.name == "reliability.md"]
 """Pages whose tables a command writes: a cell may hold a message of the program."""
-
-
-def run(line, folder, timeout, code=0):
-    done = subprocess.run(
-        line.replace(".venv/bin/python", sys.executable).replace(
-            ".venv/bin/ankle", f"{sys.executable} -m ankle_bringup.command_line"
-        ),
-        shell=True,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-    )
-    assert done.returncode == code, f"{line}\n{done.stderr}"
-    return done.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-def test_the_tutorial_from_a_csv_runs_literally(tmp_path):
-    page = ROOT / "docs" / "tutorials" / "csv_to_report.md"
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    # The public trials need the internet; `test_human_trials` fetches them from a local server.
-    lines = [line for line in commands(page) if "trials" not in line and "trial_" not in line]
-    for line in lines:
-        # Without an answer at the terminal the proposal alone imports nothing.
-        proposes = "ankle import" in line and "--out" not in line
-        run(line, tmp_path, 900, code=1 if proposes else 0)
-    # Written by the last command; nothing else would notice that the filter took all of them.
-    assert (tmp_path / "diagnosis" / "report.html").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_the_site_is_built_without_a_warning(tmp_path):
-    command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "-q", "-b", "html"]
-    done = subprocess.run(
-        [*command, ROOT / "docs", tmp_path],
-        capture_output=True,
-        text=True,
-        timeout=800,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "reference" / "verbs.html").exists()
 
 
 def documented(path):

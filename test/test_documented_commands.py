@@ -1,26 +1,21 @@
 """Every command of README and documentation is one that exists, with options, parameters, files and
-topics that exist; those of the README that take seconds are run, word for word.
-
-`test_readme_session` runs the others.
+topics that exist. `test_documented_runs` runs them.
 """
 
 import importlib.util
 import re
-import shlex
 import subprocess
 import sys
 from itertools import pairwise
 
 import pytest
-from documented_commands import PAGES, ROOT, commands
-from test_readme_session import ANALYSIS, SESSION
+from documented_commands import PAGES, ROOT, commands, words_of
 from typer.testing import CliRunner
 
 from ankle_bringup.command_line import app, load_verb, verb_names
 from ankle_bringup.executables import declared_parameters, find_executable
 from ankle_bringup.graph import load_graph
 from ankle_interfaces.topics import TOPICS
-from session_analysis.virtual_study import VirtualSession, record_session
 
 ALL = [(page.relative_to(ROOT), line) for page in PAGES for line in commands(page)]
 ANKLE = ".venv/bin/ankle"
@@ -39,7 +34,7 @@ ROS2_WORDS = {
 
 
 def is_of(*programs):
-    return [(page, line) for page, line in ALL if shlex.split(line)[0] in programs]
+    return [(page, line) for page, line in ALL if words_of(line)[0] in programs]
 
 
 def options_of(words):
@@ -47,13 +42,13 @@ def options_of(words):
 
 
 def test_nothing_but_these_programs_is_documented():
-    programs = (ANKLE, ".venv/bin/python", "python", "python3", "make", "ros2", "colcon", "sudo")
+    programs = (ANKLE, ".venv/bin/python", "python3", "make", "ros2", "rosdep", "colcon", "sudo")
     assert is_of(*programs) == ALL
 
 
 @pytest.mark.parametrize(("page", "line"), is_of(ANKLE))
 def test_every_documented_verb_takes_the_documented_options(page, line):
-    words = shlex.split(line)[1:]
+    words = words_of(line)[1:]
     if words[0].startswith("--"):
         assert words[0] in CliRunner().invoke(app, ["--help"]).output
         return
@@ -100,7 +95,7 @@ def check_parameter(node, name):
 
 @pytest.mark.parametrize(("page", "line"), is_of("ros2"))
 def test_what_is_documented_for_ros2_exists(page, line):
-    words = shlex.split(line)[1:]
+    words = words_of(line)[1:]
     assert words[0] in ROS2_WORDS, f"{page}: {line}"
     if len(words) < ROS2_WORDS[words[0]] or words[1] in OTHER_PROGRAMS:
         pass
@@ -118,9 +113,9 @@ def test_what_is_documented_for_ros2_exists(page, line):
         assert topic in {one.absolute for one in TOPICS}, f"{page}: {line}"
 
 
-@pytest.mark.parametrize(("page", "line"), is_of(".venv/bin/python", "python", "python3"))
+@pytest.mark.parametrize(("page", "line"), is_of(".venv/bin/python", "python3"))
 def test_every_documented_program_exists_with_its_options(page, line):
-    words = shlex.split(line)[1:]
+    words = words_of(line)[1:]
     if words[:2] == ["-m", "pip"]:
         assert all((ROOT / w).exists() for w in words if w.startswith("requirements/"))
         return
@@ -150,61 +145,6 @@ def test_every_documented_program_exists_with_its_options(page, line):
 
 @pytest.mark.parametrize(("page", "line"), is_of("make"))
 def test_every_documented_target_exists(page, line):
-    targets = [w for w in shlex.split(line)[1:] if "=" not in w and not w.startswith("-")]
+    targets = [w for w in words_of(line)[1:] if "=" not in w and not w.startswith("-")]
     rules = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
     assert set(targets) <= set(rules), f"{page}: {line}"
-
-
-SHORT_COMMANDS = [
-    f"{ANKLE} --help",
-    f"{ANKLE} parameter-file --out mine.yaml",
-    f"{ANKLE} import trial.npz --help",
-    f"{ANKLE} estimate session --out estimates",
-    f"{ANKLE} open session",
-    f"{ANKLE} emg session --out responses",
-    f"{ANKLE} validate anna=session --out report",
-    f"{ANKLE} export session --out session_csv",
-    f"{ANKLE} study init my_study",
-    f"{ANKLE} study add my_study session --subject S07 --visit 3",
-]
-"""Commands of the README that take a few seconds and need no rig; in this order."""
-
-
-TESTED_ELSEWHERE = {
-    f"{ANKLE} fetch-trials": "test_human_trials fetches them from a local server",
-    f"{ANKLE} calibrate rig --title 'laboratory 2' --out rig.yaml": "test_rig_calibration",
-    f"{ANKLE} blind --cases 100 --seed 7": "hours; test_blind_study runs a small one",
-    f"{ANKLE} up --params-file": "a part of a command; test_shared_files starts the whole of it",
-}
-"""Commands of the README that these files do not run, and what does."""
-
-
-def test_every_verb_of_the_readme_is_run_by_a_test():
-    documented = {shlex.join(shlex.split(line)) for line in commands(ROOT / "README.md")}
-    documented = {line for line in documented if line.startswith(ANKLE)}
-    run = {shlex.join(shlex.split(line)) for line in (*SHORT_COMMANDS, *SESSION, *ANALYSIS)}
-    assert documented - set(TESTED_ELSEWHERE) == run
-    assert set(TESTED_ELSEWHERE) <= documented
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """The recorded session of a simulated subject who held one torque for 50 s."""
-    folder = tmp_path_factory.mktemp("readme")
-    record_session(VirtualSession(1, (1, 0), hold=50.0, reach=35.0), folder / "session")
-    return folder
-
-
-@pytest.mark.parametrize("line", SHORT_COMMANDS)
-def test_the_short_commands_of_the_readme_do_what_they_say(line, folder, monkeypatch):
-    assert line in commands(ROOT / "README.md")
-    monkeypatch.chdir(folder)
-    before = set(folder.rglob("*"))
-    words = shlex.split(line)[1:]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception}"
-    assert done.output.strip()
-    if "--out" in words:
-        assert (folder / words[-1]).exists()
-    if words[0] in ("open", "study"):
-        assert set(folder.rglob("*")) - before
