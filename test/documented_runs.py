@@ -56,6 +56,8 @@ class Run:
         Whether it ends without an error behind Ctrl-C, as a node or a graph does.
     beside
         The command that starts what has to run meanwhile; empty for none.
+    before
+        Commands that bring what runs beside into the state that the page supposes.
     code
         What it returns at its end.
     says
@@ -71,6 +73,7 @@ class Run:
     stopped: float = 0.0
     well: bool = False
     beside: str = ""
+    before: tuple[str, ...] = ()
     code: int = 0
     says: str = ""
     quick: bool = False
@@ -81,6 +84,7 @@ class Run:
 QUICK_RUN = Run(quick=True)
 LONG_RUN = Run(patience=LONG_PATIENCE)
 BEGUN_RUN = Run(stopped=BEGIN_TIME)
+BEGUN_LIVE_RUN = replace(BEGUN_RUN, live=True)
 LIVE_RUN = Run(live=True)
 GRAPH_RUN = Run(stopped=START_TIME, well=True, live=True)
 BESIDE_LABORATORY = Run(beside=f"{ANKLE} up simulated", live=True)
@@ -127,7 +131,11 @@ EXACT_RUNS = {
     f"{ANKLE} up --params-file": MISSING_VALUE,
     # The file of the line is written by the reader.
     f"{ANKLE} up rig --set ankle_actuator_driver.link=ethercat": Run(
-        code=1, says="link = 'ethercat'", live=True
+        code=1, says="'link' = 'ethercat' is refused", live=True
+    ),
+    f"{ANKLE} rig start": replace(BESIDE_RIG, before=(f"{ANKLE} rig stop", f"{ANKLE} rig arm")),
+    f"{ANKLE} rig reset-fault": replace(
+        BESIDE_RIG, before=(f"{ANKLE} rig faults emergency_stop=1", f"{ANKLE} rig faults none")
     ),
     f"{ANKLE} calibrate rig BAG": LIVE_RUN,
     f"{ANKLE} calibrate session BAG": Run(),
@@ -151,14 +159,14 @@ RUNS_BY_BEGINNING = {
     f"{ANKLE} calibrate session": replace(BESIDE_LABORATORY, patience=LONG_PATIENCE),
     f"{ANKLE} investigate": replace(BESIDE_LABORATORY, stopped=BEGIN_TIME),
     "make demo": replace(LONG_RUN, live=True),
-    f"{ANKLE} demo": replace(BEGUN_RUN, live=True),
+    f"{ANKLE} demo": BEGUN_LIVE_RUN,
     f"{ANKLE} robustness --quick": LONG_RUN,
     f"{ANKLE} robustness": BEGUN_RUN,
     f"{ANKLE} blind": BEGUN_RUN,
     f"{ANKLE} table2 --quick": LONG_RUN,
     f"{ANKLE} table2": BEGUN_RUN,
     f"{ANKLE} virtual-study": BEGUN_RUN,
-    "make ": BEGUN_RUN,
+    "make ": BEGUN_LIVE_RUN,
     STUDY: BEGUN_RUN,
     **{
         f"{BENCHMARK}{name}.py": LONG_RUN
@@ -167,7 +175,7 @@ RUNS_BY_BEGINNING = {
             *("standstills", "real_trials"),
         )
     },
-    BENCHMARK: BEGUN_RUN,
+    BENCHMARK: BEGUN_LIVE_RUN,
     f"{ANKLE} ": Run(),
     f"{PYTHON} ": Run(),
     f"ANKLE_SCREENSHOTS=docs {PYTHON} ": Run(),
@@ -206,9 +214,9 @@ def main():
     lines = documented()
     runs = [run for live in (False, True) for _, _, run in to_run(live)]
     print(f"{len(lines)} commands are documented, on {len({page for page, _ in lines})} pages")
-    print(f"{sum(run.quick for run in runs)} are run by `make test`, these and the others")
-    print(f"{len(runs)} by `make test-slow`, of which", end=" ")
-    print(f"{sum(run.stopped > 0 for run in runs)} are stopped once they work")
+    quick = sum(run.quick for run in runs)
+    print(f"{quick} are run by `make test`, {len(runs) - quick} by `make test-slow`")
+    print(f"    {sum(run.stopped > 0 for run in runs)} of them are stopped once they work")
     print(f"{len(lines) - len(runs) - len(NOT_RUN)} of ros2 are compared with the packages")
     print(f"{len(NOT_RUN)} are not run:")
     for line, reason in NOT_RUN.items():

@@ -166,6 +166,8 @@ def graphs(tmp_path_factory):
 @pytest.mark.parametrize(("page", "line", "run"), params(True))
 def test_a_command_of_a_running_graph_runs_as_documented(page, line, run, clones, inputs, graphs):
     graphs(run.beside, clones("beside"))
+    for before in run.before:
+        carry_out(before, Run(), clones("beside"))
     check(page, line, run, clones, inputs)
 
 

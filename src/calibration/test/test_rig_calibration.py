@@ -26,7 +26,7 @@ from calibration.rig_calibration import (
 )
 from calibration.rig_identification import IdentifiedRig, identify_rig
 from calibration.rig_spectra import Signals
-from perturbation_generator.rig_calibration import DURATION, RigCalibration
+from perturbation_generator.rig_calibration import DURATION, INITIAL_REST, RigCalibration
 from perturbation_generator.settings import Settings
 from session_recorder.bag_writer import BagWriter
 
@@ -116,7 +116,7 @@ def test_a_rigs_hidden_imperfections_are_found(bag, tmp_path):
 
 def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
     """Friction of seals is rounded over a wide range of velocities; here by another curve."""
-    position, velocity, acceleration = movements()[: int(60 * RATE)].T
+    position, velocity, acceleration = movements()[: int((INITIAL_REST + 56.0) * RATE)].T
     friction = 1.2 * np.clip(velocity / 0.15, -1.0, 1.0)
     random = np.random.default_rng(6)
     torque = 0.0025 * acceleration + friction + random.normal(0.0, 0.02, len(position))
@@ -124,7 +124,7 @@ def test_a_bearing_that_slips_gradually_is_no_lag_of_the_sensor():
     assert found.lag is None
     assert found.mode is None
     assert found.torque_delay.value == pytest.approx(0.0, abs=3e-4)
-    assert found.friction.value == pytest.approx(1.2, rel=0.03)
+    assert found.friction.value == pytest.approx(1.2, rel=0.05)
     # What the two curves differ by near rest looks like a part of the inertia.
     assert found.inertia.value == pytest.approx(0.0025, rel=0.15)
     rounding = found.friction_velocity

@@ -14,8 +14,11 @@ from perturbation_generator.edges import Extremes, Polynomial
 from perturbation_generator.settings import Settings
 from perturbation_generator.signal import Onset, Signal
 
-INITIAL_REST = 4.0
-"""[s] Rest at the start: 8192 samples give a zero to within a hundredth of the noise."""
+INITIAL_REST = 10.0
+"""[s] Rest at the start. A recorder that has just begun may hear the samples later than the
+reference: by 2.2 s, and by 3 s on a busy computer."""
+FINAL_REST = 4.0
+"""[s] Rest at the end: 8192 samples give a zero to within a hundredth of the noise."""
 FAST_TIME = 60.0
 """[s] Duration of the fast edges, about 160: a delay is then known to 0.02 ms with 0.14 N.m of
 torque noise."""
@@ -29,7 +32,7 @@ velocity."""
 SWEEPS = 6
 HOLD_TIME = 1.0
 """[s] Rest at each end of a sweep."""
-DURATION = INITIAL_REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + INITIAL_REST
+DURATION = INITIAL_REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + FINAL_REST
 """[s] Duration of the whole, after which the plate rests."""
 
 
@@ -47,7 +50,7 @@ class RigCalibration(Signal):
 
     def _plan(self, random: np.random.Generator) -> None:
         time, level, amplitude = INITIAL_REST, 0.0, self.amplitude
-        end = min(INITIAL_REST + FAST_TIME, self.settings.end - INITIAL_REST)
+        end = min(INITIAL_REST + FAST_TIME, self.settings.end - FINAL_REST)
         while time < end - 2.0 * PAUSES[1]:
             # No step is larger than the amplitude, which velocity and acceleration allow.
             near = [k * amplitude for k in LEVELS if 0.0 < abs(k * amplitude - level) <= amplitude]

@@ -71,7 +71,7 @@ def test_the_signal_is_the_same_at_every_rate(name, shape):
 @EVERY
 def test_the_seed_makes_the_signal(name):
     def samples(seed):
-        return SIGNALS[name](Settings(seed=seed)).next(20_000)
+        return SIGNALS[name](Settings(seed=seed)).next(30_000)
 
     np.testing.assert_array_equal(samples(7), samples(7))
     assert np.abs(samples(7) - samples(8)).max() > 0.01
@@ -85,7 +85,7 @@ def test_no_signal_passes_its_own_extremes_or_leaves_its_side(
     signal = SIGNALS[name](
         Settings(rate=1000.0, shape=shape, direction=direction, seed=seed, amplitude=amplitude)
     )
-    samples = signal.next(20_000)
+    samples = signal.next(30_000)
     bound = signal.extremes(amplitude)
     reached = np.abs(samples).max(axis=0)
     assert np.all(

@@ -174,8 +174,8 @@ def since_movement(fitter: Fitter) -> np.ndarray:
 
 
 def moved_from_rest(fitter: Fitter) -> np.ndarray:
-    """Tell of each row whether the joint was at rest before the plate's last movement, so that no
-    earlier response reaches into this one. A pulse, which goes back at once, is one movement.
+    """Return whether the joint was at rest before the plate's last movement, for each row, so that
+    no earlier response reaches into this one. A pulse, which goes back at once, is one movement.
     """
     moving, last = _last_moving(fitter)
     still = np.diff(moving, prepend=-np.inf)
