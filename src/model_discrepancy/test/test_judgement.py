@@ -85,6 +85,14 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
 
 
+def test_effects_that_take_off_next_to_nothing_are_no_mismatch():
+    nothing, much = remainder(0.02, True), remainder(0.3, True)
+    assert judge(found(0.94), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert judge(found(0.96), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
+    assert judge(found(0.96), nothing, ["a gain"], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert judge(found(0.96), much, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
+
+
 @pytest.mark.parametrize(
     ("score", "share", "expected"),
     [

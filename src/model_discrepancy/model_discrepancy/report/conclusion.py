@@ -8,6 +8,7 @@ import numpy as np
 
 from ankle_physics.model import Model
 from model_discrepancy.criticism.criticism import Criticism
+from model_discrepancy.criticism.judgement import LEAST_CUT
 from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.criticism.stated_fit import stated_fit
@@ -51,11 +52,6 @@ PLAIN_SENTENCE = (
     "decide, and not from the whitened one"
 )
 EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
-
-# Names of a model that takes off less of the whitened error are not stated as sure: slow torque or
-# the size of reflexes may have followed the movement by accident. Of names with nothing else
-# against them both of two below this share were wrong, and 34 of 36 above it right.
-LEAST_SURE_CUT = 0.05
 
 
 def conclude(
@@ -204,7 +200,7 @@ def standing_of(word: str, found: Found, after: Remainder) -> Standing:
         return Standing.UNEXPLAINED
     if after.exceeds_chance:
         return Standing.INCOMPLETE
-    if found.shape_corrected or after.criticises or found.cut < LEAST_SURE_CUT:
+    if found.shape_corrected or after.criticises or found.cut < LEAST_CUT:
         return Standing.CRITICISED
     return Standing.COMPLETE
 
