@@ -83,6 +83,11 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     assert judge(found(0.9), much, [], USUAL_VARIABILITY, useless)[0] == "unexplained"
     line = SimpleNamespace(unusual=["a narrow line"], unexplainable=[])
     assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
+    # What takes off most of the whitened error is there, however little it raises the VAF.
+    assert judge(found(0.3), nothing, [], USUAL_VARIABILITY, useless)[0] == "explained"
+    moved = remainder(0.02, False, held=False)
+    assert judge(found(0.5), moved, [], USUAL_VARIABILITY, useless)[0] == "no_mismatch"
+    assert judge(found(0.3), moved, [], USUAL_VARIABILITY, useless)[0] == "explained"
 
 
 def test_effects_that_take_off_next_to_nothing_are_no_mismatch():
