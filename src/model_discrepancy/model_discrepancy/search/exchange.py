@@ -220,7 +220,7 @@ def better_rival(found: Found) -> tuple[Effect, Trial] | None:
         (effect, rival)
         for effect in found.effects
         for rival in effect.rivals
-        if rival.exceeds_chance
+        if rival.exceeds_chance(only=len(found.effects) == 1)
         and rival.fit.size <= final.size
         and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
     ]

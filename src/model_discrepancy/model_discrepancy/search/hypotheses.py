@@ -188,8 +188,8 @@ class Hypotheses:
             ):
                 return
             self._progress(f"looking for term {count + 1}: screening")
-            trials, found.by_chance = self._step(hypothesis.current)
-            good = [t for t in trials if t.accepted]
+            trials, found.by_chance = self._step(hypothesis.current, not found.effects)
+            good = _accepted(trials, not found.effects)
             if not good:
                 found.near = trials[:3]
                 return
@@ -215,7 +215,7 @@ class Hypotheses:
         count, score = len(found.effects), hypothesis.current.score
         hypothesis.scores[count] = min(score, hypothesis.scores.get(count, score))
 
-    def _step(self, current: Fit) -> tuple[list[Trial], float]:
+    def _step(self, current: Fit, first: bool) -> tuple[list[Trial], float]:
         """Return the most promising candidates, refitted and scored on unseen rows, best first, and
         what the best one gains by chance.
 
@@ -239,11 +239,15 @@ class Hypotheses:
             trials = _refitted_and_judged(fitter, current, few, by_chance, self._progress)
             trials += special_cases(fitter, current, trials, null)
             tried = _best_of_each([*tried, *trials])
-            if any(t.accepted for t in trials):
+            if _accepted(trials, first):
                 break
         if tried:
             return tried, tried[0].by_chance
         return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
+
+
+def _accepted(trials: Sequence[Trial], first: bool) -> list[Trial]:
+    return [t for t in trials if t.accepted and t.exceeds_chance(only=first)]
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
