@@ -7,7 +7,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if "reference" not in page.parts]
-PAGES += sorted([*ROOT.glob("*/README.md"), *ROOT.glob("src/*/README.md")])
+# Hidden folders hold what others wrote: packages leave pages in an environment.
+PAGES += sorted([*ROOT.glob("[!.]*/README.md"), *ROOT.glob("src/*/README.md")])
 VARIABLE = r"[A-Z_]+=\S+ "
 """A variable of the environment, set for one command."""
 PROGRAMS = (
