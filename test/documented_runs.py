@@ -68,6 +68,8 @@ class Run:
         Seconds within which it has to end.
     live
         Whether it is a graph, or starts one.
+    asks_shell
+        Whether it looks which shell has started it.
     """
 
     stopped: float = 0.0
@@ -79,6 +81,7 @@ class Run:
     quick: bool = False
     patience: float = PATIENCE
     live: bool = False
+    asks_shell: bool = False
 
 
 QUICK_RUN = Run(quick=True)
@@ -102,7 +105,7 @@ EXACT_RUNS = {
     "make manifests": QUICK_RUN,
     "make docs": Run(),
     f"{ANKLE} --help": QUICK_RUN,
-    f"{ANKLE} --install-completion": QUICK_RUN,
+    f"{ANKLE} --install-completion": Run(quick=True, asks_shell=True),
     f"{ANKLE} parameter-file": QUICK_RUN,
     f"{ANKLE} parameter-file --out mine.yaml": QUICK_RUN,
     f"{ANKLE} robustness --help": QUICK_RUN,

@@ -58,12 +58,14 @@ def clones(tmp_path_factory):
 
 
 @contextmanager
-def started(line, folder):
+def started(line, folder, asks_shell=False):
     """Start a command through the shell, with a home of its own; nothing of it is left behind."""
+    # Started in the background a test ignores Ctrl-C, and so would what it starts. A shell that is
+    # replaced by the command cannot be asked for its name.
+    program = f"{line}; exit $?" if asks_shell else f"exec env --default-signal=INT {line}"
     with TemporaryFile("a+", dir=folder.parent, errors="replace") as output:
         process = subprocess.Popen(
-            f"exec env --default-signal=INT {line}",  # which a test in the background ignores
-            shell=True,
+            ["bash", "-c", program],
             cwd=folder,
             env={**os.environ, "HOME": str(folder.parent), "XDG_CACHE_HOME": str(folder.parent)},
             stdout=output,
@@ -86,7 +88,7 @@ def started(line, folder):
 
 def carry_out(line, run, folder):
     """Run a command to its end, or until Ctrl-C once it works; return what it says."""
-    with started(line, folder) as (process, shown):
+    with started(line, folder, run.asks_shell) as (process, shown):
         if run.stopped:
             ended = None
             with suppress(subprocess.TimeoutExpired):
