@@ -26,9 +26,11 @@ import numpy as np
 DELAY_WINDOW = 4.0
 """[s] Window of which one smallest delay is used: of 256 chunks one has not waited, also on a busy
 computer; a crystal at 100e-6 moves by 0.4 ms."""
-SET_WINDOW = 1.0
-"""[s] Window of the smallest delay after a clock was set: the chunk that the time was taken from
-may have waited, and is to be found out soon."""
+FIRST_WINDOW = 1.0
+"""[s] Window of the smallest delay until the drift is known to `CRYSTAL_DRIFT`, and after a clock
+was set: the chunk that the time was taken from may have waited, and is to be found out soon."""
+CRYSTAL_DRIFT = 100e-6
+"""[1] Largest drift of a crystal."""
 LARGEST_DRIFT = 500e-6
 """[1] Standard deviation of the drift that is expected before anything is known; crystals are
 within 100e-6.
@@ -167,6 +169,11 @@ class DriftFilter:
     def drift(self) -> float:
         """Return the seconds that the sender's clock loses per second [1]."""
         return float(self._state[2])
+
+    @property
+    def drift_error(self) -> float:
+        """Return the standard error of the drift [1]."""
+        return math.sqrt(self._covariance[2, 2])
 
     @property
     def delay(self) -> float:
@@ -347,10 +354,13 @@ class SampleLine:
         ), stamped + unexpected
 
     def _note_delay(self, delay: float, came: float) -> None:
-        self._smallest = min(self._smallest, delay)
-        passed = came - self._window_start
-        if passed < (SET_WINDOW if self._foreign else DELAY_WINDOW):
+        passed, drift = came - self._window_start, self.drift_filter.drift
+        # As it would be at the beginning of the window: the delay of a clock that loses time grows.
+        self._smallest = min(self._smallest, delay - drift * passed)
+        soon = self._foreign or self.drift_filter.drift_error > CRYSTAL_DRIFT
+        if passed < (FIRST_WINDOW if soon else DELAY_WINDOW):
             return
+        self._smallest += drift * passed
         self.drift_filter.advance(passed)
         sooner = self.drift_filter.delay - self._smallest
         if self._foreign and sooner > DELAY_NOISE:

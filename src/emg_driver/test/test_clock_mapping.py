@@ -36,6 +36,13 @@ def test_a_pulse_stays_within_a_millisecond_over_ten_minutes_of_drift(drift):
     assert np.abs(steps - 1.0).max() < 0.3
 
 
+@pytest.mark.parametrize("drift", [500e-6, -500e-6])
+def test_a_clock_worse_than_any_crystal_is_found_within_seconds(drift):
+    errors, steps = placed(drift, 0.005, 0.0002, seconds=20)
+    assert np.abs(errors).max() < 1e-3
+    assert np.abs(steps - 1.0).max() < 0.3
+
+
 def test_a_constant_latency_and_a_correction_leave_honest_stamps_alone():
     errors, _ = placed(0.0, 0.02, 0.0, seconds=60)
     assert np.abs(errors).max() < 0.2e-3
