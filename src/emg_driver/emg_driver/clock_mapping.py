@@ -32,9 +32,8 @@ was set: the chunk that the time was taken from may have waited, and is to be fo
 CRYSTAL_DRIFT = 100e-6
 """[1] Largest drift of a crystal."""
 LARGEST_DRIFT = 500e-6
-"""[1] Standard deviation of the drift that is expected before anything is known; crystals are
-within 100e-6.
-"""
+"""[1] Standard deviation of the drift that is expected before anything is known: five times
+`CRYSTAL_DRIFT`, because a clock that is set while it runs drifts faster than any crystal."""
 DRIFT_WANDER = 0.1e-6
 """[1/sqrt(s)] How fast a crystal's drift changes: by 1e-6 in 100 s, while an amplifier warms up."""
 DELAY_NOISE = 0.5e-3

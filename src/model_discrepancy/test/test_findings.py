@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
 from ankle_physics.memory_elements import BacklashOperator
 from model_discrepancy.criticism.locate import Cell, ResidualMap
@@ -68,6 +69,21 @@ def test_a_line_is_no_tremor(equal_steps):
     )
     assert found.tremor is None
     assert found.line_hz == pytest.approx(50.0, abs=0.5)
+
+
+def test_a_weak_line_between_two_points_of_the_periodogram_is_found(equal_steps):
+    line = 0.04 * np.sin(2 * np.pi * 50.25 * equal_steps.time)
+    found = found_in(replace(equal_steps, torque=equal_steps.torque + line))
+    assert found.line_hz == pytest.approx(50.25, abs=0.3)
+
+
+def test_a_hump_is_no_line(equal_steps):
+    noise = np.random.default_rng(4).standard_normal(len(equal_steps.torque))
+    band = butter(1, (49.0, 51.0), "bandpass", fs=equal_steps.rate, output="sos")
+    hump = sosfilt(band, noise)
+    hump *= 0.2 / np.std(hump)
+    found = found_in(replace(equal_steps, torque=equal_steps.torque + hump))
+    assert found.line_hz is None
 
 
 def test_torque_in_coarse_steps_is_seen_and_nothing_else(equal_steps):

@@ -35,11 +35,12 @@ LINES_HZ = (13.0, 78.0)
 # Power of a peak over the median of its surroundings. Residuals of 10 simulated recordings without
 # tremor or line: 1.0 to 1.7.
 LEAST_PEAK = 4.0
-# A line is narrow: of its power a periodogram shows 5 % a hertz beside it at most, and the
-# surroundings add to that. What a servo's resonance leaves shows 38 and 56 % there.
-LARGEST_SHOULDER = 0.3
 # Periodograms of 2 s: half a hertz wide, 30 of them in a minute.
 SEGMENT_S = 2.0
+# A line is narrow: of its power above the surroundings a periodogram shows 4 % a hertz beside it
+# at most, and noise adds to that. What a servo's resonance leaves shows 33 and 52 % there.
+LARGEST_SHOULDER = 0.3
+_SHOULDER_HZ = 1.0
 # Width of a tremor's peak, and of the surroundings that it is compared with.
 _PEAK_HZ, _AROUND_HZ = 1.5, 5.0
 # After the plate's last movement: intrinsic torque, and the short-latency reflex. Its tail is not
@@ -232,9 +233,9 @@ def _peaks(
         # A narrow-band process has 2 T Δf degrees of freedom, at least the number of segments.
         error = rms / np.sqrt(2.0 * max(segments, 1))
         tremor = (float(frequency[k]), float(frequency[1])), (rms, error)
-    # The window of a periodogram spreads a line over two points to either side.
-    shoulder = np.maximum(np.roll(ratio, 2), np.roll(ratio, -2))
-    ratio = np.where(shoulder < LARGEST_SHOULDER * ratio, ratio, 0.0)
+    beside = round(_SHOULDER_HZ * SEGMENT_S)
+    shoulder = np.maximum(np.roll(ratio, beside), np.roll(ratio, -beside))
+    ratio = np.where(shoulder - 1.0 < LARGEST_SHOULDER * (ratio - 1.0), ratio, 0.0)
     k = _highest(ratio, frequency, LINES_HZ)
     return tremor, float(frequency[k]) if ratio[k] > LEAST_PEAK else None
 
