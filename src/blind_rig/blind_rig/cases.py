@@ -138,10 +138,22 @@ def _draw_trial(generator: np.random.Generator, hidden: tuple[str, ...]) -> Tria
     )
 
 
-def _brought_in(
+def scaled_effect(
     trial: Trial, effect: Effect, wanted: str, generator: np.random.Generator
 ) -> tuple[dict[str, float], dict[str, Any]]:
-    """Return the changes of the setup for an effect at a strength, and the truth about it."""
+    """Return the changes of the setup for an effect at a strength, and the truth about it.
+
+    Parameters
+    ----------
+    trial
+        Without the effect.
+    effect
+        What is hidden.
+    wanted
+        One of `strength.STRENGTHS`.
+    generator
+        Draws the effect's shape and variant.
+    """
     shape, limits = effects.draw_shape(effect, generator)
     about: dict[str, Any] = {"name": effect.name, "place": effect.place, "wanted": wanted}
     if effect.levels:
@@ -164,6 +176,17 @@ def _brought_in(
     return changes, about
 
 
+def shows(about: dict[str, Any]) -> bool:
+    """Say whether an effect shows about as strongly as it was to.
+
+    Parameters
+    ----------
+    about
+        What `scaled_effect` tells of it.
+    """
+    return about["share"] is None or about["share"] >= MIN_STRENGTH_SHARE * about["target"]
+
+
 def _hide(
     plan: Plan, generator: np.random.Generator
 ) -> tuple[Trial, dict[str, float], list[dict[str, Any]]]:
@@ -175,12 +198,10 @@ def _hide(
         changes: dict[str, float] = {}
         hidden: list[dict[str, Any]] = []
         for name, wanted in zip(plan.hidden, plan.strengths, strict=True):
-            change, about = _brought_in(trial, effects.EFFECTS_BY_NAME[name], wanted, generator)
+            change, about = scaled_effect(trial, effects.EFFECTS_BY_NAME[name], wanted, generator)
             changes |= change
             hidden.append(about)
-        if draw == DRAWS - 1 or all(
-            h["share"] is None or h["share"] >= MIN_STRENGTH_SHARE * h["target"] for h in hidden
-        ):
+        if draw == DRAWS - 1 or all(shows(about) for about in hidden):
             break
     return trial, changes, hidden
 

@@ -1,8 +1,8 @@
 """Fixed magnitudes of each effect at three strengths, for studies that cannot search for them.
 
 On the nominal subject (`anatomy.Setup`) they leave about 0.5, 2 and 6 % of the torque's variance
-unexplained by the paper's model, as `strength.scale` finds them; where the effect's range ends
-before that, the values spread over the range. Strength differs between subjects.
+unexplained by the paper's model with the reflex' delay and dynamics held; where the effect's range
+ends before that, the values spread over the range. Strength differs between subjects.
 """
 
 from __future__ import annotations

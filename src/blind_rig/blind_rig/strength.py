@@ -2,10 +2,11 @@
 
 It is the share that the effect adds beyond what the paper's model could absorb.
 
-An effect that merely looks like a little more stiffness is no mismatch: nobody could see it. Its
-strength is therefore what remains after inertia, viscosity, stiffness and reflex have been fitted
-again: (unexplained variance with the effect - without it) / variance of the torque without it, in
-0.1-80 Hz, without sensor noise, the voluntary torque known.
+An effect that merely looks like a little more stiffness, or like a slightly later reflex, is no
+mismatch: nobody could see it. Its strength is therefore what remains after inertia, viscosity,
+stiffness and reflex, with its delay and dynamics, have been fitted again: (unexplained variance
+with the effect - without it) / variance of the torque without it, in 0.1-80 Hz, without sensor
+noise, the voluntary torque known.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.signal import butter, lfilter, sosfiltfilt
 
+from blind_rig.anatomy import Reflex
 from blind_rig.ankle_torque import reflex_series
 from blind_rig.effects import Effect
 from blind_rig.trial import Run, Trial, run
@@ -34,6 +36,10 @@ SCAN_POINTS = 6
 MIN_VISIBLE_SHARE = STRENGTHS["weak"] / 2
 # Gains beyond this factor are no longer those of a healthy subject.
 LARGEST_COMPENSATION = 12.0
+# Steps of the derivatives of the reflex response: small against its delay of 40 ms, and several
+# samples at 2048 Hz.
+DELAY_STEP = 0.002  # s
+DYNAMICS_STEP = 0.05
 # Accuracy of the search, in the logarithm of the magnitude; about twice that in the share.
 SEARCH_TOLERANCE = 0.02
 
@@ -65,15 +71,14 @@ def unexplained_variance(done: Run, trial: Trial) -> tuple[float, float]:
     paper's model and the voluntary torque leave.
 
     The regressors come from the position as the sensor shows it: position, velocity, acceleration,
-    and the reflex response to delayed rectified velocity with the subject's own delay and dynamics.
+    and the reflex response to delayed rectified velocity, with its derivatives by delay, frequency
+    and damping at the subject's own values.
     """
-    rate, reflex = done.rate, trial.setup.reflex
+    rate = done.rate
     x = done.reading.position
     v = np.gradient(x, 1.0 / rate)
-    late = round(reflex.delay * rate)
-    stretch = np.concatenate([np.zeros(late), np.maximum(v, 0.0)[: len(v) - late]])
-    b, a = _semi_implicit(reflex.omega, reflex.zeta, rate)
-    columns = [x, v, np.gradient(v, 1.0 / rate), lfilter(b, a, stretch), done.course.steady]
+    intrinsic = [x, v, np.gradient(v, 1.0 / rate)]
+    columns = [*intrinsic, *_reflex_columns(v, rate, trial.setup.reflex), done.course.steady]
     design = np.column_stack([_banded(column, rate) for column in columns])
     torque = _banded(done.reading.torque, rate)
     # The first second holds the filters' and the rig's own start.
@@ -83,6 +88,28 @@ def unexplained_variance(done: Run, trial: Trial) -> tuple[float, float]:
     scale[scale == 0] = 1.0
     solution = np.linalg.lstsq(design / scale, torque, rcond=None)[0]
     return float(torque.var()), float((torque - design / scale @ solution).var())
+
+
+def _reflex_columns(velocity: np.ndarray, rate: float, reflex: Reflex) -> list[np.ndarray]:
+    """Return the reflex response to rectified velocity, and how it changes with the delay, the
+    frequency and the damping of the reflex.
+    """
+    stretch = np.maximum(velocity, 0.0)
+
+    def response(delay: float, omega: float, zeta: float) -> np.ndarray:
+        late = round(delay * rate)
+        b, a = _semi_implicit(omega, zeta, rate)
+        driven = lfilter(b, a, stretch)
+        return np.concatenate([np.zeros(late), driven[: len(driven) - late]])
+
+    delay, omega, zeta = reflex.delay, reflex.omega, reflex.zeta
+    more, less = 1.0 + DYNAMICS_STEP, 1.0 - DYNAMICS_STEP
+    return [
+        response(delay, omega, zeta),
+        response(delay + DELAY_STEP, omega, zeta) - response(delay - DELAY_STEP, omega, zeta),
+        response(delay, omega * more, zeta) - response(delay, omega * less, zeta),
+        response(delay, omega, zeta * more) - response(delay, omega, zeta * less),
+    ]
 
 
 def _semi_implicit(omega: float, zeta: float, rate: float) -> tuple[list[float], list[float]]:

@@ -188,3 +188,13 @@ def test_truth_is_judged_against_the_model_it_claims() -> None:
         )
     )
     assert strength.share(stiffer, plain) < 1e-4
+    later = trial._replace(
+        setup=setup.replaced(
+            {
+                "reflex.delay": setup.reflex.delay + 0.002,
+                "reflex.omega": 1.05 * setup.reflex.omega,
+                "reflex.zeta": 0.95 * setup.reflex.zeta,
+            }
+        )
+    )
+    assert strength.share(later, plain) < 1e-3

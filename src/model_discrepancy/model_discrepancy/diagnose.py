@@ -21,7 +21,6 @@ from model_discrepancy.report.result_folder import write_results
 from model_discrepancy.report.verdict import Verdict
 from model_discrepancy.search.found import Found, Progress
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.surrogate_activation import surrogate_activation
 from model_discrepancy.search.term_search import search
 
 
@@ -137,8 +136,7 @@ def _diagnose(
     problem = prepare(reading.trusted, terms, progress, rig)
     null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
     progress("asking what chance finds in this recording's noise")
-    activation_of = surrogate_activation(problem, null)
-    found = search(problem.fitter, problem.base, null, library, progress, activation_of)
+    found = search(problem.fitter, problem.base, null, library, progress)
     criticism = criticise(problem, found, null, reading.findings, progress)
     verdict = conclude(reading.recording, problem, found, criticism, reading.findings, baseline)
     return Diagnosis(reading.recording, verdict, problem, found, criticism)

@@ -18,6 +18,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
+from model_discrepancy.fit.preceding_torque import preceding_torque
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
@@ -120,7 +121,11 @@ def prepare(
     left = fitter.rows.torque(base.left)
     activation = float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ)
     by_emg = emg_activation(recording, motion.velocity, activation, motion.rate, ACTIVATION_HZ)
-    motion = replace(motion, activation=activation if by_emg is None else by_emg)
+    motion = (
+        replace(motion, activation=activation, preceding=preceding_torque(fitter.columns, left))
+        if by_emg is None
+        else replace(motion, activation=by_emg, preceding=by_emg)
+    )
     compliance = (
         servo.compliance
         if servo is not None
@@ -130,7 +135,7 @@ def prepare(
     if compliance is not None and compliance.significant:
         motion = motion.undisturbed(compliance, left, joint_impedance(base))
     fitter = fitter.along(motion)
-    bank = GenericBank(fitter.columns)
+    bank = GenericBank(fitter.columns, over_time=True)
     parts = interleaved(fitter.rows)
     base = fitter.fit(terms, base.values, evaluations=15)
     fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))

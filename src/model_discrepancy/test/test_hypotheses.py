@@ -32,7 +32,7 @@ class Scripted(Hypotheses):
         super().__init__(fitter, fit_of(()), None, None, None, lambda line: self.said.append(line))
         self.said = []
 
-    def _step(self, current, first):
+    def _step(self, current):
         longer = [t for t in SCORES if t[:-1] == current.terms and len(t) > len(current.terms)]
         trials = [
             Trial(t[-1], fit_of(t), gain, (gain, gain), -1.0, torque_share=1.0)

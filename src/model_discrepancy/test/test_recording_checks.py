@@ -115,6 +115,6 @@ def test_torque_that_moves_a_compliant_plate_is_no_wrong_sign():
         noise="noisy",
         variability="large",
     )
-    recording = made(plan)[0]
+    recording = made(plan).recording
     assert faults(recording) == []
     assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]

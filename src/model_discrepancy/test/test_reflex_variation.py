@@ -21,7 +21,7 @@ def varies(*hidden, protocol="random_levels", variability_of_subject="large", se
         noise="quiet",
         variability=variability_of_subject,
     )
-    problem = prepare(made(plan)[0])
+    problem = prepare(made(plan).recording)
     return variability(problem.fitter, problem.base, problem.recording.torque)
 
 

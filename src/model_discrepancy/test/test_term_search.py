@@ -75,13 +75,24 @@ def test_one_refinement_is_an_effect_where_it_alone_takes_off_much(gains, second
     assert second_effect(final, trials, ["tendon"]) == second
 
 
-@pytest.mark.parametrize(("gain", "beside", "alone"), [(0.3, True, True), (0.2, True, False)])
-def test_a_term_that_follows_torque_needs_more_where_it_is_the_only_one(gain, beside, alone):
-    """Slow torque holds a part of each reflex."""
+@pytest.mark.parametrize(
+    ("gain", "preceding", "exceeds"),
+    [
+        (0.3, 0.15, True),
+        (0.3, 0.05, False),  # less than by chance
+        (0.9, 0.12, False),  # next to nothing beside what follows its own response
+        (0.3, None, True),  # not known: far above chance
+        (0.2, None, False),
+    ],
+)
+def test_a_term_that_follows_torque_follows_what_was_held_before(gain, preceding, exceeds):
     trial = Trial("activation_reflex_gain", None, gain, (gain, gain), 0.0, by_chance=0.1)
-    assert trial.exceeds_chance() == beside
-    assert trial.exceeds_chance(only=True) == alone
-    assert replace(trial, name="tendon", gain=0.11).exceeds_chance(only=True)
+    assert replace(trial, preceding_gain=preceding).exceeds_chance == exceeds
+    displacing = replace(
+        trial, preceding_gain=preceding, torque_share=0.01, displaced=("reflex.G",)
+    )
+    assert displacing.accepted == exceeds
+    assert replace(trial, name="tendon", gain=0.11).exceeds_chance
 
 
 @pytest.mark.parametrize(
@@ -89,7 +100,7 @@ def test_a_term_that_follows_torque_needs_more_where_it_is_the_only_one(gain, be
     [
         ("maxwell_relaxation", 0.35, True),
         ("maxwell_relaxation", 0.45, False),
-        ("activation_reflex_gain", 0.25, False),  # it follows torque, and has a margin
+        ("activation_reflex_gain", 0.25, False),  # it follows torque, which has a margin
     ],
 )
 def test_a_rival_takes_no_place_with_what_it_takes_off_by_chance(name, by_chance, taken):

@@ -67,7 +67,7 @@ def estimated(plan: Plan) -> list[Estimated]:
     plan
         The case.
     """
-    recording, truth = made(replace(plan, velocity=True, reference=True))
+    recording, truth, _ = made(replace(plan, velocity=True, reference=True))
     if truth is None:
         return []
     time = np.arange(len(recording.position)) / recording.rate

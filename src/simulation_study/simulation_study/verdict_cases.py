@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import resample_poly
 
 from ankle_physics.term import Place, term_library
 from blind_rig import effects
+from blind_rig.cases import DRAWS, scaled_effect, shows
 from blind_rig.impedance import TrueImpedance, true_impedance
 from blind_rig.magnitudes import brought_in
 from blind_rig.protocols import EVERY_PROTOCOL, PROTOCOLS, Protocol
@@ -69,6 +71,10 @@ class Plan:
         A key of `TORQUE_SNR`.
     variability
         A key of `VARIABILITY`.
+    scaled
+        Whether each hidden effect is brought to a moderate share of the torque's variance in this
+        very subject and protocol; otherwise it has the magnitude that is moderate in the nominal
+        subject.
     """
 
     kind: str
@@ -82,6 +88,7 @@ class Plan:
     reference: bool
     noise: str
     variability: str
+    scaled: bool = False
 
     @property
     def name(self) -> str:
@@ -167,11 +174,31 @@ def _plan(
         not human and bool(generator.random() < 0.7),
         str(generator.choice(list(TORQUE_SNR))),
         str(generator.choice(list(VARIABILITY))),
+        scaled=not human,
     )
 
 
-def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedance | None]:
-    """Make the recording of a case, and the true impedance where it is known.
+class Made(NamedTuple):
+    """Holds the recording of a case and what is true of it.
+
+    Attributes
+    ----------
+    recording
+        To be diagnosed.
+    truth
+        True impedance; None for a recorded human trial.
+    shares
+        Of the torque's variance that each hidden effect adds beyond what the paper's model could
+        imitate [1], by its name; empty where effects are not scaled.
+    """
+
+    recording: Recording
+    truth: TrueImpedance | None
+    shares: dict[str, float]
+
+
+def made(plan: Plan, folder: Path | None = None) -> Made:
+    """Make the recording of a case.
 
     Parameters
     ----------
@@ -183,8 +210,8 @@ def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedan
     if plan.kind == "planted":
         assert folder is not None
         path = next(path for path in trial_paths(folder) if path.stem == plan.protocol)
-        return plant(load_trial(path), plan.hidden[0]), None
-    trial = _trial(plan)
+        return Made(plant(load_trial(path), plan.hidden[0]), None, {})
+    trial, shares = _scaled_trial(plan) if plan.scaled else (_fixed_trial(plan), {})
     done = run(trial)
     samples = record(trial, done)
     channels = [samples.position, samples.torque, samples.velocity, samples.reference[:, 0]]
@@ -200,11 +227,11 @@ def made(plan: Plan, folder: Path | None = None) -> tuple[Recording, TrueImpedan
         reference if plan.reference else None,
         name=plan.name,
     )
-    return recording, true_impedance(trial, done)
+    return Made(recording, true_impedance(trial, done), shares)
 
 
-def _trial(plan: Plan) -> Trial:
-    generator = np.random.default_rng(plan.seed)
+def _without_effects(plan: Plan, generator: np.random.Generator) -> Trial:
+    """Draw subject, servo and protocol of a case."""
     reflex, tremor = VARIABILITY[plan.variability]
     changes = {
         "courses.stretch_variation": float(generator.uniform(*reflex)),
@@ -215,13 +242,38 @@ def _trial(plan: Plan) -> Trial:
         changes["rig.servo_k"] = float(generator.uniform(*SERVO_STIFFNESS))
         changes["rig.servo_hz"] = float(generator.uniform(*SERVO_HZ))
     protocol = Protocol(plan.protocol, float(generator.uniform(0.03, 0.045)), 0.024, DURATION_S)
-    trial = Trial(
+    return Trial(
         draw_subject(generator).replaced(changes),
         protocol,
         max(plan.rate, 1000.0),
         float(generator.uniform(*OPERATING_ANGLE)),
         int(generator.integers(2**62)),
     )
+
+
+def _fixed_trial(plan: Plan) -> Trial:
+    """Return the trial with each effect as large as is moderate in the nominal subject."""
+    trial = _without_effects(plan, np.random.default_rng(plan.seed))
     for name in plan.hidden:
         trial = brought_in(trial, name, "moderate")
     return trial
+
+
+def _scaled_trial(plan: Plan) -> tuple[Trial, dict[str, float]]:
+    """Return the trial with each effect at a moderate share of the torque's variance, and the share
+    that each reached.
+
+    A subject or a movement in which an effect does not show is drawn again.
+    """
+    generator = np.random.default_rng(plan.seed)
+    for draw in range(DRAWS):
+        trial = _without_effects(plan, generator)
+        scaled = [
+            scaled_effect(trial, effects.EFFECTS_BY_NAME[name], "moderate", generator)
+            for name in plan.hidden
+        ]
+        if draw == DRAWS - 1 or all(shows(about) for _, about in scaled):
+            break
+    changes = {path: value for change, _ in scaled for path, value in change.items()}
+    shares = {about["name"]: about["share"] for _, about in scaled}
+    return trial._replace(setup=trial.setup.replaced(changes)), shares

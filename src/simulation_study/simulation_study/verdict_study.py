@@ -86,7 +86,7 @@ def counted(plan: Plan, trials: Path | None) -> dict[str, Any]:
     trials
         Folder of recorded human trials.
     """
-    recording, truth = made(plan, trials)
+    recording, truth, shares = made(plan, trials)
     begun = time.process_time()
     diagnosis = diagnose(recording, library=library_of(plan))
     seconds = time.process_time() - begun
@@ -94,6 +94,7 @@ def counted(plan: Plan, trials: Path | None) -> dict[str, Any]:
         "case": plan.name,
         "plan": asdict(plan),
         "right": right_names(plan),
+        "shares": shares,
         "seconds": round(seconds, 1),
         **outcome(diagnosis),
     }

@@ -62,7 +62,7 @@ def compare(plan: Plan) -> Compared | None:
     plan
         The case.
     """
-    recording, truth = made(plan, None)
+    recording, truth, _ = made(plan, None)
     reading = check(open_recording(recording))
     if truth is None or reading.faults:
         return None

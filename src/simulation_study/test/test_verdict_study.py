@@ -2,10 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from ankle_physics.term import term_library
-from simulation_study.verdict_cases import KINDS, plans
+from blind_rig.strength import STRENGTHS
+from simulation_study.verdict_cases import KINDS, made, plans
 from simulation_study.verdict_report import (
     named,
     rate_with_interval,
@@ -90,6 +92,16 @@ def test_a_family_counts_where_its_name_is_not_sure():
     assert counts["one effect: overlooked"].startswith("1 of 4")
 
 
+def test_an_effect_that_can_hardly_be_seen_is_counted_apart():
+    names = [["tendon"]]
+    seen = _entry("effect", names, [("tendon", 0.8, "a", 0.9)]) | {"shares": {"tendon": 0.021}}
+    hardly = _entry("effect", names, [], "no_mismatch") | {"shares": {"tendon": 0.001}}
+    counts = dict(table([seen, hardly]))
+    assert counts["one effect: named exactly"].startswith("1 of 1")
+    assert counts["one effect: overlooked"].startswith("0 of 1")
+    assert next(v for k, v in counts.items() if k.startswith("hidden, but")).startswith("0 of 1")
+
+
 def test_whatever_is_stated_is_wrong_where_the_library_lacks_the_effect():
     entry = _entry("foreign", [[]], [("backlash", 0.9, "backlash", 0.9)])
     assert stated_names(entry) == [("backlash", 0.9, False)]
@@ -100,6 +112,8 @@ def test_false_alarms_are_counted_in_each_stratum():
         _entry("null", [], [], verdict="no_mismatch"),
         _entry("null", [], [], verdict="unexplained", servo="compliant"),
     ]
+    hidden = _entry("effect", [["tendon"]], [], hidden=["tendon"]) | {"shares": {"tendon": 0.0214}}
+    assert "| effect: tendon (2.1 %) |" in report([hidden], "command")
     counts = dict(table(entries))
     assert counts["false alarms, servo compliant"].startswith("1 of 1")
     assert counts["false alarms, servo stiff"].startswith("0 of 1")
@@ -132,3 +146,12 @@ def test_stated_probabilities_are_held_against_how_often_they_are_right():
     assert counted["names stated with 0.90 on average: right"].startswith("1 of 2")
     assert counted["names stated with 0.10 on average: right"].startswith("0 of 1")
     assert counted["families stated with 0.20 on average: right"].startswith("0 of 1")
+
+
+@pytest.mark.parametrize("name", ["late_reflex", "stiffness_follows_torque"])
+def test_an_effect_is_as_strong_in_this_subject_as_it_is_said_to_be(name):
+    plan = next(p for p in plans({"effect": 60}, 8) if p.hidden == (name,))
+    made_case = made(plan)
+    assert made_case.shares[name] == pytest.approx(STRENGTHS["moderate"], rel=0.5)
+    again = made(plan)
+    assert np.array_equal(made_case.recording.torque, again.recording.torque)

@@ -4,7 +4,8 @@ It is trained on one part of the recording and scored on the other.
 
 The regressors know no physics: products of position, velocity and their rectified versions, each
 through a set of overlapping lag windows. What they predict of a residual on data that they were
-not trained on is structure that the model lacks, whatever its name.
+not trained on is structure that the model lacks, whatever its name. With regressors over time
+(position and velocity times a slow course) they predict a joint that drifts or tires, too.
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ class GenericBank:
     like
         A bank of another recording whose weights are to be used here; None scales by this
         recording.
+    over_time
+        Whether responses may change slowly within the recording. What such a bank learns holds for
+        this recording alone.
 
     Attributes
     ----------
@@ -42,7 +46,9 @@ class GenericBank:
         Name of the input of each regressor.
     """
 
-    def __init__(self, columns: Columns, like: GenericBank | None = None) -> None:
+    def __init__(
+        self, columns: Columns, like: GenericBank | None = None, over_time: bool = False
+    ) -> None:
         m = columns.motion
         own = (
             columns.mean_angle,
@@ -70,6 +76,13 @@ class GenericBank:
             "position and velocity": [x * np.maximum(v, 0.0), x * np.minimum(v, 0.0)],
             "speed squared": [np.maximum(v, 0.0) ** 2],
         }
+        if over_time:
+            # Legendre polynomials: a straight course and a bent one.
+            straight = np.linspace(-1.0, 1.0, len(x))
+            courses = (straight, 1.5 * straight**2 - 0.5)
+            inputs["time and position"] = [course * x for course in courses]
+            inputs["time and velocity"] = [straight * v]
+            inputs["time and rectified velocity"] = [c * np.maximum(v, 0.0) for c in courses]
         self._rows = columns.rows
         self._spectra: list[np.ndarray] = []
         self.inputs: list[str] = []

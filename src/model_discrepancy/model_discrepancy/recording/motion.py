@@ -54,6 +54,9 @@ class Motion:
     noise
         Power density of the errors of position [rad^2/Hz] and of an independent velocity
         [rad^2/s^2/Hz], infinite without one.
+    preceding
+        What the muscles held before the movement under way [N.m], shape (n,); nothing of the
+        response to it. None where this is not known.
     """
 
     rate: float
@@ -64,6 +67,7 @@ class Motion:
     activation: np.ndarray
     sample_time: float = 0.0
     noise: tuple[float, float] = (0.0, math.inf)
+    preceding: np.ndarray | None = None
 
     def position_noise(self, frequency: np.ndarray) -> np.ndarray:
         """Return the power density of the error of `position` [rad^2/Hz] at each frequency [Hz]."""

@@ -15,7 +15,13 @@ from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, 
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import Screened, screen, without_term
-from model_discrepancy.search.trials import drop_superfluous, fixed_errors, judged, refitted
+from model_discrepancy.search.trials import (
+    drop_superfluous,
+    fixed_errors,
+    judged,
+    preceding_gain,
+    refitted,
+)
 
 # A rival is excluded when it leaves this much more whitened error than the best one.
 RIVAL_EXCESS = 0.03
@@ -142,7 +148,11 @@ def _rivals(
     ]
     effect.rivals = sorted(
         (
-            replace(t, by_chance=null.threshold(t.name))
+            replace(
+                t,
+                by_chance=null.threshold(t.name),
+                preceding_gain=preceding_gain(fitter, without, t),
+            )
             for t in trials
             if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score
         ),
@@ -220,7 +230,7 @@ def better_rival(found: Found) -> tuple[Effect, Trial] | None:
         (effect, rival)
         for effect in found.effects
         for rival in effect.rivals
-        if rival.exceeds_chance(only=len(found.effects) == 1)
+        if rival.exceeds_chance
         and rival.fit.size <= final.size
         and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
     ]

@@ -9,7 +9,7 @@ Harpy speech recognition system, Carnegie Mellon University).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -122,8 +122,6 @@ class Hypotheses:
         Gain of a fixed whitening at each frequency of the rows.
     progress
         Called with one line for each step.
-    activation_of
-        Slow torque that belongs to each surrogate, as `screening.screen` takes it.
     """
 
     def __init__(
@@ -134,11 +132,9 @@ class Hypotheses:
         grids: Grids,
         yardstick: np.ndarray,
         progress: Progress,
-        activation_of: Callable[[int], np.ndarray] | None = None,
     ) -> None:
         self._fitter, self._base, self._null, self._grids = fitter, base, null, grids
         self._yardstick, self._progress = yardstick, progress
-        self._activation_of = activation_of
 
     def best(self) -> Hypothesis:
         """Return the hypothesis of the least BIC, or the one term that explains as much alone."""
@@ -188,8 +184,8 @@ class Hypotheses:
             ):
                 return
             self._progress(f"looking for term {count + 1}: screening")
-            trials, found.by_chance = self._step(hypothesis.current, not found.effects)
-            good = _accepted(trials, not found.effects)
+            trials, found.by_chance = self._step(hypothesis.current)
+            good = [t for t in trials if t.accepted]
             if not good:
                 found.near = trials[:3]
                 return
@@ -215,7 +211,7 @@ class Hypotheses:
         count, score = len(found.effects), hypothesis.current.score
         hypothesis.scores[count] = min(score, hypothesis.scores.get(count, score))
 
-    def _step(self, current: Fit, first: bool) -> tuple[list[Trial], float]:
+    def _step(self, current: Fit) -> tuple[list[Trial], float]:
         """Return the most promising candidates, refitted and scored on unseen rows, best first, and
         what the best one gains by chance.
 
@@ -228,7 +224,6 @@ class Hypotheses:
             current,
             grids.points(current),
             None if null.observed else null,
-            self._activation_of,
         )
         grids.learn(screened)
         by_chance = {s.name: null.threshold(s.name) for s in screened}
@@ -239,15 +234,11 @@ class Hypotheses:
             trials = _refitted_and_judged(fitter, current, few, by_chance, self._progress)
             trials += special_cases(fitter, current, trials, null)
             tried = _best_of_each([*tried, *trials])
-            if _accepted(trials, first):
+            if any(t.accepted for t in trials):
                 break
         if tried:
             return tried, tried[0].by_chance
         return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
-
-
-def _accepted(trials: Sequence[Trial], first: bool) -> list[Trial]:
-    return [t for t in trials if t.accepted and t.exceeds_chance(only=first)]
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:

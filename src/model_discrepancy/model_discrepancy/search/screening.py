@@ -9,8 +9,8 @@ ones, is projected out first.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -62,7 +62,6 @@ def screen(
     fit: Fit,
     points: Mapping[str, Sequence[Point]],
     null: Null | None = None,
-    activation_of: Callable[[int], np.ndarray] | None = None,
 ) -> list[Screened]:
     """Rank the candidates, the most promising first.
 
@@ -76,9 +75,6 @@ def screen(
         Values of the nonlinear parameters to try, by candidate.
     null
         Surrogates that every candidate tries as well.
-    activation_of
-        Slow torque that belongs to a surrogate [N.m], shape (samples,), by its number; terms that
-        follow torque and seem to gain try these too. None where only the recording's own is known.
     """
     used = fitter.rows.used
     derivatives, labels = fitter.derivatives(fit)
@@ -103,10 +99,6 @@ def screen(
         best = max(range(len(tried)), key=lambda k: results[k][0])
         shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
         found.append(Screened(name, results[best][1], results[best][0], shares))
-    if null is not None and activation_of is not None:
-        for s in found:
-            if term_library()[s.name].follows_torque and s.share > null.threshold(s.name):
-                _observe_following(fitter, s, basis, null, activation_of)
     return sorted(found, key=lambda s: -s.share)
 
 
@@ -270,26 +262,6 @@ def _observe_shaping(
         column = column - basis @ (basis.T @ column)
         if np.linalg.norm(column) > 0.0:
             null.observe(name, orthonormal(column))
-
-
-def _observe_following(
-    fitter: Fitter,
-    screened: Screened,
-    basis: np.ndarray,
-    null: Null,
-    activation_of: Callable[[int], np.ndarray],
-) -> None:
-    """Let a candidate that follows slow torque try each surrogate with the torque that belongs to
-    it: a response that varies is a part of that torque, and would be followed by itself.
-    """
-    rows = fitter.rows
-    alone = {screened.name: screened.start}
-    for draw in range(null.noise.shape[1]):
-        motion = replace(fitter.motion, activation=activation_of(draw))
-        spectra = Columns(motion, rows).spectra(alone).values()
-        matrix = np.column_stack([rows.whitened(s) for s in spectra])[rows.used]
-        matrix = matrix - basis @ (basis.T @ matrix)
-        null.observe(screened.name, orthonormal(matrix), draw)
 
 
 def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:

@@ -8,7 +8,7 @@ stop: voluntary torque is autocorrelated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -37,7 +37,6 @@ def search(
     null: Null,
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
-    activation_of: Callable[[int], np.ndarray] | None = None,
 ) -> Found:
     """Add terms to the base model while they are worth it.
 
@@ -53,12 +52,10 @@ def search(
         Terms that may be added; None for all.
     progress
         Called with one line for each step.
-    activation_of
-        Slow torque that belongs to each surrogate, as `screening.screen` takes it.
     """
     grids = Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
-    best = Hypotheses(fitter, base, null, grids, yardstick, progress, activation_of).best()
+    best = Hypotheses(fitter, base, null, grids, yardstick, progress).best()
     found, current = best.found, best.current
     current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
     _settle_alignment(fitter, found, current, null, yardstick)

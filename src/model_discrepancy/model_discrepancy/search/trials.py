@@ -22,6 +22,8 @@ from model_discrepancy.search.screening import with_term, without_term
 # A term that keeps off so much of the error, by a linear refit of the others, is not tried without:
 # no refit makes up for that.
 INDISPENSABLE_SHARE = 0.1
+# Evaluations of a refit from values that are right but for the size of one term.
+PRECEDING_EVALUATIONS = 6
 
 
 def fixed_errors(fit: Fit, yardstick: np.ndarray) -> np.ndarray:
@@ -47,7 +49,34 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
         by_chance=by_chance,
         torque_share=float(changed),
         displaced=displaced(current, trial.fit),
+        preceding_gain=preceding_gain(fitter, current, trial),
     )
+
+
+def preceding_gain(fitter: Fitter, current: Fit, trial: Trial) -> float | None:
+    """Return what a term that follows slow torque takes off with what the muscles held before each
+    movement; None for other terms, and where this is not known.
+    """
+    if not term_library()[trial.name].follows_torque:
+        return None
+    errors = preceding_errors(fitter, current, trial.fit)
+    return None if errors is None else 1.0 - errors[1] / errors[0]
+
+
+def preceding_errors(fitter: Fitter, current: Fit, fit: Fit) -> tuple[float, float] | None:
+    """Return the whitened sums of squares of a model and of one with a further term, both refitted
+    with what the muscles held before each movement in the place of slow torque; None where this is
+    not known.
+    """
+    preceding = fitter.motion.preceding
+    if preceding is None:
+        return None
+    before = fitter.along(replace(fitter.motion, activation=preceding))
+    old, new = (
+        before.fit(one.terms, one.values, evaluations=PRECEDING_EVALUATIONS).score
+        for one in (current, fit)
+    )
+    return old, new
 
 
 def displaced(current: Fit, fit: Fit) -> tuple[str, ...]:

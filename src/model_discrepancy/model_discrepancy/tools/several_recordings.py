@@ -28,12 +28,11 @@ from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
-from model_discrepancy.search.found import FOLLOWING_MARGIN, Progress
+from model_discrepancy.search.found import Progress, follows_beyond_chance
 from model_discrepancy.search.hypotheses import MIN_PROMISE, MOST_TERMS, REFITS_PER_STEP
 from model_discrepancy.search.null import Null, thresholds
 from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
-from model_discrepancy.search.surrogate_activation import surrogate_activation
-from model_discrepancy.search.trials import halves_errors
+from model_discrepancy.search.trials import halves_errors, preceding_errors
 from model_discrepancy.tools.shared_effects import (
     LEAST_PROBABILITY_SAME,
     Member,
@@ -133,7 +132,6 @@ def _screened(member: Member, library: Sequence[str] | None, first: bool) -> dic
         member.fit,
         points,
         member.null if first else None,
-        surrogate_activation(member.problem, member.null) if first else None,
     )
     return {s.name: s for s in listed}
 
@@ -207,14 +205,30 @@ def _accepted(
     members: Sequence[Member], fits: Sequence[Fit], name: str, gain: float, by_chance: float
 ) -> bool:
     """Return whether the joint gain exceeds chance and holds on unseen rows in both directions."""
-    margin = FOLLOWING_MARGIN if term_library()[name].follows_torque else 1.0
-    if gain <= margin * by_chance:
+    if gain <= by_chance:
+        return False
+    if term_library()[name].follows_torque and not follows_beyond_chance(
+        gain, _preceding_gain(members, fits), by_chance
+    ):
         return False
     old, new = np.zeros(2), np.zeros(2)
     for member, fit in zip(members, fits, strict=True):
         old += halves_errors(member.problem.fitter, member.fit)
         new += halves_errors(member.problem.fitter, fit)
     return bool(np.all(new < old))
+
+
+def _preceding_gain(members: Sequence[Member], fits: Sequence[Fit]) -> float | None:
+    """Return the joint gain with what the muscles held before each movement; None where that is
+    not known of every recording.
+    """
+    old, new = 0.0, 0.0
+    for member, fit in zip(members, fits, strict=True):
+        errors = preceding_errors(member.problem.fitter, member.fit, fit)
+        if errors is None:
+            return None
+        old, new = old + errors[0], new + errors[1]
+    return 1.0 - new / old
 
 
 def _settle(found: Together, gains: dict[str, float], progress: Progress) -> None:

@@ -1,0 +1,51 @@
+"""What the muscles held just before each movement.
+
+Slow torque holds a part of every response to a movement. Where responses vary from stretch to
+stretch, a term that follows slow torque seems to predict them, because it follows the very response
+that it predicts. What was held before a movement began holds nothing of its response.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.movements import find_onsets
+
+# Voluntary torque changes within a second or two; a shorter window would hold more tremor and
+# sensor noise. Windows of 0.15 and 0.35 s tell the same.
+WINDOW_S = 0.25
+# Smoothing of position and torque lets a movement begin a few milliseconds too early.
+GUARD_S = 0.01
+# Of a continuous movement only a few moments come after a rest.
+MIN_MOVEMENTS = 20
+
+
+def preceding_torque(columns: Columns, left: np.ndarray) -> np.ndarray | None:
+    """Return the torque that the muscles held before the movement under way.
+
+    Parameters
+    ----------
+    columns
+        Of the recording.
+    left
+        What the base model leaves of the torque [N.m], shape (n,), at the motion's rate.
+
+    Returns
+    -------
+    np.ndarray | None
+        [N.m], shape (n,), constant from one movement to the next; None where fewer than
+        `MIN_MOVEMENTS` begin from rest.
+    """
+    motion = columns.motion
+    onsets = np.round(find_onsets(columns).time * motion.rate).astype(int)
+    if len(onsets) < MIN_MOVEMENTS:
+        return None
+    window, guard = round(WINDOW_S * motion.rate), round(GUARD_S * motion.rate)
+    summed = np.concatenate([[0.0], np.cumsum(left)])
+    ends = np.maximum(onsets - guard, 1)
+    begins = np.maximum(ends - window, 0)
+    before = (summed[ends] - summed[begins]) / (ends - begins)
+    under_way = np.searchsorted(onsets, np.arange(len(left)), side="right")
+    held = np.concatenate([[0.0], before])[under_way]
+    return np.asarray(float(np.mean(motion.torque)) + held)
