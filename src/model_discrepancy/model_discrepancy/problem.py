@@ -133,7 +133,8 @@ def prepare(
         or held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
     )
     if compliance is not None and compliance.significant:
-        motion = motion.undisturbed(compliance, left, joint_impedance(base))
+        disturbance = left if servo is None else uncaused(recording, servo, fitter, base)
+        motion = motion.undisturbed(compliance, disturbance, joint_impedance(base))
     fitter = fitter.along(motion)
     bank = GenericBank(fitter.columns, over_time=True)
     parts = interleaved(fitter.rows)
@@ -144,6 +145,27 @@ def prepare(
     return Problem(
         recording, servo, compliance, fitter, base, bank, parts, noise, by_emg is not None
     )
+
+
+def uncaused(recording: Recording, servo: Servo, fitter: Fitter, base: Fit) -> np.ndarray:
+    """Return the torque that no movement causes [N.m], at the model's rate, shape (n,).
+
+    It is in what the base model leaves, together with physics that this model lacks. The movement
+    that the command makes of an unloaded servo is independent of it. So what generic regressors of
+    this movement predict is such physics, and its share of the movement has to stay there.
+
+    Parameters
+    ----------
+    recording
+        With its command.
+    servo
+        Of the recording.
+    fitter, base
+        The base model's fit.
+    """
+    unloaded = replace(servo, position=servo.commanded, unexplained=np.zeros(len(servo.commanded)))
+    bank = GenericBank(fitter.along(motion_of(recording, unloaded)).columns)
+    return fitter.rows.torque(base.left - bank.prediction(bank.learn(base.plain)))
 
 
 def joint_impedance(base: Fit) -> tuple[float, float, float]:

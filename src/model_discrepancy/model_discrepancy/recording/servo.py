@@ -85,6 +85,8 @@ class Servo:
         Of the samples that it was fitted at [Hz].
     position
         What the command and the torque explain of the position [rad], shape (n,), about its mean.
+    commanded
+        What the command alone explains of it, without a load [rad], shape (n,).
     unexplained
         The rest of the position [rad], shape (n,), faded out at both ends: the encoder's noise,
         and what is not linear.
@@ -100,6 +102,7 @@ class Servo:
 
     rate: float
     position: np.ndarray
+    commanded: np.ndarray
     unexplained: np.ndarray
     compliance: Compliance
     following: tuple[float, float]
@@ -179,6 +182,7 @@ def _fitted(x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: floa
     return Servo(
         rate,
         position,
+        following @ weights[:count],
         (x - position) * _fade(inner, rate),
         Compliance(
             rate,
