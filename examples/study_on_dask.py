@@ -17,7 +17,7 @@ from simulation_study.study import run_study
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: a mass on a spring, with noise in the measured torque."""
+    """Holds one trial: a mass on a spring, with noise in the measured torque."""
 
     name: str
     seed: int

@@ -105,11 +105,20 @@ PACKAGES = pytest.mark.parametrize(
 )
 
 
-@PACKAGES
-def test_a_docstring_is_a_sentence_that_begins_with_its_verb(package):
+@pytest.mark.parametrize(
+    "folder",
+    [
+        "examples",
+        *sorted(
+            f"src/{path.parent.name}/{path.parent.name}" for path in ROOT.glob("src/*/setup.py")
+        ),
+    ],
+)
+def test_a_docstring_is_a_sentence_that_begins_with_its_verb(folder):
+    """Whoever copies an example into a package has to find it in the package's style."""
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}: {first} {second} ..."
-        for path in sorted((ROOT / "src" / package / package).rglob("*.py"))
+        for path in sorted((ROOT / folder).rglob("*.py"))
         for node, (first, second, *_) in summaries(path)
         if not has_verb(node, first, second)
     ]

@@ -156,9 +156,8 @@ def extend(what, workspace):
     """Write what the recipe says, and no more."""
     source = workspace / "src"
     if what == "term":
-        text = (ROOT / "examples" / "terms" / "cubic_stiffness.py").read_text()
-        file = source / "ankle_physics" / "ankle_physics" / "terms" / "cubic_stiffness.py"
-        file.write_text(text.replace("    searched = False\n", ""))
+        package = source / "ankle_physics" / "ankle_physics"
+        shutil.copy(ROOT / "examples" / "terms" / "cubic_stiffness.py", package / "terms")
     elif what == "estimator":
         package = source / "impedance_estimator" / "impedance_estimator"
         (package / "algorithms" / "mine.py").write_text(ESTIMATOR)

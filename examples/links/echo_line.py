@@ -31,15 +31,15 @@ class Link(RigLink):
         self._wanted = order.wanted
 
     def receive(self, timeout: float) -> list[Arrival]:
-        """One report, at once."""
+        """Return one report, at once."""
         now, ros = self._clocks.read()
         state = STATES[self._wanted]
         report = RigReport(state, DeviceFault.NONE, Status(0), True, True, True, 0.0, received=1)
         return [Arrival(report, now, ros)]
 
     def silence(self) -> None:
-        """The rig is told nothing any more."""
+        """Send nothing more: what was wanted is over."""
         self._wanted = Wanted.OFF
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no line is open."""

@@ -7,16 +7,24 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class CubicStiffness(Term):
-    """``torque = k3 * (foot position)**3``."""
+    """Models torque that grows with the cube of the foot's angle: ``torque = k3 * x**3``."""
 
     name = "cubic_stiffness"
     place = Place.INTRINSIC
-    searched = False
     sentence = "The joint becomes stiffer towards both ends of its range."
     parameters = (
-        Parameter("k3", "N.m/rad^3", 0.0, 1e5, 2000.0, "chosen for this example", linear=True),
+        Parameter(
+            "k3",
+            "N.m/rad^3",
+            0.0,
+            1e5,
+            2000.0,
+            "chosen for this example",
+            description="It is the torque at an angle of 1 rad.",
+            linear=True,
+        ),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        """The column that the parameter multiplies."""
+        """Return the column that the parameter multiplies."""
         return {"k3": signals.foot_position**3}

@@ -53,19 +53,19 @@ def test_no_other_module_repeats_a_topics_name_or_its_columns():
 
 
 @pytest.fixture
-def with_current():
-    """A rig that measures the motor's current as well: `ANKLE_SAMPLES` with one more column."""
+def with_extra_column():
+    """`ANKLE_SAMPLES` with one more column, of a name that no rig has."""
     return dataclasses.replace(
         topics.ANKLE_SAMPLES,
-        columns=(*topics.ANKLE_SAMPLES.columns, "current[A]"),
-        optional=(*topics.ANKLE_SAMPLES.optional, "current[A]"),
+        columns=(*topics.ANKLE_SAMPLES.columns, "sum_of_a_test[1]"),
+        optional=(*topics.ANKLE_SAMPLES.optional, "sum_of_a_test[1]"),
     )
 
 
-def test_a_new_column_reaches_who_wants_it_and_disturbs_nobody(with_current):
+def test_a_new_column_reaches_who_wants_it_and_disturbs_nobody(with_extra_column):
     """The declaration, who measures and who reads: no other file is concerned."""
-    row = [float(k) for k in range(len(with_current.columns))]
-    sent = pack(Block(with_current.columns, np.array([row])))
+    row = [float(k) for k in range(len(with_extra_column.columns))]
+    sent = pack(Block(with_extra_column.columns, np.array([row])))
     # A reader that was written before the column existed.
     old, notes = select_columns(
         unpack(sent),
@@ -76,12 +76,14 @@ def test_a_new_column_reaches_who_wants_it_and_disturbs_nobody(with_current):
     assert old.columns == topics.ANKLE_SAMPLES.columns
     assert (old.data.tolist(), notes) == ([row[:-1]], [])
     # A reader that wants it, from a rig that has it and from one that has not.
-    wanted = ("torque[N.m]", "current[A]")
-    new = require_columns(unpack(sent), wanted, "/ankle/samples", with_current.optional)
-    torque = with_current.columns.index("torque[N.m]")
+    wanted = ("torque[N.m]", "sum_of_a_test[1]")
+    new = require_columns(unpack(sent), wanted, "/ankle/samples", with_extra_column.optional)
+    torque = with_extra_column.columns.index("torque[N.m]")
     assert new.data.tolist() == [[0.0, row[torque], row[-1]]]
     without = Block(topics.ANKLE_SAMPLES.columns, np.array([row[:-1]]))
-    assert require_columns(without, wanted, "/ankle/samples", with_current.optional).columns == (
+    assert require_columns(
+        without, wanted, "/ankle/samples", with_extra_column.optional
+    ).columns == (
         "t[s]",
         "torque[N.m]",
     )

@@ -72,7 +72,7 @@ def test_every_term_states_its_parameters(name):
 
 
 @pytest.mark.parametrize("name", sorted(term_library()))
-def test_every_parameter_of_a_term_has_its_own_sentence(name):
+def test_every_term_gives_each_of_its_parameters_a_sentence(name):
     parameters = term_library()[name].parameters
     for parameter in parameters:
         assert parameter.description.startswith(("It is ", "It says ", "It multiplies ")), (
