@@ -60,6 +60,8 @@ def sampling_rate(time: np.ndarray) -> float:
         )
     steps = np.diff(time)
     step = float(np.median(steps))
+    if np.isinf(step):
+        raise SamplingError(f"a median step of {step:g} s is no sampling interval")
     regular = steps[np.abs(steps - step) < STEP_TOLERANCE * abs(step)]
     step = float(np.mean(regular)) if len(regular) else step
     if not step > 0:
@@ -105,21 +107,10 @@ class Continuity:
         Time running backwards is reported once: the stream is followed from its new time on.
         """
         self.blocks += 1
-        findings: list[Finding] = []
         time = data[:, 0]
         if not len(time):
-            return findings
-        damaged = ~np.isfinite(data)
-        if self._sparse:
-            damaged[:, 1:] &= ~np.isnan(data[:, 1:])
-        if damaged.any():
-            bad = int(np.count_nonzero(damaged.any(axis=1)))
-            findings.append(
-                Finding(
-                    "not_finite",
-                    f"{bad} of {len(time)} samples from t = {time[0]:.6f} s are NaN or infinite",
-                )
-            )
+            return []
+        findings = self._damage(data)
         if self.rate is None:
             if len(time) < 2:
                 self._last = float(time[-1])
@@ -127,50 +118,61 @@ class Continuity:
             try:
                 self.rate = sampling_rate(time)
             except ValueError as error:
-                findings.append(Finding("backwards", str(error)))
-                return findings
+                return [*findings, Finding("backwards", str(error))]
         before = time[:1] - 1.0 / self.rate if self._last is None else np.array([self._last])
         steps = np.diff(np.concatenate([before, time])) * self.rate
         for index in np.flatnonzero(~(np.abs(steps - 1.0) <= STEP_TOLERANCE)):
-            step, at = float(steps[index]), float(time[index])
-            if not np.isfinite(step):
-                continue
-            if step <= 0:
-                findings.append(
-                    Finding(
-                        "backwards",
-                        f"time runs back by {(1 - step) / self.rate:.6f} s at t = {at:.6f} s",
-                    )
-                )
-            elif step < 1:
-                findings.append(
-                    Finding(
-                        "rate",
-                        f"samples {step / self.rate:.6f} s apart at t = {at:.6f} s, expected "
-                        f"{1 / self.rate:.6f} s",
-                    )
-                )
-            else:
-                lost = round(step) - 1
-                self.missing += lost
-                findings.append(
-                    Finding(
-                        "gap",
-                        f"{lost} samples ({lost / self.rate:.3f} s) missing before t = {at:.6f} s",
-                        lost,
-                    )
-                )
-        if len(time) > 1:
-            # The median, without the time that np.median needs for 32 values.
-            middle = float(np.sort(steps[1:])[len(time) // 2 - 1])
-            if middle > 0 and abs(middle - 1.0) > RATE_TOLERANCE:
-                findings.append(
-                    Finding(
-                        "rate",
-                        f"sampling rate {self.rate / middle:.2f} Hz at t = {time[0]:.6f} s, "
-                        f"expected {self.rate:.2f} Hz",
-                    )
-                )
+            if np.isfinite(steps[index]):
+                findings.append(_step_finding(float(steps[index]), float(time[index]), self.rate))
+                self.missing += findings[-1].missing
+        findings += _rate_findings(steps, float(time[0]), self.rate)
         if np.isfinite(time[-1]):
             self._last = float(time[-1])
         return findings
+
+    def _damage(self, data: np.ndarray) -> list[Finding]:
+        damaged = ~np.isfinite(data)
+        if self._sparse:
+            damaged[:, 1:] &= ~np.isnan(data[:, 1:])
+        if not damaged.any():
+            return []
+        bad = int(np.count_nonzero(damaged.any(axis=1)))
+        return [
+            Finding(
+                "not_finite",
+                f"{bad} of {len(data)} samples from t = {data[0, 0]:.6f} s are NaN or infinite",
+            )
+        ]
+
+
+def _step_finding(step: float, at: float, rate: float) -> Finding:
+    """Describe a step in time of so many samples, up to a time [s], that is not one sample."""
+    if step <= 0:
+        return Finding(
+            "backwards", f"time runs back by {(1 - step) / rate:.6f} s at t = {at:.6f} s"
+        )
+    if step < 1:
+        return Finding(
+            "rate",
+            f"samples {step / rate:.6f} s apart at t = {at:.6f} s, expected {1 / rate:.6f} s",
+        )
+    lost = round(step) - 1
+    return Finding(
+        "gap", f"{lost} samples ({lost / rate:.3f} s) missing before t = {at:.6f} s", lost
+    )
+
+
+def _rate_findings(steps: np.ndarray, at: float, rate: float) -> list[Finding]:
+    """Compare the rate within a block that begins at a time [s]; its steps are in samples."""
+    if len(steps) < 2:
+        return []
+    # The median, without the time that np.median needs for 32 values.
+    middle = float(np.sort(steps[1:])[len(steps) // 2 - 1])
+    if not (middle > 0 and abs(middle - 1.0) > RATE_TOLERANCE):  # also where times are NaN
+        return []
+    return [
+        Finding(
+            "rate",
+            f"sampling rate {rate / middle:.2f} Hz at t = {at:.6f} s, expected {rate:.2f} Hz",
+        )
+    ]

@@ -147,6 +147,14 @@ def test_steps_that_are_no_interval_are_refused(step):
         sampling_rate(step * np.arange(1.0, 5.0))
 
 
+def test_a_first_block_that_ends_at_an_infinite_time_is_reported():
+    endless = np.array([[0.0], [np.inf]])
+    continuity = Continuity()
+    assert [one.kind for one in continuity.check(endless)] == ["not_finite", "backwards"]
+    assert continuity.check(np.arange(32)[:, None] / 2048.0) == []
+    assert continuity.rate == 2048.0
+
+
 def test_resampling_keeps_a_band_limited_signal():
     t = np.arange(4000) / 1000.0
     fine = np.arange(int(4000 * 2.048)) / 2048.0

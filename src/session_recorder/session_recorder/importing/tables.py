@@ -59,8 +59,8 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
         of its tables can be meant.
     """
     source = Path(path)
-    room = READERS.get(source.suffix.lower())
-    if room is None:
+    module = READERS.get(source.suffix.lower())
+    if module is None:
         raise ImportRefused(
             f"{source}: '{source.suffix}' is not read; expected one of {', '.join(READERS)}"
         )
@@ -68,7 +68,7 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
         raise ImportRefused(f"{source}: no such file")
     try:
         apart = source.suffix.lower() in ENDINGS_READ_APART
-        tables = read_apart(source, room) if apart else _reader(room)(source)
+        tables = read_apart(source, module) if apart else _reader(module)(source)
     except ImportRefused:
         raise
     except OSError as error:
