@@ -103,7 +103,7 @@ PROPOSAL = Run(code=1, says="nothing is imported yet: type the line above", quic
 EXACT_RUNS = {
     "make setup": QUICK_RUN,
     "make manifests": QUICK_RUN,
-    "make docs": Run(),
+    "make docs": LONG_RUN,
     f"{ANKLE} --help": QUICK_RUN,
     f"{ANKLE} --install-completion": Run(quick=True, asks_shell=True),
     f"{ANKLE} parameter-file": QUICK_RUN,

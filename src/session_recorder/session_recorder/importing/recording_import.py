@@ -20,7 +20,7 @@ from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import RigFile
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import ImportRefused
-from session_recorder.importing.clocks import parts
+from session_recorder.importing.clocks import Part, parts
 from session_recorder.importing.conversion import Signals
 from session_recorder.importing.joining import convert_parts, shift_to_zero
 from session_recorder.importing.plausibility import (
@@ -164,31 +164,14 @@ def import_recording(
     if table.rate is None:
         table = replace(table, rate=rate)
     by_clock = parts(table, columns, stated)
-    chosen = {name: values for part in by_clock for name, values in part.values.items()}
-    held = [*columns.values(), *chosen, *table.times.values()]
-    times = [table.columns[n] for n, t in table.times.items() if n == t]
-    times += [chosen[c] for n, c in columns.items() if n.startswith("t[") and c in chosen]
-    ignored = [
-        name
-        for name in table.names
-        if name not in held
-        and f"{name}:1" not in table.columns  # a name that stands above several columns
-        and not any(np.array_equal(table.columns.get(name, []), time) for time in times)
-    ]
+    ignored = _ignored(table, columns, by_clock)
     if progress:
         progress(0.3)
     sign = TORQUE_SIGNS[torque_sign or "rig"]
     direction = DIRECTIONS[positive or PROJECT_DIRECTION]
     converted = convert_parts(source, by_clock, sign, rate, resample, neutral or 0.0, direction)
     signals = converted[0]
-    found = _check_signals(signals, torque_sign or "rig")
-    _report_missing(signals, missing)
-    for other in converted[1:]:
-        other.contradictions += check_ranges(other.columns[EMG_TOPIC])
-        other.warnings += saturation_sentences(other.columns[EMG_TOPIC])
-        _report_missing(other, missing)
-        signals.warnings += [w for w in other.warnings if w not in signals.warnings]
-        signals.contradictions += other.contradictions
+    found = _check(converted, torque_sign or "rig", missing)
     shift_to_zero(converted)
     signals.warnings[:0] = table.notes
     signals.contradictions += check_units(columns, table.units)
@@ -201,18 +184,10 @@ def import_recording(
         progress(0.5)
     with BagWriter(bag, overwrite=overwrite) as writer:
         written = _write(writer, converted, missing, progress)
-        stated_columns = ", ".join(f"{name} = {column}" for name, column in columns.items())
-        texts = {
-            "imported_table": table.section or "the only one",
-            "stated_columns": stated_columns,
-            "warnings": "\n".join(signals.warnings),
-        }
-        if not keep_source_name:
-            texts = {key: without_name(text, source) for key, text in texts.items()}
         writer.custom_data.update(
             {
                 **source_record(source, keep_source_name),
-                **texts,
+                **_texts(table, columns, signals.warnings, keep_source_name),
                 "stated_torque_sign": torque_sign or "no torque",
                 "stated_neutral": f"{neutral or 0.0:g}",
                 "stated_positive": positive or PROJECT_DIRECTION,
@@ -234,6 +209,49 @@ def import_recording(
         tuple(ignored),
         found,
     )
+
+
+def _ignored(table: Table, columns: Mapping[str, str], by_clock: Sequence[Part]) -> list[str]:
+    """Return the columns of a table that are neither stated nor the time of one that is."""
+    chosen = {name: values for part in by_clock for name, values in part.values.items()}
+    held = [*columns.values(), *chosen, *table.times.values()]
+    times = [table.columns[n] for n, t in table.times.items() if n == t]
+    times += [chosen[c] for n, c in columns.items() if n.startswith("t[") and c in chosen]
+    return [
+        name
+        for name in table.names
+        if name not in held
+        and f"{name}:1" not in table.columns  # a name that stands above several columns
+        and not any(np.array_equal(table.columns.get(name, []), time) for time in times)
+    ]
+
+
+def _check(converted: Sequence[Signals], torque_sign: str, missing: str) -> Intrinsic | None:
+    """Note in the first signals what is wrong with all; return what the torque was judged by."""
+    signals = converted[0]
+    found = _check_signals(signals, torque_sign)
+    _report_missing(signals, missing)
+    for other in converted[1:]:
+        other.contradictions += check_ranges(other.columns[EMG_TOPIC])
+        other.warnings += saturation_sentences(other.columns[EMG_TOPIC])
+        _report_missing(other, missing)
+        signals.warnings += [w for w in other.warnings if w not in signals.warnings]
+        signals.contradictions += other.contradictions
+    return found
+
+
+def _texts(
+    table: Table, columns: Mapping[str, str], warnings: Sequence[str], keep_source_name: bool
+) -> dict[str, str]:
+    """Return what a bag states of its source in words, with or without the file's name."""
+    texts = {
+        "imported_table": table.section or "the only one",
+        "stated_columns": ", ".join(f"{name} = {column}" for name, column in columns.items()),
+        "warnings": "\n".join(warnings),
+    }
+    if keep_source_name:
+        return texts
+    return {key: without_name(text, table.source) for key, text in texts.items()}
 
 
 def _rig_contradictions(signals: Signals, rig: RigFile) -> list[str]:
