@@ -28,6 +28,8 @@ from session_recorder.message_definitions import typestore
 from session_recorder.sample_account import Gap
 
 DOUBT = "doubt[1]"
+COMPUTED_COLUMNS = {ESTIMATE_TOPIC: ESTIMATE_COLUMNS, RESPONSE_TOPIC: RESPONSE_COLUMNS}
+"""Columns of each topic that is computed from the samples where a bag lacks it."""
 SUBJECT_KEY = "subject"
 """Key in a bag's custom data that says whose session it is."""
 
@@ -110,60 +112,26 @@ def read_session(
         It holds no events.
     """
     bag = BagReader(path)
-    if EVENT_TOPIC not in bag.topics or not bag.topics[EVENT_TOPIC].count:
+    if not _holds(bag, EVENT_TOPIC):
         raise AnalysisError(
             f"{path} has no {EVENT_TOPIC}: nothing says when the subject held a state"
         )
     losses = account_of_bag(bag)
     bag_name = Path(path).resolve().name
     notes = [f"{bag_name}: {sentence.removeprefix(f'{path}: ')}" for sentence in losses.sentences()]
-    recorded = (
-        []
-        if recompute
-        else [
-            topic
-            for topic in (ESTIMATE_TOPIC, RESPONSE_TOPIC)
-            if topic in bag.topics and bag.topics[topic].count
-        ]
-    )
-    events: list[SessionEvent] = []
-    rows: dict[str, list[np.ndarray]] = {topic: [] for topic in recorded}
-    columns = {ESTIMATE_TOPIC: ESTIMATE_COLUMNS, RESPONSE_TOPIC: RESPONSE_COLUMNS}
-    store = typestore()
-    stated: list[str] = []
-    provenance_topics = (
-        [PROVENANCE_TOPIC] if ESTIMATE_TOPIC in recorded and PROVENANCE_TOPIC in bag.topics else []
-    )
-    for topic, _, message in bag.messages([EVENT_TOPIC, *recorded, *provenance_topics], progress):
-        try:
-            if topic == PROVENANCE_TOPIC:
-                stated.append(store.deserialize_cdr(message, "std_msgs/msg/String").data)  # type: ignore[attr-defined]
-                continue
-            if topic == EVENT_TOPIC:
-                events.append(parse(store.deserialize_cdr(message, "std_msgs/msg/String").data))  # type: ignore[attr-defined]
-                continue
-            block = unpack(message)
-        except (SessionEventError, BlockError) as error:
-            notes.append(f"{bag_name}: {topic}: {error}")
-            continue
-        if topic == ESTIMATE_TOPIC:
-            block = _with_doubt(block)
-        if block.columns != columns[topic]:
-            raise AnalysisError(
-                f"{path}: {topic} has the columns {', '.join(block.columns)}; expected "
-                f"{', '.join(columns[topic])}"
-            )
-        rows[topic].append(block.data)
-    holds, excluded = find_holds(events)
-    if ESTIMATE_TOPIC in rows:
-        estimates = np.concatenate(rows[ESTIMATE_TOPIC])
+    recorded = [] if recompute else [topic for topic in COMPUTED_COLUMNS if _holds(bag, topic)]
+    content = _content(bag, recorded, progress)
+    notes += [f"{bag_name}: {note}" for note in content.notes]
+    holds, excluded = find_holds(content.events)
+    provenances = content.provenances
+    if ESTIMATE_TOPIC in recorded:
+        estimates = np.concatenate(content.rows[ESTIMATE_TOPIC])
     else:
         computed = estimate_bag(path, algorithm=algorithm, progress=progress)
-        estimates = computed.rows
-        stated = [computed.provenance]
+        estimates, provenances = computed.rows, [computed.provenance]
         notes += [f"{bag_name}: {note}" for note in computed.notes]
-    if RESPONSE_TOPIC in rows:
-        responses = np.concatenate(rows[RESPONSE_TOPIC])
+    if RESPONSE_TOPIC in recorded:
+        responses = np.concatenate(content.rows[RESPONSE_TOPIC])
     else:
         found = respond_bag(path, progress=progress)
         responses = found.rows
@@ -177,9 +145,58 @@ def read_session(
         estimates,
         responses,
         notes,
-        tuple(dict.fromkeys(stated)),
+        tuple(dict.fromkeys(provenances)),
         _gaps(losses),
     )
+
+
+@dataclass
+class _Content:
+    """Holds what was recorded of a session beside its samples."""
+
+    events: list[SessionEvent]
+    provenances: list[str]
+    rows: dict[str, list[np.ndarray]]
+    notes: list[str]
+
+
+def _holds(bag: BagReader, topic: str) -> bool:
+    return topic in bag.topics and bool(bag.topics[topic].count)
+
+
+def _content(
+    bag: BagReader, recorded: list[str], progress: Callable[[float], None] | None
+) -> _Content:
+    """Read events, and of the recorded topics the rows with what they were made with."""
+    content = _Content([], [], {topic: [] for topic in recorded}, [])
+    topics = [EVENT_TOPIC, *recorded]
+    if ESTIMATE_TOPIC in recorded and PROVENANCE_TOPIC in bag.topics:
+        topics.append(PROVENANCE_TOPIC)
+    store = typestore()
+    for topic, _, message in bag.messages(topics, progress):
+        try:
+            if topic in recorded:
+                content.rows[topic].append(_rows(topic, unpack(message), bag.path))
+                continue
+            text = store.deserialize_cdr(message, "std_msgs/msg/String").data  # type: ignore[attr-defined]
+            if topic == PROVENANCE_TOPIC:
+                content.provenances.append(text)
+            else:
+                content.events.append(parse(text))
+        except (SessionEventError, BlockError) as error:
+            content.notes.append(f"{topic}: {error}")
+    return content
+
+
+def _rows(topic: str, block: Block, path: Path) -> np.ndarray:
+    if topic == ESTIMATE_TOPIC:
+        block = _with_doubt(block)
+    if block.columns != COMPUTED_COLUMNS[topic]:
+        raise AnalysisError(
+            f"{path}: {topic} has the columns {', '.join(block.columns)}; expected "
+            f"{', '.join(COMPUTED_COLUMNS[topic])}"
+        )
+    return block.data
 
 
 def _gaps(losses: LossAccount) -> tuple[Gap, ...]:
