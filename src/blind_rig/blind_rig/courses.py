@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
-from blind_rig.anatomy import Setup
+from blind_rig.anatomy import Courses, Setup
 
 # A startle stiffens after its own latency, for a quarter of a second (Brown et al. 1991: 80-250 ms
 # in leg muscles).
@@ -136,68 +136,103 @@ def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> 
     seed
         Each influence has its own stream, so that switching one on leaves the others as they were.
     """
-    (
-        voluntary_stream,
-        tremor_stream,
-        startle_stream,
-        bout_stream,
-        wander_stream,
-        pink_stream,
-        steps_stream,
-        ramps_stream,
-        burst_stream,
-        variation_stream,
-    ) = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(10))
+    streams = _Streams(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(10)))
     c = setup.courses
     t = np.arange(n) / rate
-    fluctuation = c.voluntary_rms * slow_noise(n, rate, 0.0, c.voluntary_hz, voluntary_stream)
-    if c.pink_rms > 0:
-        fluctuation = fluctuation + c.pink_rms * pink_noise(n, rate, pink_stream)
-    if c.steps_rms > 0:
-        fluctuation = fluctuation + c.steps_rms * wandering_levels(n, rate, JUMP_TIME, steps_stream)
-    if c.ramps_rms > 0:
-        fluctuation = fluctuation + c.ramps_rms * wandering_levels(n, rate, None, ramps_stream)
-    if c.bursts_peak > 0:
-        fluctuation = fluctuation + c.bursts_peak * bursts(n, rate, burst_stream)
-    voluntary = steady = c.torque_level + fluctuation
+    fluctuation = _fluctuation(c, n, rate, streams)
+    steady = c.torque_level + fluctuation
+    voluntary = steady
     if c.tremor_rms > 0:
         voluntary = voluntary + c.tremor_rms * slow_noise(
-            n, rate, c.tremor_hz - 1.0, c.tremor_hz + 1.0, tremor_stream
+            n, rate, c.tremor_hz - 1.0, c.tremor_hz + 1.0, streams.tremor
         )
-    muscle: np.ndarray = np.ones(n)
-    reflex: np.ndarray = np.ones(n)
+    relative = fluctuation / c.torque_level
+    delay: np.ndarray = np.full(n, setup.reflex.delay)
+    if c.delay_wander > 0:
+        delay = np.clip(
+            delay + c.delay_wander * slow_noise(n, rate, 0.0, WANDER_HZ, streams.wander),
+            *DELAY_RANGE,
+        )
+    muscle = _muscle_scale(c, t, relative, onsets, rate, streams)
+    return Course(voluntary, steady, muscle, _reflex_scale(c, t, relative, onsets, streams), delay)
+
+
+class _Streams(NamedTuple):
+    """Holds a generator of random numbers for each influence."""
+
+    voluntary: np.random.Generator
+    tremor: np.random.Generator
+    startle: np.random.Generator
+    bouts: np.random.Generator
+    wander: np.random.Generator
+    pink: np.random.Generator
+    steps: np.random.Generator
+    ramps: np.random.Generator
+    bursts: np.random.Generator
+    variation: np.random.Generator
+
+
+def _fluctuation(c: Courses, n: int, rate: float, streams: _Streams) -> np.ndarray:
+    """Return voluntary torque about its level [N.m], without tremor."""
+    out = c.voluntary_rms * slow_noise(n, rate, 0.0, c.voluntary_hz, streams.voluntary)
+    if c.pink_rms > 0:
+        out = out + c.pink_rms * pink_noise(n, rate, streams.pink)
+    if c.steps_rms > 0:
+        out = out + c.steps_rms * wandering_levels(n, rate, JUMP_TIME, streams.steps)
+    if c.ramps_rms > 0:
+        out = out + c.ramps_rms * wandering_levels(n, rate, None, streams.ramps)
+    if c.bursts_peak > 0:
+        out = out + c.bursts_peak * bursts(n, rate, streams.bursts)
+    return out
+
+
+def _muscle_scale(
+    c: Courses,
+    t: np.ndarray,
+    relative: np.ndarray,
+    onsets: np.ndarray,
+    rate: float,
+    streams: _Streams,
+) -> np.ndarray:
+    """Return the factor on K and B; `relative` is the voluntary torque about its level, as a share
+    of it.
+    """
+    muscle: np.ndarray = np.ones(len(t))
     if c.fatigue > 0:
         muscle = muscle * (1.0 - c.fatigue * t / t[-1])
-        reflex = reflex * (1.0 - c.fatigue * t / t[-1])
-    if c.stretch_variation > 0 and len(onsets):
-        drawn = 1.0 + c.stretch_variation * variation_stream.standard_normal(len(onsets) + 1)
-        reflex = reflex * np.maximum(drawn, 0.0)[np.searchsorted(onsets, t)]
     if c.jump_at > 0:
         muscle = np.where(t < c.jump_at, muscle, muscle * c.jump_muscle)
-        reflex = np.where(t < c.jump_at, reflex, reflex * c.jump_reflex)
-    relative = fluctuation / c.torque_level
     if c.stiffness_follows > 0:
         muscle = muscle * np.maximum(1.0 + c.stiffness_follows * relative, 0.1)
-    if c.reflex_follows > 0:
-        reflex = reflex * np.maximum(1.0 + c.reflex_follows * relative, 0.0)
     if c.startle_share > 0:
-        startled = onsets[startle_stream.random(len(onsets)) < c.startle_chance] + STARTLE_BEGIN
-        phase = np.full(n, np.inf)
+        startled = onsets[streams.startle.random(len(onsets)) < c.startle_chance] + STARTLE_BEGIN
+        phase = np.full(len(t), np.inf)
         for start in startled:
             first, last = round(start * rate), round((start + STARTLE_LENGTH) * rate)
             phase[first:last] = (t[first:last] - start) / STARTLE_LENGTH
         muscle = muscle * np.where(
             phase < 1.0, 1.0 + c.startle_share * np.sin(np.pi * np.clip(phase, 0, 1)) ** 2, 1.0
         )
+    return muscle
+
+
+def _reflex_scale(
+    c: Courses, t: np.ndarray, relative: np.ndarray, onsets: np.ndarray, streams: _Streams
+) -> np.ndarray:
+    """Return the factor on the reflex; `relative` as for the muscle."""
+    reflex: np.ndarray = np.ones(len(t))
+    if c.fatigue > 0:
+        reflex = reflex * (1.0 - c.fatigue * t / t[-1])
+    if c.stretch_variation > 0 and len(onsets):
+        drawn = 1.0 + c.stretch_variation * streams.variation.standard_normal(len(onsets) + 1)
+        reflex = reflex * np.maximum(drawn, 0.0)[np.searchsorted(onsets, t)]
+    if c.jump_at > 0:
+        reflex = np.where(t < c.jump_at, reflex, reflex * c.jump_reflex)
+    if c.reflex_follows > 0:
+        reflex = reflex * np.maximum(1.0 + c.reflex_follows * relative, 0.0)
     if c.burst_share > 0:
         bouts = np.cumsum(
-            bout_stream.exponential(BOUT_DURATION, int(3 * t[-1] / BOUT_DURATION) + 20)
+            streams.bouts.exponential(BOUT_DURATION, int(3 * t[-1] / BOUT_DURATION) + 20)
         )
         reflex = reflex * (1.0 - c.burst_share * (np.searchsorted(bouts, t) % 2))
-    delay: np.ndarray = np.full(n, setup.reflex.delay)
-    if c.delay_wander > 0:
-        delay = np.clip(
-            delay + c.delay_wander * slow_noise(n, rate, 0.0, WANDER_HZ, wander_stream),
-            *DELAY_RANGE,
-        )
-    return Course(voluntary, steady, muscle, reflex, delay)
+    return reflex
