@@ -190,6 +190,34 @@ def rig_file(
     CalibrationError
         A known load larger than what was found, or an inertia that no plate has.
     """
+    values, remarks = _terms(found, load, angle)
+    if found.noise[1] is None:
+        remarks.append("no velocity was recorded, so its delay and noise are not known")
+    noise = {POSITION: found.noise[0], TORQUE: found.noise[2]}
+    if found.noise[1] is not None:
+        noise[VELOCITY] = found.noise[1]
+    velocity_delay = found.velocity_delay or Found(0.0, 0.0)
+    rig = RigFile(
+        title=title,
+        calibrated=now or datetime.now(timezone.utc),
+        bag=bag,
+        bag_sha256=bag_sha256,
+        torque_delay=_measured(found.torque_delay),
+        velocity_delay=_measured(velocity_delay),
+        zero_position=found.zero_position,
+        zero_torque=found.zero_torque,
+        noise=noise,
+        bandwidth=_measured(found.bandwidth),
+        damping=_measured(found.damping),
+        model=_model(values),
+    )
+    return rig, tuple(remarks)
+
+
+def _terms(
+    found: IdentifiedRig, load: KnownLoad, angle: float
+) -> tuple[dict[str, dict[str, Found]], list[str]]:
+    """Return the rig's terms with the values that were found, and what could not be found."""
     values: dict[str, dict[str, Found]] = {}
     remarks = []
     inertia = Found(found.inertia.value - load.inertia, found.inertia.error)
@@ -221,27 +249,7 @@ def rig_file(
             "50 to 200 N.m/rad (--spring) and calibrate again"
         )
     remarks += _without_implausible(values)
-    if found.noise[1] is None:
-        remarks.append("no velocity was recorded, so its delay and noise are not known")
-    noise = {POSITION: found.noise[0], TORQUE: found.noise[2]}
-    if found.noise[1] is not None:
-        noise[VELOCITY] = found.noise[1]
-    velocity_delay = found.velocity_delay or Found(0.0, 0.0)
-    rig = RigFile(
-        title=title,
-        calibrated=now or datetime.now(timezone.utc),
-        bag=bag,
-        bag_sha256=bag_sha256,
-        torque_delay=_measured(found.torque_delay),
-        velocity_delay=_measured(velocity_delay),
-        zero_position=found.zero_position,
-        zero_torque=found.zero_torque,
-        noise=noise,
-        bandwidth=_measured(found.bandwidth),
-        damping=_measured(found.damping),
-        model=_model(values),
-    )
-    return rig, tuple(remarks)
+    return values, remarks
 
 
 def _without_implausible(values: dict[str, dict[str, Found]]) -> list[str]:

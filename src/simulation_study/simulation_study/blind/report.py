@@ -52,12 +52,29 @@ def markdown(
     result: dict[str, Any], scores: list[CaseScore], truths: dict[str, dict[str, Any]]
 ) -> str:
     """Return the result as a page."""
-    lines = [f"# Blind study: {result['cases']} cases, seed {result['seed']}", ""]
-    lines += [
-        f"Root hash, printed before the first diagnosis: `{result['root']}`. Truth concealed by "
-        f"{result['concealed_by']}.",
-        "",
-    ]
+    return "\n".join(
+        [
+            f"# Blind study: {result['cases']} cases, seed {result['seed']}",
+            "",
+            f"Root hash, printed before the first diagnosis: `{result['root']}`. "
+            f"Truth concealed by {result['concealed_by']}.",
+            "",
+            *_goals(result),
+            *_by_strength(result),
+            *_remarks(result),
+            *_calibration(result["calibration"]),
+            *_errors("Parameters of named effects", result["parameter_error_median"]),
+            *_errors(
+                "Base parameters of rightly explained cases",
+                result["base_parameter_error_median_when_right"],
+            ),
+            *_cases(scores, truths),
+        ]
+    )
+
+
+def _goals(result: dict[str, Any]) -> list[str]:
+    """Return what was measured beside what the proof asks for."""
     rates = {**result, "moderate": result["known"]["moderate"]["exact_or_set"]}
     rows = [
         [
@@ -78,89 +95,88 @@ def markdown(
                 "reached" if gap >= GAP_GOAL else "**short**",
             ]
         )
-    lines += _table(["", "measured", "goal", ""], rows)
-    lines += ["## By strength (one known effect)", ""]
+    return _table(["", "measured", "goal", ""], rows)
+
+
+def _by_strength(result: dict[str, Any]) -> list[str]:
     unknown = result["unknown_by_strength"]
-    lines += _table(
-        [
-            "strength",
-            "exact",
-            "exact or set",
-            "family",
-            "confident wrong name",
-            "unknown effects called unexplained",
-        ],
-        [
+    answers = ("exact", "exact_or_set", "family", "confident_wrong_name")
+    return [
+        "## By strength (one known effect)",
+        "",
+        *_table(
             [
-                strength,
-                *(
-                    _percent(rates[key])
-                    for key in ("exact", "exact_or_set", "family", "confident_wrong_name")
-                ),
-                _percent(unknown[strength]),
-            ]
-            for strength, rates in result["known"].items()
-        ],
+                "strength",
+                *(answer.replace("_", " ") for answer in answers),
+                "unknown effects called unexplained",
+            ],
+            [
+                [
+                    strength,
+                    *(_percent(rates[answer]) for answer in answers),
+                    _percent(unknown[strength]),
+                ]
+                for strength, rates in result["known"].items()
+            ],
+        ),
+    ]
+
+
+def _remarks(result: dict[str, Any]) -> list[str]:
+    within = ", ".join(
+        f"{key} {_percent(rate)}" for key, rate in result["within_two_standard_errors"].items()
     )
-    lines += [
+    return [
         f"Pairs: both named {_percent(result['pairs']['both'])}, at least one "
         f"{_percent(result['pairs']['at_least_one'])}. "
         f"Good recordings called bad: {_percent(result['good_recordings_called_bad'])}. "
-        f"Within two standard errors: "
-        + ", ".join(
-            f"{key} {_percent(rate)}" for key, rate in result["within_two_standard_errors"].items()
-        )
-        + ". "
+        f"Within two standard errors: {within}. "
         f"One diagnosis took {result['diagnosis_seconds_median']:.1f} s (median).",
         "",
+    ]
+
+
+def _calibration(calibration: dict[str, Any]) -> list[str]:
+    """Return how often answers were right, by the probability that they stated."""
+    rows = [
+        [
+            f"{b['from']:g}",
+            f"{b['to']:g}",
+            str(b["count"]),
+            f"{b['stated']:.2f}",
+            f"{b['right']:.2f}",
+        ]
+        for b in calibration["bins"]
+    ]
+    score = calibration["brier"]
+    return [
         "## Stated probabilities",
         "",
-    ]
-    calibration = result["calibration"]
-    lines += _table(
-        ["from", "to", "count", "stated", "right"],
-        [
-            [
-                f"{b['from']:g}",
-                f"{b['to']:g}",
-                str(b["count"]),
-                f"{b['stated']:.2f}",
-                f"{b['right']:.2f}",
-            ]
-            for b in calibration["bins"]
-        ],
-    )
-    lines += [
-        f"Brier score {calibration['brier']:.3f}."
-        if calibration["brier"] is not None
-        else "No probability was stated.",
+        *_table(["from", "to", "count", "stated", "right"], rows),
+        "No probability was stated." if score is None else f"Brier score {score:.3f}.",
         "",
     ]
-    for title, key in (
-        ("Parameters of named effects", "parameter_error_median"),
-        ("Base parameters of rightly explained cases", "base_parameter_error_median_when_right"),
-    ):
-        lines += [f"## {title}", ""]
-        lines += _table(
-            ["parameter", "median error", "cases"],
-            [[k, f"{100 * v['median']:.1f} %", str(v["count"])] for k, v in result[key].items()],
-        )
-    lines += ["## Every case", ""]
-    lines += _table(
-        ["case", "hidden", "strength", "verdict", "stated", "outcome"],
+
+
+def _errors(title: str, errors: dict[str, dict[str, Any]]) -> list[str]:
+    rows = [[k, f"{100 * v['median']:.1f} %", str(v["count"])] for k, v in errors.items()]
+    return [f"## {title}", "", *_table(["parameter", "median error", "cases"], rows)]
+
+
+def _cases(scores: list[CaseScore], truths: dict[str, dict[str, Any]]) -> list[str]:
+    rows = [
         [
-            [
-                s.case,
-                " + ".join(s.hidden) or "nothing",
-                _strengths(truths[s.case]),
-                s.verdict,
-                ", ".join(s.stated),
-                s.outcome,
-            ]
-            for s in scores
-        ],
-    )
-    return "\n".join(lines)
+            s.case,
+            " + ".join(s.hidden) or "nothing",
+            _strengths(truths[s.case]),
+            s.verdict,
+            ", ".join(s.stated),
+            s.outcome,
+        ]
+        for s in scores
+    ]
+    header = ["case", "hidden", "strength", "verdict", "stated", "outcome"]
+    return ["## Every case", "", *_table(header, rows)]
 
 
 def _strengths(truth: dict[str, Any]) -> str:

@@ -120,14 +120,7 @@ def blind(
     console = console or Console()
     out = Path(out).resolve()
     truth = Path(truth).resolve() if truth is not None else out.with_name(out.name + "_truth")
-    if truth == out or out in truth.parents or truth in out.parents:
-        raise StudyError(f"the truth ({truth}) must lie apart from the study ({out})")
-    if not any("{bag}" in word for word in diagnose_command) or not any(
-        "{out}" in word for word in diagnose_command
-    ):
-        raise StudyError(
-            f"the diagnosing command must say {{bag}} and {{out}}: {' '.join(diagnose_command)}"
-        )
+    _require_usable(out, truth, diagnose_command)
     plans = plan_cases(n_cases, seed)
     settle(out, {"cases": n_cases, "seed": seed, "command": diagnose_command})
     hidden = _hidden_folders(truth, console)
@@ -147,17 +140,7 @@ def blind(
     whole = _commit(out, commitments)
     console.print(f"Sealed: {n_cases} cases, root hash SHA-256 {whole}", soft_wrap=True)
 
-    jobs = {
-        plan.name: (
-            diagnose_command,
-            out / "bags" / plan.name,
-            out / "verdicts" / plan.name,
-            hidden,
-            time_limit,
-        )
-        for plan in plans
-        if not is_diagnosed(out / "verdicts" / plan.name)
-    }
+    jobs = _undiagnosed(plans, diagnose_command, out, hidden, time_limit)
     for _ in spread(
         diagnose_case, jobs, n_cases - len(jobs), "diagnosing", workers, scheduler, console
     ):
@@ -174,6 +157,18 @@ def blind(
     return result
 
 
+def _require_usable(out: Path, truth: Path, diagnose_command: list[str]) -> None:
+    """Refuse folders in which a diagnosis would see the truth, and a command that sees no bag."""
+    if truth == out or out in truth.parents or truth in out.parents:
+        raise StudyError(f"the truth ({truth}) must lie apart from the study ({out})")
+    if not any("{bag}" in word for word in diagnose_command) or not any(
+        "{out}" in word for word in diagnose_command
+    ):
+        raise StudyError(
+            f"the diagnosing command must say {{bag}} and {{out}}: {' '.join(diagnose_command)}"
+        )
+
+
 def _unmade(
     plans: list[Plan], commitments: dict[str, str], out: Path
 ) -> dict[str, tuple[Plan, Path]]:
@@ -186,6 +181,23 @@ def _unmade(
             shutil.rmtree(out / "bags" / plan.name, ignore_errors=True)
             jobs[plan.name] = (plan, out / "bags" / plan.name)
     return jobs
+
+
+def _undiagnosed(
+    plans: list[Plan], command: list[str], out: Path, hidden: list[Path], time_limit: float
+) -> dict[str, tuple[list[str], Path, Path, list[Path], float]]:
+    """Return jobs for the cases that have no verdict yet."""
+    return {
+        plan.name: (
+            command,
+            out / "bags" / plan.name,
+            out / "verdicts" / plan.name,
+            hidden,
+            time_limit,
+        )
+        for plan in plans
+        if not is_diagnosed(out / "verdicts" / plan.name)
+    }
 
 
 def _opened(seal: Seal, name: str, committed: str, out: Path) -> dict[str, Any]:
