@@ -38,8 +38,8 @@ START_TIME = 25.0
 """[s] Every node of a graph has started and said what keeps it from working."""
 RECORDING_TIME = 40.0
 """[s] Longer than the estimator settles."""
-PATIENCE = 280.0
-"""[s] Several times what a command needs alone on two cores."""
+PATIENCE = 900.0
+"""[s] Many times what a command needs alone on two cores: other programs may take most of them."""
 LONG_PATIENCE = 1800.0
 """[s] The same for the demo, the courses of a benchmark and the smallest studies."""
 

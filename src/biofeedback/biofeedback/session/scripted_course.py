@@ -71,15 +71,9 @@ class ScriptedCourse(ScriptedSession):
             aiohttp.ClientSession() as session,
             session.ws_connect(f"{self._url}/ws?role=operator", max_msg_size=0) as page,
         ):
-            state: dict[str, Any] = {}
             asked = ""
-            await self._say(page, "claim")
-            async for content in self._messages(page):
-                if content["type"] == "answer" and not content["ok"]:
-                    raise SessionError(f"refused: {content['error']}")
-                if content["type"] == "state":
-                    state = content
-                if content["type"] != "frame" or not state or state["subject"] is None:
+            async for state, content in self._frames(page):
+                if state["subject"] is None:
                     continue
                 if state["session"]["state"] == "finished":
                     return state

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any
 
 import aiohttp
@@ -76,16 +76,8 @@ class ScriptedSession:
             aiohttp.ClientSession() as session,
             session.ws_connect(f"{self._url}/ws?role=operator", max_msg_size=0) as page,
         ):
-            state: dict[str, Any] = {}
             corrected, said = 0.0, ""
-            await self._say(page, "claim")
-            async for content in self._messages(page):
-                if content["type"] == "answer" and not content["ok"]:
-                    raise SessionError(f"refused: {content['error']}")
-                if content["type"] == "state":
-                    state = content
-                if content["type"] != "frame" or not state:
-                    continue
+            async for state, content in self._frames(page):
                 self.frames += 1
                 session_state, kind = state["session"]["state"], state["session"]["kind"]
                 if session_state == "finished":
@@ -107,7 +99,19 @@ class ScriptedSession:
                     await self._correct(page, state, content)
         raise SessionError("the node closed the connection")
 
-    async def _messages(self, page: Any) -> Any:
+    async def _frames(self, page: Any) -> AsyncIterator[tuple[dict[str, Any], dict[str, Any]]]:
+        """Claim the operator's part; yield each frame after the state that is in force."""
+        await self._say(page, "claim")
+        state: dict[str, Any] = {}
+        async for content in self._messages(page):
+            if content["type"] == "answer" and not content["ok"]:
+                raise SessionError(f"refused: {content['error']}")
+            if content["type"] == "state":
+                state = content
+            if content["type"] == "frame" and state:
+                yield state, content
+
+    async def _messages(self, page: Any) -> AsyncIterator[dict[str, Any]]:
         while True:
             message = await page.receive(LONGEST_SILENCE)
             if message.type != aiohttp.WSMsgType.TEXT:
