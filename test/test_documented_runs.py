@@ -17,7 +17,16 @@ from tempfile import TemporaryFile
 import pytest
 from documented_commands import ROOT, words_of
 from documented_inputs import OUTPUTS, Inputs
-from documented_runs import EXACT_RUNS, LONG_PATIENCE, NOT_RUN, START_TIME, Run, documented, to_run
+from documented_runs import (
+    EXACT_RUNS,
+    LONG_PATIENCE,
+    NOT_RUN,
+    PATIENCE,
+    START_TIME,
+    Run,
+    documented,
+    to_run,
+)
 
 from impedance_estimator import compile_estimator
 from impedance_estimator.algorithms import DEFAULT
@@ -129,6 +138,7 @@ def check(page, line, run, clones, inputs):
     expect_outputs(line, run, folder)
 
 
+@pytest.mark.timeout(PATIENCE + 60)
 @pytest.mark.parametrize(("page", "line", "run"), params(False, quick=True))
 def test_a_short_command_runs_as_documented(page, line, run, clones, inputs):
     check(page, line, run, clones, inputs)
