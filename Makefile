@@ -84,7 +84,7 @@ soak: setup
 
 test-colcon: setup
 	@$(BIN)/colcon --log-base build/log test --base-paths src --build-base $(BUILD) --install-base $(INSTALL) --merge-install $(if $(COLCON_PACKAGES),--packages-select $(COLCON_PACKAGES)) --pytest-args -m "not slow and not live" --quiet > build.log 2>&1 || { cat build.log; exit 1; }
-	@$(BIN)/colcon test-result --test-result-base $(BUILD) --all
+	@$(BIN)/colcon --log-base build/log test-result --test-result-base $(BUILD) --all
 
 test-pythons:
 	@for version in $(PYTHONS); do \
