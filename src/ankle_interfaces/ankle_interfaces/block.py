@@ -307,17 +307,30 @@ def unpack(message: bytes | bytearray | memoryview) -> Block:
         No such message, cut off, or a layout that contradicts its data.
     """
     view = memoryview(message)
-    columns, n, start = _find_layout(view)
+    columns, n, start = find_layout(view)
     m = len(columns)
     order = "<f8" if view[1] == 1 else ">f8"
     data = np.frombuffer(view, dtype=order, count=n * m, offset=start).reshape(n, m)
     return Block(columns, data if order == "<f8" else data.astype(float))
 
 
-def _find_layout(view: memoryview) -> tuple[tuple[str, ...], int, int]:
-    """Return `_layout` of a message, through its cache: the bytes before the samples repeat from
-    block to block.
+def find_layout(message: bytes | memoryview) -> tuple[tuple[str, ...], int, int]:
+    """Return the m column names, the number n of samples, and where in the message they start.
+
+    It depends on the length of the message and on the bytes before the samples alone, which repeat
+    from block to block.
+
+    Parameters
+    ----------
+    message
+        The CDR bytes of a Float64MultiArray.
+
+    Raises
+    ------
+    BlockError
+        As `unpack`.
     """
+    view = memoryview(message)
     size = len(view)
     if size < 40:
         raise BlockError(f"the message is cut off: {size} bytes")
@@ -326,4 +339,5 @@ def _find_layout(view: memoryview) -> tuple[tuple[str, ...], int, int]:
     # 8.
     (names,) = struct.unpack_from(order, view, 28)
     end = 32 + names + (-names % 4) + 16
-    return _layout(bytes(view[: end + 4]), size)
+    # Not one byte of the samples: they differ from block to block.
+    return _layout(bytes(view[:end]), size)

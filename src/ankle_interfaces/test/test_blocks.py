@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankle_interfaces.block import Block, pack, require_columns, unpack
+from ankle_interfaces.block import Block, _layout, pack, require_columns, unpack
 from ankle_interfaces.continuity import Continuity, sampling_rate
 from ankle_interfaces.errors import BlockError, UnitError
 from ankle_interfaces.resampling import resample
@@ -43,6 +43,14 @@ def test_bytes_are_those_of_rclpy(n, columns):
 def test_round_trip_keeps_every_bit():
     block = block_of(32)
     assert unpack(pack(block)).data.tobytes() == block.data.tobytes()
+
+
+@pytest.mark.parametrize("columns", [COLUMNS, ("t[s]", "a[1]"), ("t[s]", "aa[1]")])
+def test_the_layout_of_a_topic_is_read_once(columns):
+    _layout.cache_clear()
+    for k in range(10):
+        unpack(pack(block_of(32, columns, start=float(k))))
+    assert _layout.cache_info().misses == 1
 
 
 def test_every_cut_message_is_refused():

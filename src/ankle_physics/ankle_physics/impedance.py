@@ -28,7 +28,7 @@ from ankle_physics.term import Owner, Place, Term
 ANGLE_DIFFERENCE = 1e-5  # rad
 VELOCITY_DIFFERENCE = 1e-3  # rad/s
 ACCELERATION_DIFFERENCE = 1e-2  # rad/s^2
-# Terms that follow the time of the recording are brought to the middle with few samples.
+# Terms that follow the time of the recording know it to a sixteenth of a second.
 STATIC_RATE = 16.0  # Hz
 # A rate at which the reflex' response and a step of 10 ms are sampled well.
 RESPONSE_RATE = 2048.0  # Hz
@@ -271,12 +271,14 @@ def _static_torque(
     """Return the torque [N.m] of memoryless terms at a constant state, `time` seconds into the
     run.
     """
-    n = max(1, round(time * STATIC_RATE) + 1)
     total = 0.0
     for entry in entries:
-        held = [np.full(n, value) for value in (x, v, a, activation)]
+        held = [np.array([value]) for value in (x, v, a, activation)]
         signals = Signals(STATIC_RATE, held[0], held[1], held[2], held[3])
-        columns = entry.term.torque(signals, _means(entry.values), entry.term.start(STATIC_RATE))
+        state = entry.term.start(STATIC_RATE)
+        if "run_time" in state:
+            state["run_time"].skip(max(time, 0.0))
+        columns = entry.term.torque(signals, _means(entry.values), state)
         total += sum(
             _mean(entry.values[symbol]) * float(column[-1]) for symbol, column in columns.items()
         )

@@ -21,6 +21,8 @@ class ReferenceTrack:
     def __init__(self) -> None:
         self._times: np.ndarray = np.empty(0)
         self._positions: np.ndarray = np.empty(0)
+        self._later: list[tuple[np.ndarray, np.ndarray]] = []
+        self._newest = -np.inf
         self._held: list[np.ndarray] = []
         self._expected = True
 
@@ -33,10 +35,21 @@ class ReferenceTrack:
         times, positions = times[usable], positions[usable]
         if not len(times):
             return
-        kept = self._times < times[0]
-        self._times = np.concatenate([self._times[kept], times])
-        self._positions = np.concatenate([self._positions[kept], positions])
+        if times[0] <= self._newest:
+            self._take_later()
+            kept = self._times < times[0]
+            self._times, self._positions = self._times[kept], self._positions[kept]
+        self._later.append((times, positions))
+        self._newest = float(np.max(times))
         self._expected = True
+
+    def _take_later(self) -> None:
+        """Put the stretches that came since behind the others: a whole recording's in one go."""
+        if self._later:
+            times, positions = zip(*self._later, strict=True)
+            self._times = np.concatenate([self._times, *times])
+            self._positions = np.concatenate([self._positions, *positions])
+            self._later = []
 
     def join(self, samples: np.ndarray) -> np.ndarray:
         """Return samples that are ready, with the reference's position as their last column.
@@ -52,6 +65,7 @@ class ReferenceTrack:
             Shape (j, k + 1); the reference is NaN where there is none. Samples for which a
             reference may still come are held back and come first in a later call.
         """
+        self._take_later()
         if self._held:
             samples = np.concatenate([*self._held, samples])
             self._held = []

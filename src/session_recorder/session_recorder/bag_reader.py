@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
+from ankle_interfaces.block import MESSAGE_TYPE, Block, find_layout, unpack
 from ankle_interfaces.errors import BlockError
 from session_recorder.bag_metadata import (
     METADATA_FILE,
@@ -18,6 +18,9 @@ from session_recorder.bag_metadata import (
 )
 from session_recorder.errors import BagError
 from session_recorder.mcap_file import McapFile, Progress
+
+JOINED_BLOCKS = 256
+"""Blocks of a signal are joined by so many: 4 s of samples as a rig sends them."""
 
 
 class BagReader:
@@ -262,12 +265,71 @@ class BagReader:
             try:
                 block = unpack(message)
             except BlockError as error:
-                sentence = f"{self.path}: {topic} at {log_time * 1e-9:.6f} s: {error}"
-                if refused is None:
-                    raise BagError(sentence) from None
-                refused(sentence)
+                self._refuse(topic, log_time, error, refused)
                 continue
             yield block
+
+    def _refuse(
+        self,
+        topic: str,
+        log_time: int,
+        error: BlockError,
+        refused: Callable[[str], None] | None,
+    ) -> None:
+        sentence = f"{self.path}: {topic} at {log_time * 1e-9:.6f} s: {error}"
+        if refused is None:
+            raise BagError(sentence) from None
+        refused(sentence)
+
+    def joined_blocks(
+        self,
+        topic: str,
+        count: int,
+        refused: Callable[[str], None] | None = None,
+        progress: Progress | None = None,
+    ) -> Iterator[Block]:
+        """Yield the samples of `blocks`, several recorded blocks in one.
+
+        Messages that begin alike have one layout, which is read once.
+
+        Parameters
+        ----------
+        topic, refused, progress
+            As for `blocks`.
+        count
+            So many recorded blocks are joined at most; those of other columns are not.
+
+        Raises
+        ------
+        BagError
+            As `blocks`.
+        """
+        self.topic(topic, MESSAGE_TYPE)
+        columns: tuple[str, ...] = ()
+        head, size, end = b"", -1, 0
+        waiting: list[bytes] = []
+        for _, log_time, message in self.messages((topic,), progress):
+            if len(message) != size or not message.startswith(head):
+                try:
+                    block = unpack(message)
+                except BlockError as error:
+                    self._refuse(topic, log_time, error, refused)
+                    continue
+                if waiting and block.columns != columns:
+                    yield _joined(columns, waiting)
+                    waiting = []
+                columns, samples, start = find_layout(message)
+                head, end = message[:start], start + 8 * samples * len(columns)
+                # Those of a big-endian message have to be turned around.
+                size = len(message) if message[1] == 1 else -1
+                waiting.append(block.data.tobytes())
+            else:
+                waiting.append(message[len(head) : end])
+            if len(waiting) == count:
+                yield _joined(columns, waiting)
+                waiting = []
+        if waiting:
+            yield _joined(columns, waiting)
 
     def signal(
         self, topic: str, progress: Progress | None = None
@@ -286,7 +348,7 @@ class BagReader:
         """
         columns: tuple[str, ...] | None = None
         parts = []
-        for block in self.blocks(topic, progress=progress):
+        for block in self.joined_blocks(topic, JOINED_BLOCKS, progress=progress):
             if columns is None:
                 columns = block.columns
             elif block.columns != columns:
@@ -299,6 +361,11 @@ class BagReader:
         if columns is None:
             raise BagError(f"{self.path}: {topic} holds no message")
         return columns, np.concatenate(parts)
+
+
+def _joined(columns: tuple[str, ...], samples: list[bytes]) -> Block:
+    data = np.frombuffer(b"".join(samples), dtype="<f8")
+    return Block(columns, data.reshape(-1, len(columns)))
 
 
 def _share(progress: Progress | None, number: int, files: int) -> Progress | None:

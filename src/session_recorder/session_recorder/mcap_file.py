@@ -13,7 +13,6 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,7 +20,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, DataEnd, Footer, Message, MessageIndex, Schema
+from mcap.records import Channel, Chunk, DataEnd, Footer, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk, get_chunk_data_stream
 
 from session_recorder.errors import BagError
@@ -46,6 +45,14 @@ DAMAGE = (
 RECORD_HEAD = 9  # bytes: opcode and length
 FOOTER_AND_MARK = 9 + 20 + 8  # bytes at the end of a complete file
 CRC_AND_MARK = 4 + 8  # bytes at the end that the footer's checksum leaves out
+INDEX_HEAD = struct.Struct("<HI")
+"""A message index begins with its channel and the length of its entries [bytes]."""
+INDEX_ENTRY = struct.Struct("<QQ")
+"""An entry is the log time of a message [ns] and its place in the chunk."""
+MESSAGE_HEAD = struct.Struct("<xQHIQQ")
+"""A message is preceded by its opcode, length, channel, number, log and publish time [ns]."""
+MESSAGE_FIELDS = 22
+"""The length of a message counts so many bytes before its data."""
 
 
 @dataclass(frozen=True)
@@ -292,19 +299,21 @@ class McapFile:
                 if isinstance(m, Message) and m.channel_id in wanted
             ]
         stream.seek(piece.offset + RECORD_HEAD)
-        content, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-        inside = BytesIO(content.read(size))
-        data = ReadDataStream(inside)
-        entries = []
+        data, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
+        content = data.read(size)
+        offsets: list[int] = []
         for channel in wanted.intersection(piece.index):
-            stream.seek(piece.index[channel] + RECORD_HEAD)
-            entries += MessageIndex.read(ReadDataStream(stream)).records
-        out = []
-        for _, offset in sorted(entries, key=lambda entry: entry[1]):
-            inside.seek(offset + 1)
-            message = Message.read(data, data.read8())
-            out.append((message.log_time, message.publish_time, message.channel_id, message.data))
-        return out
+            offsets += self._message_offsets(stream, piece.index[channel])
+        return [_message_at(content, offset) for offset in sorted(offsets)]
+
+    def _message_offsets(self, stream: BinaryIO, offset: int) -> list[int]:
+        """Return where in a chunk the messages of a channel are, from its message index."""
+        stream.seek(offset + RECORD_HEAD)
+        _, length = INDEX_HEAD.unpack(stream.read(INDEX_HEAD.size))
+        entries = stream.read(length) if length <= self.size else b""
+        if len(entries) != length:
+            raise EOFError("a message index is cut off")
+        return [place for _, place in INDEX_ENTRY.iter_unpack(entries)]
 
     def without_damage(self, channels: Collection[int]) -> Iterator[Record]:
         """Yield messages in the order of the file, without those in damaged chunks.
@@ -323,6 +332,16 @@ class McapFile:
                     self._report_chunk(piece.offset, piece.start_ns, piece.end_ns, error)
                     continue
                 yield from sorted(records, key=_log_time)
+
+
+def _message_at(content: bytes, offset: int) -> Record:
+    """Return the message at a place in the content of a chunk."""
+    length, channel, _, log_time, publish_time = MESSAGE_HEAD.unpack_from(content, offset)
+    start = offset + MESSAGE_HEAD.size
+    data = content[start : max(start + length - MESSAGE_FIELDS, 0)]
+    if not data and length != MESSAGE_FIELDS:
+        raise EOFError("a message lies behind the end of its chunk")
+    return log_time, publish_time, channel, data
 
 
 def _log_time(record: Record) -> int:

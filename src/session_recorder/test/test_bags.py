@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.typesys import Stores, get_typestore
 
-from ankle_interfaces.block import Block, unpack
+from ankle_interfaces.block import Block, pack, unpack
 from session_recorder.bag_metadata import qos
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
@@ -84,6 +84,32 @@ def test_signal_and_blocks_are_what_was_written(make_bag, block):
     assert columns == block(0).columns
     assert np.array_equal(data, np.concatenate([block(k).data for k in range(30)]))
     assert reader.duration == pytest.approx(29 * 32 / 2048)
+
+
+def test_joined_blocks_hold_what_the_blocks_hold(tmp_path, block):
+    """Also with other columns, of another length, and beside messages that are no blocks."""
+    torque = ("t[s]", "torque[N.m]")
+    blocks = [block(k) for k in range(7)] + [block(7, size=5), block(8), block(9, torque)]
+    messages = [pack(entry) for entry in blocks]
+    messages[2] = messages[2][:-9]
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/ankle/samples")
+        for stamp, message in enumerate(messages):
+            writer.write("/ankle/samples", stamp, message)
+        writer.write("/ankle/samples", len(messages), b"")
+    reader = BagReader(tmp_path / "bag")
+    refused, refused_joined = [], []
+    single = list(reader.blocks("/ankle/samples", refused.append))
+    joined = list(reader.joined_blocks("/ankle/samples", 3, refused_joined.append))
+    assert len(refused) == 2
+    assert refused_joined == refused
+    assert [len(entry.data) for entry in joined] == [96, 96, 37, 32]
+    assert joined[-1].columns == torque
+    for columns in (block(0).columns, torque):
+        np.testing.assert_array_equal(
+            np.concatenate([entry.data for entry in joined if entry.columns == columns]),
+            np.concatenate([entry.data for entry in single if entry.columns == columns]),
+        )
 
 
 def test_messages_written_out_of_order_are_read_in_order(tmp_path):

@@ -5,7 +5,7 @@ The numbers are those of the node fed with the same samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -196,7 +196,7 @@ def estimate_bag(
             }
         stated = False
         _feed_reference(reader, stream)
-        for block in _joined_blocks(reader.blocks(TOPIC, refused.append, progress)):
+        for block in reader.joined_blocks(TOPIC, BLOCKS_PER_CALL, refused.append, progress):
             try:
                 due = stream.feed(block)
             except BlockError as error:
@@ -233,23 +233,8 @@ def _require_start(stream: EstimateStream, source: str) -> None:
 def _feed_reference(reader: BagReader, stream: EstimateStream) -> None:
     """Return all of the recorded reference: what is in the file has come in time."""
     if REFERENCE_TOPIC in reader.topics:
-        for block in _joined_blocks(reader.blocks(REFERENCE_TOPIC)):
+        for block in reader.joined_blocks(REFERENCE_TOPIC, BLOCKS_PER_CALL):
             stream.feed_reference(block)
-
-
-def _joined_blocks(blocks: Iterator[Block]) -> Iterator[Block]:
-    waiting: list[Block] = []
-    for block in blocks:
-        if waiting and (block.columns != waiting[0].columns or len(waiting) == BLOCKS_PER_CALL):
-            yield _concatenate(waiting)
-            waiting = []
-        waiting.append(block)
-    if waiting:
-        yield _concatenate(waiting)
-
-
-def _concatenate(blocks: list[Block]) -> Block:
-    return Block(blocks[0].columns, np.concatenate([block.data for block in blocks]))
 
 
 def _state_provenance(writer: BagWriter, stream: EstimateStream, time: float) -> None:
