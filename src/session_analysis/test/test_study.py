@@ -75,6 +75,7 @@ def test_names_of_persons_are_refused(subject):
         ({"posture": 3}, "allowed: a text"),
         ({"rate[Hz]": "fast"}, r"rate\[Hz\] = 'fast' is refused; allowed: a number"),
         ({"columns": ["Time"]}, "allowed: names with units"),
+        ({"section": ["Rig", 2]}, "allowed: a text, or a list of texts"),
         (["left"], "expected keys and values"),
     ],
 )

@@ -2,6 +2,7 @@
 
 import edfio
 import numpy as np
+import openpyxl
 from laboratory_trial import DEG, RATE, TRIAL, N
 from scipy.io import savemat
 
@@ -64,6 +65,44 @@ def mat_time_of_each_structure(path):
     savemat(path.with_suffix(".mat"), {"kin": kin, "emg": {"time": EMG_TIME, "SOL_mV": EMG_MV}})
 
 
+MECHANICS = ["Time (s),Ankle Angle (deg),Torque (Nm)", [TRIAL["t"], DEG, TRIAL["torque"]]]
+EMG_TABLE = ["Time (s),EMG SOL (mV)", [EMG_TIME, EMG_MV]]
+
+
+def sheets(path, **held):
+    """A workbook with a table, names and columns, on each sheet."""
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for title, (header, columns) in held.items():
+        sheet = book.create_sheet(title)
+        sheet.append(header.split(","))
+        for row in zip(*columns, strict=True):
+            sheet.append([float(value) for value in row])
+    book.save(path.with_suffix(".xlsx"))
+
+
+def below_one_another(path, *tables):
+    """A text with a table below another; each is its lines above the numbers, and its columns."""
+    blocks = [rows("\n".join(head), columns) for head, columns in tables]
+    path.with_suffix(".csv").write_text("\n".join(blocks))
+
+
+def a_sheet_for_each_rate(path):
+    sheets(path, Mechanics=MECHANICS, EMG=EMG_TABLE)
+
+
+def nexus_outputs_and_devices(path):
+    """Vicon Nexus: what a model computes at one rate, EMG at another; rates and no times."""
+    k = np.arange(len(DEG))
+    outputs = ["Model Outputs", f"{RATE:.0f}", "Frame,Sub Frame,RAnkleAngles,RAnkleMoment"]
+    devices = ["Devices", f"{EMG_RATE:.0f}", "Frame,Sub Frame,RSOL"]
+    below_one_another(
+        path,
+        [[*devices, ",,V"], [np.repeat(k, 2) + 1, np.tile([0, 1], len(k)), EMG]],
+        [[*outputs, ",,deg,N.mm"], [k + 1, 0 * k, DEG, 1e3 * TRIAL["torque"]]],
+    )
+
+
 SEVERAL_RATES = [
     delsys,
     two_named_times,
@@ -72,4 +111,6 @@ SEVERAL_RATES = [
     mat_rate_of_each_structure,
     mat_rate_by_name,
     mat_time_of_each_structure,
+    a_sheet_for_each_rate,
+    nexus_outputs_and_devices,
 ]

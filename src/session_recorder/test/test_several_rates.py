@@ -8,12 +8,17 @@ from laboratory_trial import DEG, RATE, TRIAL, text
 from scipy.io import savemat
 from several_rates import (
     EMG,
+    EMG_MV,
     EMG_RATE,
+    EMG_TABLE,
     EMG_TIME,
+    MECHANICS,
     SEVERAL_RATES,
+    below_one_another,
     edf_of_two_rates,
     mat_rate_of_each_structure,
     rows,
+    sheets,
 )
 
 from session_recorder.bag_reader import BagReader
@@ -114,3 +119,69 @@ def test_times_of_one_clock_beside_each_other_are_one(tmp_path):
     columns = [TRIAL["t"] + 40_000, TRIAL["t"], DEG, TRIAL["torque"]]
     (tmp_path / "a.csv").write_text(rows(header, columns))
     assert read_table(tmp_path / "a.csv").times == {}
+
+
+def titled(title, table):
+    return [title, table[0]], table[1]
+
+
+def test_tables_of_different_rates_are_joined_by_their_titles(tmp_path):
+    other = ["Time (s),EMG TA (mV)", [EMG_TIME, 2 * EMG_MV]]
+    below_one_another(
+        tmp_path / "a", titled("Rig", MECHANICS), titled("EMG 1", EMG_TABLE), titled("EMG 2", other)
+    )
+    table = read_table(tmp_path / "a.csv", ("Rig", "3"))
+    assert table.names == [
+        *("Time (s)", "Ankle Angle (deg)", "Torque (Nm)", "EMG 2/Time (s)", "EMG TA (mV)")
+    ]
+    line = propose(table).command("a.csv", "bag")
+    assert "--section Rig --section 'EMG 2'" in line
+    assert "'TA[mV]=EMG TA (mV)'" in line
+    assert read_table(tmp_path / "a.csv", "Rig").names == table.names[:3]
+
+
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_tables_of_equal_times_are_one_table(unit, tmp_path):
+    t, angle, torque = MECHANICS[1]
+    times = 1e3 * t if unit == "ms" else t
+    below_one_another(
+        tmp_path / "a",
+        titled("Angle", ("Time (s),Ankle Angle (deg)", [t, angle])),
+        titled("Torque", (f"Time ({unit}),Torque (Nm)", [times, torque])),
+    )
+    assert read_table(tmp_path / "a.csv").times == {}
+    report = import_as_proposed(tmp_path / "a.csv", tmp_path / "bag")
+    assert (report.rate, report.samples) == (RATE, len(angle))
+    assert BagReader(tmp_path / "bag").custom_data["imported_table"] == "Angle and Torque"
+
+
+EMG_WITHOUT_TIMES = ["EMG SOL (mV)", [EMG_MV]]
+EMG_OF_ANOTHER_TRIAL = [EMG_TABLE[0], [column[:15_00] for column in EMG_TABLE[1]]]
+EMG_WITHOUT_COMMON_TIME = [EMG_TABLE[0], [EMG_TIME + 100.0, EMG_MV]]
+
+
+@pytest.mark.parametrize(
+    ("tables", "reason"),
+    [
+        (
+            {"EMG": EMG_WITHOUT_TIMES},
+            "'EMG' has neither a time column nor a sampling rate; write one above",
+        ),
+        (
+            {"EMG": EMG_OF_ANOTHER_TRIAL},
+            "it lasts from 0 to 1.499 s, and 'Rig' from 0 to 9.998 s: is it of anoth",
+        ),
+        ({"EMG": EMG_WITHOUT_COMMON_TIME}, "no time is common to both"),
+        ({"EMG": EMG_TABLE, "EMG 2": EMG_WITHOUT_COMMON_TIME}, "other tables have SOL as well"),
+    ],
+)
+def test_a_table_that_cannot_be_joined_is_left_out_with_the_reason(tables, reason, tmp_path):
+    sheets(tmp_path / "a", Rig=MECHANICS, **tables)
+    report = import_as_proposed(tmp_path / "a.xlsx", tmp_path / "bag")
+    assert list(report.rates) == ["/ankle/samples"]
+    assert any(
+        note.startswith("'EMG' is left out: ") and reason in note for note in report.warnings
+    )
+    if tables["EMG"] is EMG_WITHOUT_TIMES:
+        with pytest.raises(ImportRefused, match="neither a time column nor a sampling rate"):
+            read_table(tmp_path / "a.xlsx", ("Rig", "EMG"))

@@ -39,12 +39,13 @@ def verb(
         ),
     ] = [],  # noqa: B006
     section: Annotated[
-        str | None,
+        list[str],
         typer.Option(
             help="Title or number of the table to read, where the file holds several: a sheet, or "
-            "tables below one another. Without it the one with an ankle's signals is read."
+            "tables below one another. Repeat it to join tables of different rates. Without it "
+            "what holds an ankle's signals is read."
         ),
-    ] = None,
+    ] = [],  # noqa: B006
     torque_sign: Annotated[
         str | None,
         typer.Option(

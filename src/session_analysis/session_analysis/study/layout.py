@@ -51,9 +51,9 @@ CHOICES = {
 }
 TEXTS = (
     "posture", "electrode_placement", "rig_calibration", "subject_calibration",
-    "software_version", "task", "recorded", "remarks", "section",
+    "software_version", "task", "recorded", "remarks",
 )  # fmt: skip
-IMPORT_KEYS = ("columns", "rate[Hz]", "resample[Hz]", "neutral")
+IMPORT_KEYS = ("section", "columns", "rate[Hz]", "resample[Hz]", "neutral")
 """Keys that say how a file of another system is imported."""
 
 
@@ -184,6 +184,12 @@ def check_stated(stated: object, where: Path | str) -> None:
         elif key in TEXTS:
             if not isinstance(value, str):
                 raise AnalysisError(f"{where}: {key} = {value!r} is refused; allowed: a text")
+        elif key == "section":
+            texts = value if isinstance(value, list) and value else [value]
+            if not all(isinstance(text, str) for text in texts):
+                raise AnalysisError(
+                    f"{where}: section = {value!r} is refused; allowed: a text, or a list of texts"
+                )
         elif key == "columns":
             if not isinstance(value, Mapping):
                 raise AnalysisError(

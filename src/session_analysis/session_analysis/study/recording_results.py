@@ -162,7 +162,7 @@ def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> tuple[Path
     """
     assumed: list[str] = []
     columns, sign = stated.get("columns"), stated.get("torque_sign")
-    table = read_table(entry.source, stated.get("section"), tuple((columns or {}).values()))
+    table = read_table(entry.source, stated.get("section", ()), tuple((columns or {}).values()))
     table.rate = stated.get("rate[Hz]") or table.rate
     resample = stated.get("resample[Hz]")
     neutral, positive = stated.get("neutral"), stated.get("positive")

@@ -76,7 +76,7 @@ def own_times(table: Table) -> dict[str, str]:
     of rows the one before the column. Equal times count as one. The time columns themselves are
     among the keys.
     """
-    times = [name for name in table.columns if _is_time(table, name)]
+    times = time_columns(table)
     if len(times) < 2:
         return {}
     first = {name: next(t for t in times if _same_times(table, t, name)) for name in times}
@@ -99,6 +99,11 @@ def own_times(table: Table) -> dict[str, str]:
         if len({first[t] for t in alike}) == 1:
             owner[name] = first[alike[0]]
     return {} if _is_one_clock(table, first) else owner
+
+
+def time_columns(table: Table) -> list[str]:
+    """Return the names of the columns that are times by their names and their numbers."""
+    return [name for name in table.columns if _is_time(table, name)]
 
 
 def _is_time(table: Table, name: str) -> bool:

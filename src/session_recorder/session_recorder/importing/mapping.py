@@ -71,7 +71,7 @@ def propose(table: Table) -> Proposal:
         Nothing looks like a position, a torque or EMG, or nothing gives the time; the message says
         what to state.
     """
-    proposal = Proposal(section=table.section)
+    proposal = Proposal(sections=table.sections)
     candidates = _by_name(table, proposal)
     found = {quantity: names[0] for quantity, names in candidates.items()}
     sampling = find_time(table, found, proposal)

@@ -25,8 +25,8 @@ class Proposal:
         Rate [Hz] of an even grid; None where the sampling is regular.
     neutral, positive
         Angle of the neutral ankle in the file's unit, and the direction in which it rises.
-    section
-        Table of the file that is read, where it holds several; else empty.
+    sections
+        Tables of the file that are read, where it holds several; else empty.
     reasons
         One sentence for each part.
     doubts
@@ -39,15 +39,15 @@ class Proposal:
     resample: float | None = None
     neutral: float = 0.0
     positive: str = PROJECT_DIRECTION
-    section: str = ""
+    sections: tuple[str, ...] = ()
     reasons: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
     def command(self, source: Path | str, out: Path | str) -> str:
         """Return the command line to type."""
         parts = ["ankle", "import", str(source), "--out", str(out)]
-        if self.section:
-            parts += ["--section", self.section]
+        for section in self.sections:
+            parts += ["--section", section]
         for name, column in self.columns.items():
             parts += ["--column", f"{name}={column}"]
         if self.torque_sign:

@@ -245,7 +245,7 @@ def _texts(
 ) -> dict[str, str]:
     """Return what a bag states of its source in words, with or without the file's name."""
     texts = {
-        "imported_table": table.section or "the only one",
+        "imported_table": " and ".join(table.sections) or "the only one",
         "stated_columns": ", ".join(f"{name} = {column}" for name, column in columns.items()),
         "warnings": "\n".join(warnings),
     }

@@ -1,12 +1,13 @@
-"""Files that hold several tables, below one another or on sheets: which of them is read."""
+"""Files that hold several tables, below one another or on sheets: which of them are read."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from session_recorder.errors import ImportRefused
 from session_recorder.importing.column_names import MUSCLES, quantity_of
+from session_recorder.importing.joined_sections import joined, why_not_joined
 from session_recorder.importing.table import Table
 
 MIN_RECORDED_ROWS = 100
@@ -15,56 +16,117 @@ fewer."""
 _SHOWN_COLUMNS = 6
 
 
-def choose_section(tables: list[Table], asked: str | None, wanted: Collection[str]) -> Table:
-    """Return the table of a file that holds the recording.
+def choose_section(tables: list[Table], asked: Sequence[str], wanted: Collection[str]) -> Table:
+    """Return the table of a file that holds the recording, or the tables that do as one.
 
     Parameters
     ----------
     tables
         Tables of one file, at least one, in its order.
     asked
-        Title of a table or its number, counted from 1; None where nobody chose.
+        Titles of tables or their numbers, counted from 1; empty where nobody chose. Several are
+        joined.
     wanted
         Columns that the table has to hold; empty where they are not known yet.
 
     Returns
     -------
     Table
-        With its title or number in `Table.section` where the file holds several tables, and a note
-        that names the others.
+        With what was read in `Table.sections` where the file holds several tables, and a note
+        that names the others. Where nobody chose, tables of one trial that complete each other, as
+        torque and EMG do, are joined.
 
     Raises
     ------
     ImportRefused
-        No table is the one asked for, or several can be meant; the message says what to type.
+        No table is the one asked for, several can be meant, or those asked for cannot be joined;
+        the message says what to type.
     """
     _name(tables)
-    if asked is not None:
-        return _asked_for(tables, asked)
+    if asked:
+        named = list(
+            {id(table): table for table in (_asked_for(tables, a) for a in asked)}.values()
+        )
+        return _whole(named) if len(tables) > 1 else tables[0]
     if len(tables) == 1:
         tables[0].section = ""
         return tables[0]
     long = [table for table in tables if _rows(table) >= MIN_RECORDED_ROWS] or tables
-    fitting = [table for table in long if wanted and set(wanted) <= set(table.names)] or long
-    ranks = [_rank(table) for table in fitting]
-    best = [table for table, rank in zip(fitting, ranks, strict=True) if rank == max(ranks)]
-    if not any(max(ranks)):
-        most = max(_rows(table) for table in best)
-        best = [table for table in best if _rows(table) == most]
-    if len(best) > 1:
-        held = "; ".join(f"'{table.section}': {_contents(table)}" for table in best)
-        raise ImportRefused(
-            f"{best[0].source} holds {len(best)} tables that can be meant: {held}. Choose one, as "
-            f"in: ankle import {best[0].source} --section '{best[0].section}'"
-        )
+    holding = [table for table in long if wanted and set(wanted) <= set(table.names)]
+    best = _best(holding or long)
     chosen = best[0]
-    others = ", ".join(f"'{t.section}' ({_rows(t)} rows)" for t in tables if t is not chosen)
-    quantities = ", ".join(sorted(_quantities(chosen))) or "most rows"
-    chosen.notes.append(
-        f"the file holds {len(tables)} tables; '{chosen.section}' is read, because it has "
-        f"{quantities}; not {others}, which --section would choose"
+    adding = [] if holding else [table for table in long if _completes(table, chosen)]
+    if rivals := [table for table in best[1:] if table not in adding]:
+        raise ImportRefused(_several(chosen, [chosen, *rivals]))
+    notes = []
+    joining: list[Table] = []
+    for table in adding:
+        alike = [other for other in adding if _quantities(other) & _quantities(table)]
+        reason = why_not_joined(chosen, table)
+        if len(alike) > 1:
+            reason = "other tables have " + ", ".join(sorted(_quantities(table))) + " as well"
+        if reason:
+            line = f"--section '{chosen.section}' --section '{table.section}'"
+            notes.append(f"'{table.section}' is left out: {reason}. {line} would join it")
+        else:
+            joining.append(table)
+    made = _whole([chosen, *joining])
+    made.notes.insert(0, _told([chosen, *joining], tables))
+    made.notes[1:1] = notes
+    return made
+
+
+def _best(tables: list[Table]) -> list[Table]:
+    """Return the tables that hold most of a recording; without signals those of most rows."""
+    ranks = [_rank(table) for table in tables]
+    best = [table for table, rank in zip(tables, ranks, strict=True) if rank == max(ranks)]
+    if any(max(ranks)):
+        return best
+    most = max(_rows(table) for table in best)
+    return [table for table in best if _rows(table) == most]
+
+
+def _completes(table: Table, chosen: Table) -> bool:
+    """Return whether a table has signals that the chosen one lacks, and none of the same name, as
+    that of another trial has.
+    """
+    if table is chosen or not _quantities(table) - _quantities(chosen):
+        return False
+    return not _signals(table) & _signals(chosen)
+
+
+def _signals(table: Table) -> set[str]:
+    return {n for n in table.columns if quantity_of(n, table.units.get(n)) not in (None, "t")}
+
+
+def _whole(tables: list[Table]) -> Table:
+    """Return one table of several, or the only one."""
+    if len(tables) > 1:
+        return joined(tables)
+    tables[0].sections = (tables[0].section,)
+    return tables[0]
+
+
+def _several(chosen: Table, tables: list[Table]) -> str:
+    held = "; ".join(f"'{table.section}': {_contents(table)}" for table in tables)
+    return (
+        f"{chosen.source} holds {len(tables)} tables that can be meant: {held}. Choose one, as "
+        f"in: ankle import {chosen.source} --section '{chosen.section}'"
     )
-    return chosen
+
+
+def _told(chosen: list[Table], tables: list[Table]) -> str:
+    """Return which tables of a file are read, why, and which are not."""
+    quantities = ", ".join(sorted(set().union(*map(_quantities, chosen)))) or "most rows"
+    others = [f"'{t.section}' ({_rows(t)} rows)" for t in tables if t not in chosen]
+    titles = " and ".join(f"'{table.section}'" for table in chosen)
+    verb = (
+        f"are joined, because together they have {quantities}"
+        if len(chosen) > 1
+        else f"is read, because it has {quantities}"
+    )
+    left = f"; not {', '.join(others)}, which --section would choose" if others else ""
+    return f"the file holds {len(tables)} tables; {titles} {verb}{left}"
 
 
 def _name(tables: list[Table]) -> None:

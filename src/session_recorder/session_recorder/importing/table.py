@@ -15,7 +15,7 @@ TIME = "t"
 """Name of the column with the time since the start [s], where the file states a sampling rate."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Table:
     """Holds the columns of one file, or of one of the tables that it holds.
 
@@ -39,6 +39,8 @@ class Table:
         What a reader should know about how the file was read, one sentence each.
     section
         Title or number of the table, where the file holds several; empty where it holds one.
+    sections
+        Titles or numbers of all tables of the file that are in this one, where it holds several.
     """
 
     source: Path
@@ -50,6 +52,7 @@ class Table:
     refused: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     section: str = ""
+    sections: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:

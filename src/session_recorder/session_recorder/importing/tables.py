@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -30,7 +30,9 @@ ENDINGS_READ_APART = (".mat", ".h5", ".hdf5", ".c3d")
 or hang."""
 
 
-def read_table(path: Path | str, section: str | None = None, wanted: Collection[str] = ()) -> Table:
+def read_table(
+    path: Path | str, section: str | Sequence[str] = (), wanted: Collection[str] = ()
+) -> Table:
     """Read a file.
 
     Parameters
@@ -41,7 +43,8 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
         ``.c3d`` or ``.tdms``.
     section
         Title or number of a table, where the file holds several: a sheet, or one below another.
-        None takes the one that holds an ankle's signals.
+        Several are joined, each with its own times. Without any, what holds an ankle's signals is
+        read.
     wanted
         Columns that the table has to hold; empty where they are not known yet.
 
@@ -50,13 +53,14 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
     Table
         Text columns go by their header, or by number from ``1`` without one; arrays by name, fields
         of a structure by ``name.field``, columns of a matrix by ``name:1``, ``name:2``, ...;
-        signals of other files by their label.
+        signals of other files by their label. Where tables are joined, a name that an earlier one
+        has as well is ``title/name``.
 
     Raises
     ------
     ImportRefused
-        No such file, not a format that is read, not readable as what its name says, or several
-        of its tables can be meant.
+        No such file, not a format that is read, not readable as what its name says, several of its
+        tables can be meant, or those asked for cannot be joined.
     """
     source = Path(path)
     module = READERS.get(source.suffix.lower())
@@ -80,8 +84,10 @@ def read_table(path: Path | str, section: str | None = None, wanted: Collection[
     tables = [table for table in tables if table.columns or table.refused]
     if not tables:
         raise ImportRefused(f"{source} holds no column of numbers")
-    chosen = choose_section(tables, section, wanted)
-    chosen.times = own_times(chosen)
+    asked = (section,) if isinstance(section, str) else section
+    chosen = choose_section(tables, asked, wanted)
+    if len(chosen.sections) < 2:
+        chosen.times = own_times(chosen)
     return chosen
 
 

@@ -54,7 +54,7 @@ def find_time(table: Table, found: dict[str, str], proposal: Proposal) -> Sampli
     if name is not None:
         times = table.columns[name][np.isfinite(table.columns[name])]
         times = times[~repeated_times(times)]
-        unit = table.units.get(name) or _time_unit(times)
+        unit = table.units.get(name) or time_unit(times)
         if unit is not None and len(times) > 1:
             try:
                 sampling = judge_times(times * to_si(unit)[1])
@@ -105,12 +105,12 @@ def _counting_column(table: Table) -> str | None:
         if not np.isfinite(steps).all() or np.any(steps <= 0):
             continue
         step = float(np.median(steps))
-        if np.max(np.abs(steps - step)) < 0.1 * step and _time_unit(values) is not None:
+        if np.max(np.abs(steps - step)) < 0.1 * step and time_unit(values) is not None:
             return name
     return None
 
 
-def _time_unit(times: np.ndarray) -> str | None:
+def time_unit(times: np.ndarray) -> str | None:
     """Return the unit in which a column of times has a likely rate; None for a counter."""
     if len(times) < 2:
         return None
