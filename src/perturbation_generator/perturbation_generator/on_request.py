@@ -46,7 +46,6 @@ class OnRequest(Signal):
                 f"{settings.shape.length:g} s"
             )
         self._train = EdgeTrain(settings.shape, settings.rate)
-        self._onsets: list[Onset] = []
         self._free_at = 0.0
 
     def request(self) -> float | None:
@@ -71,10 +70,6 @@ class OnRequest(Signal):
         ]
         self._free_at = over + LEAST_REST
         return start
-
-    def onsets(self) -> list[Onset]:
-        """See `Signal.onsets`."""
-        return [onset for onset in self._onsets if onset.time < self.time]
 
     def extremes(self, amplitude: float) -> Extremes:
         """See `Signal.extremes`."""

@@ -141,6 +141,7 @@ class PerturbationGeneratorNode(AnkleNode):
             )
             with self._busy:
                 samples = self._signal.next(n)
+                self._signal.forget_onsets()
             block = np.column_stack([schedule.times(first, n), samples])
             deadline = schedule.deadline(first, n)
             if self.now() < deadline:

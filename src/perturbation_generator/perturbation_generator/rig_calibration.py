@@ -37,7 +37,10 @@ DURATION = INITIAL_REST + FAST_TIME + (SWEEPS + 2) * (SWEEP_TIME + HOLD_TIME) + 
 
 
 class RigCalibration(Signal):
-    """Steps by random heights on both sides of rest, then sweeps slowly over the same range."""
+    """Steps by random heights on both sides of rest, then sweeps slowly over the same range.
+
+    Its onsets are the fast edges only; a sweep evokes nothing.
+    """
 
     name = "rig_calibration"
 
@@ -45,7 +48,6 @@ class RigCalibration(Signal):
         super().__init__(settings, **own)
         self._fast = EdgeTrain(settings.shape, settings.rate)
         self._slow = EdgeTrain(Polynomial(SWEEP_TIME), settings.rate)
-        self._onsets: list[Onset] = []
         self._plan(np.random.default_rng(settings.seed))
 
     def _plan(self, random: np.random.Generator) -> None:
@@ -70,10 +72,6 @@ class RigCalibration(Signal):
             self._slow.add(time, target)
             time += SWEEP_TIME + HOLD_TIME
         self._slow.add(time, 0.0)
-
-    def onsets(self) -> list[Onset]:
-        """See `Signal.onsets`: the fast edges only; a sweep evokes nothing."""
-        return [onset for onset in self._onsets if onset.time < self.time]
 
     def set_amplitude(self, amplitude: float) -> None:
         """Set the amplitude of the next run; the present one was planned at its start."""

@@ -82,6 +82,7 @@ class Signal(ABC):
         self.settings = settings
         self.amplitude = settings.amplitude
         self._given = 0
+        self._onsets: list[Onset] = []
 
     @property
     def time(self) -> float:
@@ -98,11 +99,16 @@ class Signal(ABC):
         return samples
 
     def onsets(self) -> list[Onset]:
-        """Return every movement that began before the next sample, in order.
+        """Return every movement that began before the next sample, in order: every edge, those
+        back to rest included.
 
         The list is empty for a signal without edges.
         """
-        return []
+        return [onset for onset in self._onsets if onset.time < self.time]
+
+    def forget_onsets(self) -> None:
+        """Forget the movements that have begun, which a run of hours would pile up."""
+        self._onsets = [onset for onset in self._onsets if onset.time >= self.time]
 
     def set_amplitude(self, amplitude: float) -> None:
         """Set a new amplitude [rad], which holds from the next movement on.

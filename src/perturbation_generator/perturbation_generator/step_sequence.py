@@ -44,7 +44,6 @@ class StepSequence(Signal):
         super().__init__(settings, **own)
         self._train = EdgeTrain(settings.shape, settings.rate)
         self._random = np.random.default_rng(settings.seed)
-        self._onsets: list[Onset] = []
         self._start = 0.0
         self._over = False
         shape = settings.shape
@@ -87,10 +86,6 @@ class StepSequence(Signal):
             self.largest_step * amplitude, self.spacing, self.settings.rate
         )
         return Extremes(amplitude + edge.position, edge.velocity, edge.acceleration)
-
-    def onsets(self) -> list[Onset]:
-        """See `Signal.onsets`: every edge, those back to rest included."""
-        return [onset for onset in self._onsets if onset.time < self.time]
 
     def _samples(self, first: int, n: int) -> np.ndarray:
         while not self._over and self._start * self.settings.rate - INDEX_ROUNDING <= first + n - 1:

@@ -265,3 +265,18 @@ def test_every_parameter_has_unit_range_and_description():
             assert math.isfinite(parameter.lower)
             assert math.isfinite(parameter.upper)
     assert [parameter.name for parameter in PARAMETERS if not parameter.start_only] == ["amplitude"]
+
+
+@pytest.mark.parametrize("name", ["pulse_step", "random_steps", "prbs", "rig_calibration"])
+def test_movements_that_began_can_be_forgotten_and_later_ones_are_kept(name):
+    settings = Settings(rate=1000.0, seed=3)
+    whole, forgetful = SIGNALS[name](settings), SIGNALS[name](settings)
+    whole.next(60_000)
+    kept = []
+    for _ in range(60):
+        forgetful.next(1000)
+        kept += forgetful.onsets()
+        forgetful.forget_onsets()
+        assert forgetful.onsets() == []
+    assert kept == whole.onsets()
+    assert len(kept) > 20
