@@ -52,7 +52,7 @@ PROTOCOL = {
     "blocks": [{"feedback": "G", "holds": [{"torque_target[N.m]": 0, "level[1]": 1}]}],
 }
 # The cursor's centre is the middle of its colour in the row through it.
-WATCH = """() => {
+WATCH_SCRIPT = """() => {
   const canvas = document.getElementById('screen'), context = canvas.getContext('2d');
   window.seen = []; window.drawn = []; window.ways = [];
   let last = '';
@@ -114,7 +114,7 @@ async def watch(port: int, seconds: float) -> dict:
         subject = await browser.new_page(viewport={"width": 1280, "height": 720})
         await subject.goto(f"{url}/")
         await set_going(Commander(url))
-        left, wide, offset = await subject.evaluate(WATCH)
+        left, wide, offset = await subject.evaluate(WATCH_SCRIPT)
         began = time.monotonic()
         while (remaining := seconds - (time.monotonic() - began)) > 0:
             await asyncio.sleep(min(remaining, 10.0))

@@ -25,7 +25,7 @@ from ankle_actuator_driver.safety.watchdog import LOST_AFTER
 from ankle_node.real_time import time_taken_by_host
 from ankle_node.session_event import SessionEvent
 
-POLL = 0.004
+POLL_PERIOD = 0.004
 """[s] Longest time between two looks at the line and the watchdogs."""
 STOP_CONFIRMATION_TIMEOUT = 1.0
 """[s] Longest wait for the rig to confirm that it stopped before the driver falls silent."""
@@ -179,7 +179,7 @@ class RigSession:
             and self.bridge.states.state in POWERED
             and time.monotonic() < deadline
         ):
-            time.sleep(POLL)
+            time.sleep(POLL_PERIOD)
         self._ended.set()
         threads[0].join(timeout=STOP_CONFIRMATION_TIMEOUT)
         self._news.put(None)
@@ -285,7 +285,7 @@ class RigSession:
             self._look()
 
     def _look(self) -> None:
-        arrivals = self.link.receive(POLL)
+        arrivals = self.link.receive(POLL_PERIOD)
         bridge = self.bridge
         with self._busy:
             if self._line_was_cut:

@@ -17,7 +17,7 @@ from ankle_actuator_driver.safety.limits import (
 )
 from ankle_actuator_driver.safety.soft_start import blend
 from ankle_actuator_driver.safety.stop_motion import GENTLE_DECELERATION, StopMotion
-from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
+from ankle_actuator_driver.safety.torque_yield import RIG_ADMITTANCE, TorqueYield
 from ankle_interfaces.errors import QuantityError
 from perturbation_generator.limits import Limits as GeneratorLimits
 from perturbation_generator.pulse_step import PulseStep
@@ -137,7 +137,7 @@ def test_a_soft_start_begins_at_rest_where_the_plate_is_and_becomes_the_referenc
 def test_a_torque_beyond_the_limit_makes_the_plate_follow_the_foot(stiffness):
     # The subject pushes with 60 N.m against a plate with a limit of 30; servo and cycle delay what
     # is measured by 20 ms.
-    yielding, delayed = TorqueYield(OF_RIG, 30.0), [0.0] * 41
+    yielding, delayed = TorqueYield(RIG_ADMITTANCE, 30.0), [0.0] * 41
     torques = []
     for k in range(int(2.0 * RATE)):
         if not k % 8:
@@ -150,7 +150,7 @@ def test_a_torque_beyond_the_limit_makes_the_plate_follow_the_foot(stiffness):
 
 
 def test_yielding_ends_where_the_torque_ends():
-    yielding = TorqueYield(OF_RIG, 30.0)
+    yielding = TorqueYield(RIG_ADMITTANCE, 30.0)
     assert yielding.step(1 / RATE) == (0.0, 0.0, 0.0)
     yielding.measure(-50.0)
     path = yielding.stretch(200, 1 / RATE)

@@ -14,7 +14,7 @@ from biofeedback.errors import CommandError
 from biofeedback.session import rig_agreement, saved_session
 from biofeedback.session.commands import BURST, Command
 from biofeedback.session.drivers import NO_DRIVER, Drivers
-from biofeedback.session.operator_watch import LONGEST_UNWATCHED
+from biofeedback.session.operator_watch import MAX_UNWATCHED_TIME
 from biofeedback.session.rig_agreement import RESUME_PATIENCE, WATCH_AFTER_LOST_ANSWER
 from biofeedback.session.session_program import IDLE, RUNNING
 
@@ -193,7 +193,7 @@ def test_a_resumed_session_follows_its_rig_at_once(virtual, tmp_path):
 def test_a_session_that_nobody_watches_stops(virtual):
     virtual.run()
     virtual.operator = False
-    virtual.pass_time(LONGEST_UNWATCHED - 0.3)
+    virtual.pass_time(MAX_UNWATCHED_TIME - 0.3)
     assert virtual.session.state == RUNNING
     virtual.pass_time(0.5)
     assert virtual.session.state == IDLE
@@ -204,14 +204,14 @@ def test_a_session_that_nobody_watches_stops(virtual):
 def test_an_armed_session_that_nobody_watches_is_disarmed(virtual):
     virtual.command("arm")
     virtual.operator = False
-    virtual.pass_time(LONGEST_UNWATCHED + 0.2)
+    virtual.pass_time(MAX_UNWATCHED_TIME + 0.2)
     assert virtual.session.state == IDLE
     assert virtual.rig.requests == ["arm", "stop"]
 
 
 def test_nothing_is_armed_without_an_operators_page(virtual):
     virtual.operator = False
-    virtual.pass_time(LONGEST_UNWATCHED + 0.2)
+    virtual.pass_time(MAX_UNWATCHED_TIME + 0.2)
     with pytest.raises(CommandError, match="no operator's page"):
         virtual.command("arm")
     assert virtual.rig.requests == []

@@ -35,7 +35,7 @@ from ankle_actuator_driver.safety.rig import (
 )
 from ankle_actuator_driver.safety.stop_motion import StopMotion
 from ankle_actuator_driver.safety.torque_check import TorqueCheck
-from ankle_actuator_driver.safety.torque_yield import OF_RIG, TorqueYield
+from ankle_actuator_driver.safety.torque_yield import RIG_ADMITTANCE, TorqueYield
 from ankle_actuator_driver.safety.watchdog import LOST_AFTER, Watchdog
 from rig_emulator.command_check import command_passes_limit
 from rig_emulator.faults import Faults
@@ -134,7 +134,7 @@ class EmulatedDevice:
         self._heartbeats = Watchdog()
         self._referenced_until = -math.inf  # the rig's time until which a reference is not missed
         self._playback = ReferencePlayback()
-        self._yield = TorqueYield(OF_RIG, limits.torque)
+        self._yield = TorqueYield(RIG_ADMITTANCE, limits.torque)
         self._encoder = EncoderCheck()
         self._last_step = 0.0  # of the command, in the last servo sample [rad]
         self._held = 0.0

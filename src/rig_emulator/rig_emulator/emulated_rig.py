@@ -19,7 +19,7 @@ from rig_emulator.faults import Faults
 from rig_emulator.faulty_line import FaultyLine
 from rig_emulator.settings import Settings
 
-POLL = 0.002
+POLL_PERIOD = 0.002
 """[s] Half a servo cycle."""
 
 
@@ -79,7 +79,7 @@ class EmulatedRig:
 
     def turn(self) -> None:
         """Receive what has come, run the servo up to now, send what is due."""
-        datagrams = self._line.receive(POLL)
+        datagrams = self._line.receive(POLL_PERIOD)
         now = self.clock()
         self.device.look(self._looked, now)
         self._looked = now

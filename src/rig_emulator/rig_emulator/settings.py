@@ -73,10 +73,12 @@ LINE_PARAMETERS = (
     ),
 )
 # `wait_for_readers` is about topics, which the emulator does not have.
-OF_RIG = tuple(parameter for parameter in RIG_PARAMETERS if parameter.name != "wait_for_readers")
+SIMULATED_RIG = tuple(
+    parameter for parameter in RIG_PARAMETERS if parameter.name != "wait_for_readers"
+)
 PARAMETERS = (
     *LINE_PARAMETERS,
-    *(replace(parameter, start_only=True) for parameter in (*LIMIT_PARAMETERS, *OF_RIG)),
+    *(replace(parameter, start_only=True) for parameter in (*LIMIT_PARAMETERS, *SIMULATED_RIG)),
 )
 
 

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from mcap.data_stream import RecordBuilder
 
-_PIECE = 16384
+_PIECE_SIZE = 16384
 """[bytes] Records are compressed by so many: a minute of chunks of 20 topics, in 1 ms."""
 
 
@@ -53,7 +53,7 @@ class PackedIndex:
         builder = RecordBuilder()
         index.write(builder)
         self._last += builder.end()
-        if len(self._last) >= _PIECE:
+        if len(self._last) >= _PIECE_SIZE:
             self._packed.append(zlib.compress(self._last))
             self._last.clear()
 

@@ -29,7 +29,7 @@ from session_recorder.flow_control import Flow
 from session_recorder.replaying import ROS_TOPICS
 from session_recorder.ros_qos import to_replay
 
-POLL = 0.05
+POLL_PERIOD = 0.05
 """[s] Between two looks at what the readers have acknowledged."""
 
 
@@ -121,7 +121,7 @@ class GraphOutlet:
         ):
             return True
         deadline = time.monotonic() + patience
-        while not self._senders[topic].wait_for_all_acked(Duration(seconds=POLL)):
+        while not self._senders[topic].wait_for_all_acked(Duration(seconds=POLL_PERIOD)):
             if time.monotonic() > deadline or not self._node.context.ok():
                 return False
         return True

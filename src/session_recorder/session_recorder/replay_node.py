@@ -27,7 +27,7 @@ from rclpy.executors import ExternalShutdownException
 from ankle_node.node import WARN, AnkleNode, run
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
-from session_recorder.graph_outlet import POLL, GraphOutlet
+from session_recorder.graph_outlet import POLL_PERIOD, GraphOutlet
 from session_recorder.parameters import REPLAYER
 from session_recorder.replaying import Replay, choose_topics
 
@@ -70,7 +70,7 @@ class ReplayNode(AnkleNode):
         self._shown = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
         self._thread.start()
-        self.create_timer(POLL, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(POLL_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _run(self) -> None:
         try:
@@ -101,7 +101,7 @@ class ReplayNode(AnkleNode):
                     f"{len(nodes)} of {needed} readers (wait_for_readers) connected within "
                     f"{patience:g} s: {names}"
                 )
-            time.sleep(POLL)
+            time.sleep(POLL_PERIOD)
         self._outlet.refuse_second_source()
         for sentence in self._outlet.settle():
             self._warn(sentence)

@@ -29,7 +29,7 @@ from ankle_actuator_driver.safety.rig import (
 )
 from ankle_actuator_driver.safety.sensor_supervision import Expectations, SensorSupervision
 from ankle_actuator_driver.safety.states import Answer, SafetyStates, State
-from ankle_actuator_driver.safety.torque_yield import OF_DRIVER, TorqueYield
+from ankle_actuator_driver.safety.torque_yield import DRIVER_ADMITTANCE, TorqueYield
 from ankle_actuator_driver.safety.watchdog import HEARTBEAT_PERIOD, LOST_AFTER, Watchdog
 
 CLOCK_STEP = 0.02
@@ -104,7 +104,7 @@ class Bridge:
         self._listened = -math.inf
         self._next_heartbeat = -math.inf
         self._ros_offset: float | None = None
-        self._yield = TorqueYield(OF_DRIVER, limits.torque)
+        self._yield = TorqueYield(DRIVER_ADMITTANCE, limits.torque)
         self._operator: float | None = None  # when the operator's page was heard in this arming
         self._sources = ReferenceSources()
         self._commands_heard: float | None = None  # when the thread that takes them showed itself

@@ -43,11 +43,11 @@ class Admittance:
     lag: float
 
 
-OF_RIG = Admittance(20.0, 0.005)
+RIG_ADMITTANCE = Admittance(20.0, 0.005)
 """The admittance of the rig itself: with a loop delay of 20 ms (servo 7 ms, one servo cycle, the
 lag) b = 20 stays stable, K * delay / b < 0.5, up to 500 N.m/rad, more than any contracted ankle. 10
 N.m above the limit then yields with 0.5 rad/s."""
-OF_DRIVER = Admittance(200.0, 0.05)
+DRIVER_ADMITTANCE = Admittance(200.0, 0.05)
 """The admittance of the driver, for a reference that leaves 0.1 s before its time: the torque comes
 a block later, a delay of 0.2 s; stable up to the same 500 N.m/rad with b = 200. It acts where the
 rig's own does not hold the limit. A reference further ahead needs more, see `TorqueYield.soften`.
@@ -95,7 +95,7 @@ class TorqueYield:
     def soften(self, ahead: float) -> None:
         """Keep the yielding stable for a reference that leaves so long [s] before its time."""
         least = 2.0 * STIFFEST_JOINT * (ahead + BLOCK_DELAY)
-        self._admittance = replace(OF_DRIVER, damping=max(OF_DRIVER.damping, least))
+        self._admittance = replace(DRIVER_ADMITTANCE, damping=max(DRIVER_ADMITTANCE.damping, least))
 
     def step(self, interval: float) -> tuple[float, float, float]:
         """Return the offset one interval [s] later: position [rad], velocity, acceleration."""

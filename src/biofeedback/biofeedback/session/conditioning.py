@@ -30,7 +30,7 @@ REFLEX, REFLEX_UNIT = "reflex", "µV.s"
 RESPONSE_TIMEOUT = 6.0
 """[s] Longest wait for the response to a perturbation: the reference is sent up to 1 s ahead, the
 reflex is over after 0.2 s, and the EMG processor waits up to 2 s for the measured motion."""
-MAX_UNANSWERED = 3
+MAX_UNANSWERED_PERTURBATIONS = 3
 """Number of perturbations in a row without a response after which the session pauses: one may be
 lost, three are a fault of the set-up."""
 BACKGROUND_MEMORY = 10.0
@@ -136,11 +136,12 @@ class Conditioning:
     @property
     def failed(self) -> str:
         """Tell why no trial can go on; empty while they can."""
-        if self._unanswered < MAX_UNANSWERED:
+        if self._unanswered < MAX_UNANSWERED_PERTURBATIONS:
             return ""
         return (
-            f"{MAX_UNANSWERED} perturbations in a row gave no response in {self.course.muscle}: "
-            "is the EMG processor running, and the generator's signal 'on_request'?"
+            f"{MAX_UNANSWERED_PERTURBATIONS} perturbations in a row gave no response in "
+            f"{self.course.muscle}: is the EMG processor running, and the generator's signal "
+            "'on_request'?"
         )
 
     def tick(

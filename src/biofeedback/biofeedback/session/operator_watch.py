@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-LONGEST_UNWATCHED = 2.0
+MAX_UNWATCHED_TIME = 2.0
 """[s] Time without an operator's page after which the session stops: a page that reloads is back
 within one second, and a subject at the rig must not be alone for longer than it takes to notice."""
 OPERATOR_HEARTBEAT_AGE = 0.5
@@ -41,10 +41,10 @@ class OperatorWatch:
 
     def answers(self, monotonic: float) -> bool:
         """Tell whether a page was heard recently enough to arm and start."""
-        return monotonic - self._heard <= LONGEST_UNWATCHED
+        return monotonic - self._heard <= MAX_UNWATCHED_TIME
 
     def has_left(self, monotonic: float, active: bool) -> bool:
-        """Tell whether nobody has watched an active session for `LONGEST_UNWATCHED`.
+        """Tell whether nobody has watched an active session for `MAX_UNWATCHED_TIME`.
 
         A session that becomes active without a page is given that time, too.
         """
@@ -53,4 +53,4 @@ class OperatorWatch:
             return False
         if self._alone_since is None:
             self._alone_since = max(self._heard, monotonic - OPERATOR_HEARTBEAT_AGE)
-        return monotonic - self._alone_since > LONGEST_UNWATCHED
+        return monotonic - self._alone_since > MAX_UNWATCHED_TIME

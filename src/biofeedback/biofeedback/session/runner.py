@@ -37,7 +37,7 @@ from biofeedback.session.devices import (
     Subject,
 )
 from biofeedback.session.guidance import Guidance
-from biofeedback.session.operator_watch import LONGEST_UNWATCHED, OperatorWatch
+from biofeedback.session.operator_watch import MAX_UNWATCHED_TIME, OperatorWatch
 from biofeedback.session.protocol import CALIBRATION
 from biofeedback.session.readings import read
 from biofeedback.session.rig_agreement import RigAgreement
@@ -259,7 +259,7 @@ class SessionRunner:
         if reason:
             self.stop(reason)
         if self._operator.has_left(self._monotonic, self._active):
-            self.stop(f"no operator's page for {LONGEST_UNWATCHED:g} s")
+            self.stop(f"no operator's page for {MAX_UNWATCHED_TIME:g} s")
         if not self._active:
             self._agreement.stop_late_start()
 

@@ -48,7 +48,7 @@ _NEAR_RIGHT_ANGLE = 1.0 / 3.0
 """Part of a right angle by which the middle of such a recording may differ from it."""
 _PLANTARFLEXION = re.compile(r"plantar|(?<![a-z])pf(?![a-z])", re.IGNORECASE)
 _DORSIFLEXION = re.compile(r"dorsi|(?<![a-z])df(?![a-z])", re.IGNORECASE)
-_MAX_TRIED = 6
+_MAX_TRIED_COLUMNS = 6
 """Columns that are tried as position and torque, each with each."""
 _PER_MASS = re.compile(r"/\s*kg|kg\s*(\^|\*\*)?\s*-1|bw|body", re.IGNORECASE)
 """Units of a torque that is divided by the subject's mass."""
@@ -149,7 +149,7 @@ def _by_movement(
     if len(angles) * len(torques) > 1:
         even = even_columns(table, [*angles, *torques], sampling, proposal)
         best = 0.0
-        for angle, torque in product(angles[:_MAX_TRIED], torques[:_MAX_TRIED]):
+        for angle, torque in product(angles[:_MAX_TRIED_COLUMNS], torques[:_MAX_TRIED_COLUMNS]):
             if len(even[angle]) != len(even[torque]):
                 continue
             around = even[angle] - np.nanmedian(even[angle])
@@ -181,7 +181,7 @@ def _by_data(table: Table, found: dict[str, str], sampling: Sampling, proposal: 
     They are the pair that an ankle explains best.
     """
     used = {*found.values(), *proposal.columns.values()}
-    free = [name for name in table.columns if name not in used][:_MAX_TRIED]
+    free = [name for name in table.columns if name not in used][:_MAX_TRIED_COLUMNS]
     even = even_columns(table, free, sampling, proposal)
     best: tuple[float, str, str] | None = None
     for position, torque in permutations(free, 2):

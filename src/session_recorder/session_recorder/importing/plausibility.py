@@ -40,7 +40,7 @@ FEWEST_SEGMENTS = 4
 # Standard errors from zero before a sign counts as known.
 MIN_SIGN_SIGNIFICANCE = 5.0
 # Less of the torque's variance explained says nothing about the ankle.
-LEAST_EXPLAINED = 0.05
+MIN_EXPLAINED_SHARE = 0.05
 # A measured velocity may have its own filter and calibration, not another factor or no resemblance.
 VELOCITY_GAIN_RANGE = (0.7, 1.4)
 LEAST_CORRELATION = 0.7
@@ -165,7 +165,7 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
     The result is None where the recording does not determine them.
 
     It does not where fewer than `FEWEST_SEGMENTS` are intact, nothing moves, or movement explains
-    less than `LEAST_EXPLAINED` of the torque.
+    less than `MIN_EXPLAINED_SHARE` of the torque.
     """
     estimates, weights, left, total = [], [], 0.0, 0.0
     for x, y in segments(rate, position, torque):
@@ -181,7 +181,7 @@ def intrinsic(rate: float, position: np.ndarray, torque: np.ndarray) -> Intrinsi
         weights.append(float(np.mean(x**2)))
         left += float(np.sum((y - regressors @ estimates[-1]) ** 2))
         total += float(np.sum(y**2))
-    if len(estimates) < FEWEST_SEGMENTS or total == 0 or 1 - left / total < LEAST_EXPLAINED:
+    if len(estimates) < FEWEST_SEGMENTS or total == 0 or 1 - left / total < MIN_EXPLAINED_SHARE:
         return None
     # A segment without a perturbation tells little: each counts by the movement in it.
     share = np.array(weights) / np.sum(weights)

@@ -21,7 +21,7 @@ MAX_REPEATED_SHARE = 0.01
 row once in a while; more are times with too few digits."""
 CUT_STEPS = 16
 """Steps within which a time that was cut to whole milliseconds makes up for a repeated one."""
-MAX_BRIDGED = 5.0
+MAX_BRIDGED_INTERVALS = 5.0
 """Largest number of median intervals that resampling bridges by a line; a longer pause stays a gap.
 """
 MAX_GRID = 200_000_000
@@ -109,10 +109,10 @@ def judge_times(time: np.ndarray) -> Sampling:
     nearest = np.maximum(np.round(counts), 1.0)
     off = np.abs(counts - nearest) > np.where(nearest == 1.0, STEP_TOLERANCE, GAP_TOLERANCE)
     off &= steps > 0
-    uneven = np.std(counts[(counts > 0) & (counts < MAX_BRIDGED)]) > GAP_TOLERANCE / 2
+    uneven = np.std(counts[(counts > 0) & (counts < MAX_BRIDGED_INTERVALS)]) > GAP_TOLERANCE / 2
     if off.mean() <= MAX_IRREGULAR_SHARE and not uneven:
         return Sampling("regular", rate)
-    short = steps[(steps > 0) & (counts < MAX_BRIDGED)]
+    short = steps[(steps > 0) & (counts < MAX_BRIDGED_INTERVALS)]
     mean = 1.0 / float(np.mean(short))
     lowest, highest = np.percentile(short, [1.0, 99.0])
     return Sampling(
@@ -131,7 +131,7 @@ def _rounded(time: np.ndarray, steps: np.ndarray) -> Sampling | None:
     digit = float(np.min(np.diff(different)))
     step = float((time[-1] - time[0]) / (len(time) - 1))
     few = np.sort(counts)[-2] < MAX_IRREGULAR_SHARE * len(steps) and not _are_cut(steps)
-    if few or digit > MAX_BRIDGED * step:
+    if few or digit > MAX_BRIDGED_INTERVALS * step:
         return None  # a gap or two, not rounding
     line = time[0] + step * np.arange(len(time))
     if np.max(np.abs(time - line)) > 1.01 * digit or digit < 0.02 * step:
@@ -194,7 +194,7 @@ def resample_columns(
     )
     own = time[chosen]
     behind = np.clip(np.searchsorted(own, grid, side="right"), 1, len(own) - 1)
-    pause = (own[behind] - own[behind - 1]) * rate > MAX_BRIDGED
+    pause = (own[behind] - own[behind - 1]) * rate > MAX_BRIDGED_INTERVALS
     on_sample = np.minimum(np.abs(own[behind] - grid), np.abs(own[behind - 1] - grid)) * rate < 0.5
     kept = ~pause | on_sample
     return (

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from session_recorder.importing.statement import QUANTITIES
 
-REPLACED = "(source)"
+NAME_PLACEHOLDER = "(source)"
 """Stands in a bag where a title or a column bears the name of the file."""
 
 _READ_BYTES = 2**20  # at once, so that a file of gigabytes does not fill the memory
@@ -68,4 +68,6 @@ def without_name(text: str, source: Path) -> str:
     if len(stem) < 2 or stem.lower() in QUANTITIES:
         return text
     letter = r"[^\W\d_]"
-    return re.sub(rf"(?<!{letter}){re.escape(stem)}(?!{letter})", REPLACED, text, flags=re.I)
+    return re.sub(
+        rf"(?<!{letter}){re.escape(stem)}(?!{letter})", NAME_PLACEHOLDER, text, flags=re.I
+    )

@@ -22,7 +22,7 @@ from session_recorder.importing.table import TIME, Table
 _TIME_UNITS = ("s", "ms", "us")
 _MECHANICAL = ("position", "torque", "velocity", "reference_position", "reference_velocity")
 """Quantities that are compared sample by sample."""
-_MAX_COMPARED = 6
+_MAX_COMPARED_COLUMNS = 6
 """Columns of one quantity that are compared; more are markers or other joints."""
 _LIKELY_RATE = (50.0, 20_000.0)  # Hz
 _RATE_AGREEMENT = 0.01
@@ -153,7 +153,12 @@ def comparable(
         The table with these columns on one clock, and its sampling.
     """
     main = main_column(found)
-    names = [n for q, held in candidates.items() if q in _MECHANICAL for n in held[:_MAX_COMPARED]]
+    names = [
+        n
+        for q, held in candidates.items()
+        if q in _MECHANICAL
+        for n in held[:_MAX_COMPARED_COLUMNS]
+    ]
     if main not in names:
         return table, sampling
     time_name = next((n for n in proposal.columns if n.startswith("t[")), None)

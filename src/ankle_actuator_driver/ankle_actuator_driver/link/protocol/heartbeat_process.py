@@ -23,7 +23,7 @@ from ankle_node.real_time import HEARTBEATS_PRIORITY, take_priority
 
 LARGEST_MESSAGE = 4096
 """[bytes] Longest message to the process: any packet and the letter before it."""
-POLL = 0.005
+POLL_PERIOD = 0.005
 """[s] Longest wait of the process for a message: a quarter of the time between heartbeats."""
 
 
@@ -104,7 +104,7 @@ def main() -> int:
     pair.setblocking(False)
     gc.disable()
     while True:
-        readable, _, _ = select.select([pair], [], [], POLL)
+        readable, _, _ = select.select([pair], [], [], POLL_PERIOD)
         while readable:
             try:
                 message = pair.recv(LARGEST_MESSAGE)
