@@ -91,7 +91,7 @@ class JointProfile:
 
     @property
     def linear(self) -> bool:
-        """Tell whether it moves along a line."""
+        """Tell whether the joint moves along a line."""
         return self.position_unit == "m"
 
     @property

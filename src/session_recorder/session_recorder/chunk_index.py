@@ -37,7 +37,7 @@ class WrittenRecords:
         self._content = content
 
     def write(self, stream: RecordBuilder) -> None:
-        """Write them all."""
+        """Write the held records."""
         stream.write(self._content)
 
 

@@ -47,7 +47,7 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Clocks:
-    """Reads both clocks.
+    """Reads the steady clock and ROS time together.
 
     Attributes
     ----------

@@ -49,5 +49,5 @@ class EncoderCheck:
         )
 
     def forget(self) -> None:
-        """Begin again."""
+        """Forget the samples so far: the check begins again."""
         self._entries.clear()

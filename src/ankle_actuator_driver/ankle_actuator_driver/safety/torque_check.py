@@ -22,7 +22,7 @@ class TorqueCheck:
         self.forget()
 
     def forget(self) -> None:
-        """Begin again."""
+        """Forget the samples so far: the check begins again."""
         self._beyond_since: float | None = None
         self._outside = False
         self._excursion = -np.inf

@@ -145,7 +145,7 @@ class CalibrationProgram:
             self._process.send_signal(SIGTERM)
 
     def ended(self) -> CalibrationEnd | None:
-        """Return how it ended, once; None before."""
+        """Return how the calibration ended, once; None before."""
         process = self._process
         if process is None:
             return None

@@ -92,23 +92,23 @@ class Calibration(Protocol):
 
     @property
     def running(self) -> bool:
-        """Tell whether it was begun and its end has not been given yet."""
+        """Tell whether the calibration has begun and its end has not been given yet."""
 
     @property
     def recording(self) -> bool:
-        """Tell whether it still needs the perturbation."""
+        """Tell whether the calibration still needs the perturbation."""
 
     def begin(self, seconds: float) -> None:
         """Record so many seconds of the running perturbation; raises `CommandError`."""
 
     def progress(self) -> str:
-        """Return what it does now."""
+        """Return what the calibration does now."""
 
     def cancel(self, reason: str) -> None:
-        """Ask it to end."""
+        """Ask the calibration to end."""
 
     def ended(self) -> CalibrationEnd | None:
-        """Return how it ended, once; None before."""
+        """Return how the calibration ended, once; None before."""
 
 
 class EstimatorModel(Protocol):
