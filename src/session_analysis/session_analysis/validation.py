@@ -112,24 +112,32 @@ def validate(
     for session in sessions:
         opinions += hold_opinions(session, _named(progress, f"second opinion on {session.path}"))
     if not measures:
-        reasons = (
-            "; ".join(f"{one.what}: {one.reason}" for one in excluded[:3])
-            or "the recordings mark no hold"
-        )
-        raise AnalysisError(f"no hold can be used: {reasons}")
+        raise AnalysisError(_why_no_hold(excluded))
     if progress:
         progress("bootstrap", 0.0)
     cells = table3(measures, seed)
-    shown = _most_different_neighbours(measures)
-    excerpt = None
-    if shown is not None:
-        session = next(
-            one
-            for one in sessions
-            if one.subject == shown[0].subject and shown[0].hold in one.holds
-        )
-        excerpt = read_excerpt(session, shown[0], shown[1], _named(progress, "figures"))
+    excerpt = _excerpt(sessions, measures, _named(progress, "figures"))
     return Validation(measures, excluded, cells, notes, excerpt, opinions)
+
+
+def _why_no_hold(excluded: Sequence[Excluded]) -> str:
+    reasons = "; ".join(f"{one.what}: {one.reason}" for one in excluded[:3])
+    return f"no hold can be used: {reasons or 'the recordings mark no hold'}"
+
+
+def _excerpt(
+    sessions: Sequence[RecordedSession],
+    measures: list[HoldMeasures],
+    progress: Callable[[float], None] | None,
+) -> Excerpt | None:
+    """Read the signals about the two neighbouring holds that differ most; None without two."""
+    shown = _most_different_neighbours(measures)
+    if shown is None:
+        return None
+    session = next(
+        one for one in sessions if one.subject == shown[0].subject and shown[0].hold in one.holds
+    )
+    return read_excerpt(session, shown[0], shown[1], progress)
 
 
 def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +20,9 @@ from ankle_bringup.terminal import (
     steps,
     working,
 )
+
+if TYPE_CHECKING:
+    from session_analysis.estimate_answer import Answer
 
 
 def verb(
@@ -53,7 +56,7 @@ def verb(
     from impedance_estimator.offline.recorded_estimates import estimate_bag
     from impedance_estimator.stream import compile_estimator
     from session_analysis.estimate_answer import answer, require_start, require_valid
-    from session_analysis.estimate_report import value_rows, write_estimates
+    from session_analysis.estimate_report import write_estimates
     from session_recorder.bag_reader import BagReader
 
     chosen = algorithm or DEFAULT
@@ -76,8 +79,34 @@ def verb(
         stated = BagReader(out).custom_data.get("settings", "")
         found = answer(bag, result, chosen, stated, step)
         report = write_estimates(found, out)
-    losses = found.losses.sentences()
-    for sentence in losses:
+    _show(found)
+    console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
+    require_valid(found)
+    console.print(
+        f"next, does the model hold: ankle diagnose {bag} --out {bag}_diagnosis", soft_wrap=True
+    )
+    console.print(f"recording and estimates on one page: {_opening(bag, out)}", soft_wrap=True)
+    return {
+        "out": out.resolve(),
+        "report": report.resolve(),
+        "estimates": len(found.rows),
+        "valid": int(found.valid.sum()),
+        "doubtful": int(found.doubtful.sum()),
+        "doubtful_because": {share.reason: round(share.share, 4) for share in found.doubts},
+        "saturated": found.saturated,
+        "not_valid_because": {share.reason: round(share.share, 4) for share in found.not_valid},
+        "median": result.median(),
+        "held_out_vaf[%]": found.opinion.held_out_vaf if found.opinion else None,
+        "losses": found.losses.sentences(),
+        "notes": found.remarks(),
+    }
+
+
+def _show(found: Answer) -> None:
+    """Print what the estimates say, and what is in doubt about them."""
+    from session_analysis.estimate_report import value_rows
+
+    for sentence in found.losses.sentences():
         console.print(f"loss: {sentence}")
     for sentence in found.saturated:
         console.print(f"in doubt: {sentence}", soft_wrap=True)
@@ -99,26 +128,6 @@ def verb(
         console.print(f"doubtful for {doubt}", soft_wrap=True)
     for reason in found.not_valid:
         console.print(f"not valid for {reason}", soft_wrap=True)
-    console.print(f"written to {out.resolve()}; look at {report}", soft_wrap=True)
-    require_valid(found)
-    console.print(
-        f"next, does the model hold: ankle diagnose {bag} --out {bag}_diagnosis", soft_wrap=True
-    )
-    console.print(f"recording and estimates on one page: {_opening(bag, out)}", soft_wrap=True)
-    return {
-        "out": out.resolve(),
-        "report": report.resolve(),
-        "estimates": len(found.rows),
-        "valid": int(found.valid.sum()),
-        "doubtful": int(found.doubtful.sum()),
-        "doubtful_because": {share.reason: round(share.share, 4) for share in found.doubts},
-        "saturated": found.saturated,
-        "not_valid_because": {share.reason: round(share.share, 4) for share in found.not_valid},
-        "median": result.median(),
-        "held_out_vaf[%]": found.opinion.held_out_vaf if found.opinion else None,
-        "losses": losses,
-        "notes": found.remarks(),
-    }
 
 
 def _opening(bag: Path, out: Path) -> str:
