@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -69,64 +70,72 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
     def fresh() -> int:
         return int(random.integers(2**31 - 1))
 
-    trials = []
-    for (label, (rms, cutoff)), (part, course) in product(
-        VOLUNTARY_TORQUES.items(), (("jump", Course("jump")), ("fixed", None))
-    ):
-        ankle = Ankle(voluntary_rms=rms, voluntary_cutoff=cutoff)
-        trials += [
-            Trial(
-                f"{part}_{label}_{run}",
-                "CE",
-                PICTURED_ESTIMATORS,
-                fresh(),
-                ankle,
-                course,
-                160.0 if course else 180.0,
-            )
-            for run in range(seeds[part])
-        ]
-    for (omega, z, delay), run in product(REFLEXES, range(seeds["reflex"])):
-        ankle = Ankle(omega=omega, z=z, delay=delay)
-        trials.append(
-            Trial(
-                f"reflex_{omega:g}_{z:g}_{delay:g}_{run}",
-                "CE",
-                COMPARED_ESTIMATORS,
-                fresh(),
-                ankle,
-                None,
-                120.0,
-            )
+    # The seeds are drawn in this order.
+    return [
+        *_voluntary_torque_trials(seeds, fresh),
+        *_reflex_trials(seeds["reflex"], fresh),
+        *_moving_trials(seeds["moving"], fresh),
+        *_calibration_trials(seeds["calibration"], fresh),
+    ]
+
+
+def _voluntary_torque_trials(seeds: dict[str, int], fresh: Callable[[], int]) -> list[Trial]:
+    """Return trials with a jump of K and G, and without one, with each voluntary torque."""
+    return [
+        Trial(
+            f"{part}_{label}_{run}",
+            "CE",
+            PICTURED_ESTIMATORS,
+            fresh(),
+            Ankle(voluntary_rms=rms, voluntary_cutoff=cutoff),
+            course,
+            160.0 if course else 180.0,
         )
-    for over, run in product(RAMPS, range(seeds["moving"])):
-        trials.append(
-            Trial(
-                f"ramp_{over:g}_{run}",
-                "CE",
-                COMPARED_ESTIMATORS,
-                fresh(),
-                Ankle(),
-                Course("ramp", at=60.0, over=over),
-                120.0,
-            )
+        for (label, (rms, cutoff)), (part, course) in product(
+            VOLUNTARY_TORQUES.items(), (("jump", Course("jump")), ("fixed", None))
         )
+        for run in range(seeds[part])
+    ]
+
+
+def _reflex_trials(runs: int, fresh: Callable[[], int]) -> list[Trial]:
+    return [
+        Trial(
+            f"reflex_{omega:g}_{z:g}_{delay:g}_{run}",
+            "CE",
+            COMPARED_ESTIMATORS,
+            fresh(),
+            Ankle(omega=omega, z=z, delay=delay),
+            None,
+            120.0,
+        )
+        for (omega, z, delay), run in product(REFLEXES, range(runs))
+    ]
+
+
+def _moving_trials(runs: int, fresh: Callable[[], int]) -> list[Trial]:
+    """Return trials in which K and G change evenly, then those in which they swing."""
     wave = Course("sinusoid", K=(70.0, 130.0), G=(7.0, 13.0))
-    for frequency, run in product(FREQUENCIES, range(seeds["moving"])):
-        seconds = 30.0 + max(90.0, 1.0 / frequency)
-        course = replace(wave, frequency=frequency)
-        trials.append(
-            Trial(
-                f"sinusoid_{frequency:g}_{run}",
-                "CE",
-                COMPARED_ESTIMATORS,
-                fresh(),
-                Ankle(),
-                course,
-                seconds,
-            )
+    ramps = [
+        (f"ramp_{over:g}_{run}", Course("ramp", at=60.0, over=over), 120.0)
+        for over, run in product(RAMPS, range(runs))
+    ]
+    waves = [
+        (
+            f"sinusoid_{frequency:g}_{run}",
+            replace(wave, frequency=frequency),
+            30.0 + max(90.0, 1.0 / frequency),
         )
-    trials += [
+        for frequency, run in product(FREQUENCIES, range(runs))
+    ]
+    return [
+        Trial(name, "CE", COMPARED_ESTIMATORS, fresh(), Ankle(), course, seconds)
+        for name, course, seconds in (*ramps, *waves)
+    ]
+
+
+def _calibration_trials(runs: int, fresh: Callable[[], int]) -> list[Trial]:
+    return [
         Trial(
             f"calibration_{run}",
             "CE",
@@ -136,9 +145,8 @@ def comparison_trials(seeds: dict[str, int], seed: int) -> list[Trial]:
             None,
             CALIBRATION_SECONDS,
         )
-        for run in range(seeds["calibration"])
+        for run in range(runs)
     ]
-    return trials
 
 
 def main() -> None:
