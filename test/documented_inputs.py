@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from documented_commands import ROOT, words_of
+from documented_runs import LONG_PATIENCE
 
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
@@ -26,7 +27,7 @@ SECONDS = 60
 def ankle(*words, cwd):
     """Run the command; what it writes is wanted here."""
     program = [sys.executable, "-m", "ankle_bringup.command_line", *map(str, words)]
-    subprocess.run(program, cwd=cwd, check=True, capture_output=True, timeout=600)
+    subprocess.run(program, cwd=cwd, check=True, capture_output=True, timeout=LONG_PATIENCE)
 
 
 class Inputs:
@@ -71,7 +72,9 @@ class Inputs:
             "--table",
             place,
         ]
-        subprocess.run(words, cwd=self.folder, check=True, capture_output=True, timeout=600)
+        subprocess.run(
+            words, cwd=self.folder, check=True, capture_output=True, timeout=LONG_PATIENCE
+        )
 
     def bag(self, place):
         """Simulate the recording behind the table."""
@@ -150,7 +153,7 @@ KINDS = {
     "my_study": "study",
     **dict.fromkeys(["trials", "RECORDINGS"], "trials"),
     "trials/trial_1": "bag",
-    (".venv/bin/ankle calibrate rig BAG", "BAG"): "plate_bag",
+    (".venv/bin/ankle calibrate rig BAG --out from_bag.yaml", "BAG"): "plate_bag",
     (Path("docs/physics.md"), "FOLDER"): "terms",
 }
 """The kind behind each name; for one page or command alone where a pair has it."""

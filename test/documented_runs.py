@@ -140,7 +140,7 @@ EXACT_RUNS = {
     f"{ANKLE} rig reset-fault": replace(
         BESIDE_RIG, before=(f"{ANKLE} rig faults emergency_stop=1", f"{ANKLE} rig faults none")
     ),
-    f"{ANKLE} calibrate rig BAG": LIVE_RUN,
+    f"{ANKLE} calibrate rig BAG --out from_bag.yaml": LIVE_RUN,
     f"{ANKLE} calibrate session BAG": Run(),
 }
 """Commands that are run otherwise than what their beginning says."""
