@@ -19,11 +19,25 @@ def part(function: Function) -> Function:
     compile than the function. Division by zero gives infinity or NaN, as in numpy, instead of an
     exception that nothing could catch.
     """
-    # numba documents these options; its type stubs lack them.
+    return _compiled(function, counting=True)
+
+
+def sample_part(function: Function) -> Function:
+    """Compile a function of the path of every sample, which makes no array, as `part` does.
+
+    Without numba's reference counts: handing on the arrays of a state counts each of them up and
+    down, which would take as long as the computation.
+    """
+    return _compiled(function, counting=False)
+
+
+def _compiled(function: Function, counting: bool) -> Function:
+    # A function takes from its caller what is not said here. numba's type stubs lack the options.
     options: dict[str, Any] = {
         "no_cpython_wrapper": True,
         "no_cfunc_wrapper": True,
         "error_model": "numpy",
+        "_nrt": counting,
     }
     return njit(**options)(function)
 

@@ -16,11 +16,11 @@ from impedance_estimator.simultaneous.change_detection import (
     candidate_windows,
     find_change,
 )
+from impedance_estimator.simultaneous.cholesky import solve_scaled
 from impedance_estimator.simultaneous.doubt import LIMITS, SIGNS, reasons
 from impedance_estimator.simultaneous.explained_motion import (
-    FREQUENCIES,
     Memory,
-    behind_delay,
+    chosen_terms,
     combination,
     eliminated,
     explained,
@@ -34,6 +34,7 @@ from impedance_estimator.simultaneous.nuisance import (
     reduce_sums,
 )
 from impedance_estimator.simultaneous.regression import GAINS, solve_with_prior
+from impedance_estimator.simultaneous.torque_delay import FREQUENCIES, behind_delay
 from impedance_estimator.simultaneous.voluntary_torque_noise import (
     NOISE_MODELS,
     passband_gain,
@@ -101,9 +102,8 @@ def memory(seed, changed_at, blocks):
 
 @njit
 def added_up(z, x, torque, both, size):
-    sums = np.zeros(size)
-    for k in range(len(torque)):
-        accumulate(sums, z[k], x[k], torque[k], both)
+    sums = np.ones(size)
+    accumulate(sums, np.column_stack((z, torque, x)), z.shape[1], both)
     return sums
 
 
@@ -115,11 +115,47 @@ def reduced(sums, combine):
     return normal
 
 
+@njit
+def solved_scaled(matrix, right):
+    known, determinant = solve_scaled(matrix, 0.0, right)
+    return known, determinant
+
+
+@njit
+def late_joint(response, stiffness, delay):
+    turns = np.exp(2j * np.pi * FREQUENCIES * delay)
+    return behind_delay(response, stiffness, turns)
+
+
+@njit
+def without_terms(instruments, cross, square, count, chosen):
+    _, projection, sums = explained(Memory(instruments, cross, square, count), True)
+    _, gamma = eliminated(sums, chosen, 1e-12)
+    return sums, gamma, combination(projection, gamma)
+
+
+def test_a_system_of_equations_is_solved_at_any_scale_and_refused_where_it_is_not_definite():
+    random = np.random.default_rng(8)
+    root = random.normal(size=(40, 9)) * 10.0 ** np.arange(-4, 5)
+    matrix, right = root.T @ root, random.normal(size=(9, 3))
+    solution = right.copy()
+    known, determinant = solved_scaled(matrix, solution)
+    assert known
+    scale = np.sqrt(np.diag(matrix))[:, None]
+    np.testing.assert_allclose(solution * scale, np.linalg.solve(matrix, right) * scale, rtol=1e-9)
+    assert determinant == pytest.approx(np.linalg.slogdet(matrix)[1])
+    assert not solved_scaled(np.array([[1.0, 2.0], [2.0, 1.0]]), np.eye(2))[0]
+    assert not solved_scaled(np.array([[1.0, np.nan], [np.nan, 1.0]]), np.eye(2))[0]
+
+
 def test_recorded_sums_are_combined_as_the_signals_would_be():
     random = np.random.default_rng(4)
     z, x, torque = random.normal(size=(50, 5)), random.normal(size=(50, 5)), random.normal(size=50)
     sums = added_up(z, x, torque, True, packed_size(5))
     np.testing.assert_allclose(sums, recorded(z, x, torque), atol=1e-12)
+    # Without a reference the motion is its own instrument, and has no sums of its own.
+    alone = added_up(z, x, torque, False, packed_size(5))
+    np.testing.assert_array_equal(alone, np.where(np.arange(len(sums)) < len(sums) - 25, sums, 0.0))
     combine = random.normal(size=(4, 5))
     signals = np.column_stack([z @ combine[:3].T, torque - z @ combine[3]])
     np.testing.assert_allclose(reduced(sums, combine), signals.T @ signals, atol=1e-10)
@@ -130,7 +166,8 @@ def test_a_delay_of_the_torque_is_found_and_b_and_i_are_those_of_the_joint():
     for delay in (-0.0031, 0.0, 0.0074):
         joint = 80.0 + 0.7j * omega - 0.012 * omega**2
         delays = np.arange(-0.010, 0.0101, 0.0001)
-        damping, inertia, misfit = behind_delay(joint * np.exp(-1j * omega * delay), 80.0, delays)
+        response = joint * np.exp(-1j * omega * delay)
+        damping, inertia, misfit = np.array([late_joint(response, 80.0, d) for d in delays]).T
         best = int(np.argmin(misfit))
         assert delays[best] == pytest.approx(delay, abs=1e-9)
         assert (damping[best], inertia[best]) == pytest.approx((0.7, 0.012))
@@ -148,14 +185,13 @@ def test_explained_motion_is_free_of_what_the_instrument_does_not_carry():
     noise = random.normal(size=count)
     x = z + np.column_stack([0.5 * noise, np.zeros((count, size - 1))])
     torque = 2.0 * x[:, 0] + noise
-    memory = Memory(z.T @ z, z.T @ np.column_stack([x, torque]), float(torque @ torque), count)
-    _, sums = explained(memory, True)
+    chosen = chosen_terms(*range(TAPS), RELAXATION)
+    cross = z.T @ np.column_stack([x, torque])
+    sums, gamma, combine = without_terms(z.T @ z, cross, torque @ torque, float(count), chosen)
     assert sums[0, -1] / sums[0, 0] == pytest.approx(2.0, abs=0.02)
     assert (x[:, 0] @ torque) / (x[:, 0] @ x[:, 0]) > 2.3
     # A nuisance term takes its share: what is left does not depend on it.
     base = size - EXTRAS
-    gamma = eliminated(sums + 0.0, (*range(TAPS), RELAXATION), 1e-12)
-    combine = combination(np.eye(size), gamma)
     assert combine.shape == (base + 1, size)
     assert np.count_nonzero(gamma[:, 0]) == TAPS + 1
 

@@ -107,11 +107,10 @@ SCATTER_MEMORY = 60.0
 def forget(s: State) -> None:
     """Begin anew: everything learnt from earlier samples is dropped."""
     c = s.counters[0]
-    s.sums[:] = 0.0
     s.totals[:] = 0.0
     c.filled = c.length = c.since = c.kept = c.memory = c.changed = c.unsettled = c.left_over = (
         c.blocks
-    ) = c.batches = c.finished = 0
+    ) = c.batches = 0
     c.model = c.detection = MIDDLE_CORNER
     c.variance = np.nan
     c.dispersion = 1.0
@@ -189,7 +188,7 @@ def forget_shape(s: State) -> None:
 
 
 @part
-def _prior(s: State, precision: np.ndarray, mean: np.ndarray) -> None:
+def prior_of_unknowns(s: State, precision: np.ndarray, mean: np.ndarray) -> None:
     """Return the prior of all unknowns; the precision still without the noise variance."""
     for i in range(GAINS):
         precision[i] = 1.0 / s.prior[1, i] ** 2
@@ -215,7 +214,7 @@ def solve_memory(
     precision, mean = np.empty(PARAMETERS), np.empty(PARAMETERS)
     count = blocks * p.block_samples
     variance = c.variance if np.isfinite(c.variance) else normal[PARAMETERS, PARAMETERS] / count
-    _prior(s, precision, mean)
+    prior_of_unknowns(s, precision, mean)
     precision *= variance
     if np.isnan(solve_with_prior(normal, PARAMETERS, precision, mean, solution, covariance)):
         return np.nan
@@ -375,12 +374,16 @@ def _watch_scatter(
 
 
 @part
-def explained(p: Plan, s: State) -> None:
-    """Return the variance of the torque (above the lowest corner) that both pathways and the
+def explained(p: Plan, s: State, normal: np.ndarray) -> None:
+    """Set the shares of the torque's variance (above the lowest corner) that both pathways and the
     intrinsic one account for.
+
+    Parameters
+    ----------
+    normal
+        Normal matrix of the memory under the model with the lowest corner.
     """
     c = s.counters[0]
-    normal = normal_matrix(s, LOW_CORNER, c.length, 0)
     size = s.nuisance.combine.shape[1]
     total = s.totals[LOW_CORNER][size * (size + 1) // 2 + size]
     if not total > 0.0:

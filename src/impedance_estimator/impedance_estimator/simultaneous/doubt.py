@@ -8,7 +8,9 @@ estimates may be doubted; nothing of this project's own simulation is in them.
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import register_jitable
 
+from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous.regression import GAINS
 from impedance_estimator.simultaneous.state import State
 
@@ -72,18 +74,23 @@ def imprecision_doubt(stiffness: float, gain: float) -> float:
     return _doubt(imprecision(stiffness, gain))
 
 
+@register_jitable
 def _doubt(size: float) -> float:
     """Return the doubt that a sign makes, of its size over its limit [1]."""
-    return float(np.clip(size - 0.5, 0.0, 1.0))
+    return min(max(size - 0.5, 0.0), 1.0)
 
 
+@part
 def judge(s: State) -> None:
     """Set the doubt, 0 to 1, after all signs of the state are read, and the model's share of the
     standard errors; the largest sign counts.
     """
     c = s.counters[0]
-    error = np.sqrt(c["variance"] * np.maximum(s.scatter[c["model"]], 1.0) * s.output[1])
-    relative = error / np.maximum(np.abs(s.output[0]), 1e-6)
-    s.signs[3] = max(relative[0] / LARGEST_ERRORS[0], relative[GAINS - 1] / LARGEST_ERRORS[1])
-    c["doubt"] = _doubt(float(np.max(s.signs / LIMITS)))
-    s.model_error[:] = MODEL_ERROR + DOUBTED_ERROR * c["doubt"]
+    s.signs[3] = 0.0
+    for k, output in enumerate((0, GAINS - 1)):
+        scatter = max(s.scatter[c.model, output], 1.0)
+        error = np.sqrt(c.variance * scatter * s.output[1, output])
+        relative = error / max(abs(s.output[0, output]), 1e-6)
+        s.signs[3] = max(s.signs[3], relative / LARGEST_ERRORS[k])
+    c.doubt = _doubt(np.max(s.signs / LIMITS))
+    s.model_error[:] = MODEL_ERROR + DOUBTED_ERROR * c.doubt

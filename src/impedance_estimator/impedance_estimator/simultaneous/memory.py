@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
-from impedance_estimator.simultaneous.nuisance import reduce_sums, reducible_size
+from impedance_estimator.simultaneous.nuisance import accumulate, reduce_sums, reducible_size
 from impedance_estimator.simultaneous.state import Plan, State
 
 
@@ -43,22 +43,22 @@ def use_chosen_memory(p: Plan, s: State) -> None:
 def store_block(p: Plan, s: State) -> None:
     """Add the newest block to the memory; the oldest one leaves a memory that is full."""
     c = s.counters[0]
-    capacity = s.ring.shape[1]
+    capacity, signals = s.ring.shape[1], s.signals.shape[0] // 2
     c.newest = (c.newest + 1) % capacity
     c.since = min(c.since + 1, p.memory_blocks)
     c.kept = min(c.kept + 1, p.memory_blocks)
     full = c.length == blocks_of(p, s, c.memory)
     for model in range(s.ring.shape[0]):
+        newest, total = s.ring[model, c.newest], s.totals[model]
         if full:
             oldest = s.ring[model, (c.newest - c.length) % capacity]
-            for k in range(oldest.shape[0]):
-                s.totals[model, k] -= oldest[k]
-        for k in range(s.sums.shape[1]):
-            s.totals[model, k] += s.sums[model, k]
-            s.ring[model, c.newest, k] = s.sums[model, k]
+            for k in range(total.shape[0]):
+                total[k] -= oldest[k]
+        accumulate(newest, s.block[model], signals, c.instrumented == 1)
+        for k in range(total.shape[0]):
+            total[k] += newest[k]
     if not full:
         c.length += 1
-    s.sums[:] = 0.0
     c.filled = 0
     c.blocks += 1
     # Adding and subtracting gathers rounding errors; one model after the other is summed anew.

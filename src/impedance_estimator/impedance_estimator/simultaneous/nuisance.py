@@ -36,28 +36,55 @@ exact; within this range the standard errors change by less than 5 %."""
 
 
 @part
-def accumulate(sums: np.ndarray, z: np.ndarray, x: np.ndarray, torque: float, both: bool) -> None:
-    """Add the products of one sample: Z'Z, Z'τ, τ'τ, and Z'X where the instruments are others than
-    the motion (`both`).
+def accumulate(sums: np.ndarray, rows: np.ndarray, signals: int, both: bool) -> None:
+    """Put the sums of products over some samples in place of `sums`: Z'Z, Z'τ, τ'τ, and Z'X where
+    the instruments are others than the motion (`both`), else zeros.
+
+    Parameters
+    ----------
+    sums
+        Shape (packed_size(signals),).
+    rows
+        Each sample's instruments, torque and motion, shape (samples, 2 signals + 1).
+    signals
+        Number of instruments.
+    both
+        Whether the motion is there.
     """
-    size = z.shape[0]
+    width = 2 * signals + 1 if both else signals + 1
+    products = np.zeros((signals + 1, width))
+    count = rows.shape[0]
+    fours = count - count % 4
+    for i in range(signals + 1):
+        # Four samples at a time, one after the other in every sum.
+        for n in range(0, fours, 4):
+            a, b, c, d = rows[n, i], rows[n + 1, i], rows[n + 2, i], rows[n + 3, i]
+            for j in range(i, width):
+                products[i, j] = (
+                    products[i, j]
+                    + a * rows[n, j]
+                    + b * rows[n + 1, j]
+                    + c * rows[n + 2, j]
+                    + d * rows[n + 3, j]
+                )
+        for n in range(fours, count):
+            a = rows[n, i]
+            for j in range(i, width):
+                products[i, j] += a * rows[n, j]
+    sums[:] = 0.0
     k = 0
-    for i in range(size):
-        a = z[i]
-        for j in range(i, size):
-            sums[k + j - i] += a * z[j]
-        k += size - i
-    for i in range(size):
-        sums[k + i] += z[i] * torque
-    k += size
-    sums[k] += torque * torque
-    k += 1
+    for i in range(signals):
+        for j in range(i, signals):
+            sums[k] = products[i, j]
+            k += 1
+    for i in range(signals + 1):
+        sums[k] = products[i, signals]
+        k += 1
     if both:
-        for i in range(size):
-            a = z[i]
-            for j in range(size):
-                sums[k + j] += a * x[j]
-            k += size
+        for i in range(signals):
+            for j in range(signals + 1, width):
+                sums[k] = products[i, j]
+                k += 1
 
 
 @register_jitable
@@ -87,7 +114,7 @@ def reduce_sums(sums: np.ndarray, combine: np.ndarray, normal: np.ndarray) -> No
         products with the torque.
     """
     count, size = combine.shape
-    full, row = np.empty((size, size)), np.empty(size)
+    full, combined = np.empty((size, size)), np.zeros((count, size))
     k = 0
     for i in range(size):
         for j in range(i, size):
@@ -96,31 +123,47 @@ def reduce_sums(sums: np.ndarray, combine: np.ndarray, normal: np.ndarray) -> No
             full[j, i] = value
             k += 1
     with_torque, square = sums[k : k + size], sums[k + size]
+    _multiply(combine, full, combined)
+    # The products of all signals, each sum in the order of the instruments.
+    normal[:] = 0.0
+    _multiply(combined, np.ascontiguousarray(combine.T), normal)
     last = count - 1
     for i in range(count):
-        row[:] = 0.0
+        # The last signal is the torque less a combination.
+        value = -normal[i, last]
         for q in range(size):
-            factor = combine[i, q]
-            if factor != 0.0:
-                other = full[q]
-                for j in range(size):
-                    row[j] += factor * other[j]
-        for j in range(i, count):
-            value = 0.0
-            other = combine[j]
+            value += combine[i, q] * with_torque[q]
+        if i == last:
+            value = square
             for q in range(size):
-                value += row[q] * other[q]
-            if j == last:
-                # The last signal is the torque less a combination.
-                value = -value
-                for q in range(size):
-                    value += combine[i, q] * with_torque[q]
-                if i == last:
-                    value = square
-                    for q in range(size):
-                        value += (row[q] - 2.0 * with_torque[q]) * combine[i, q]
-            normal[i, j] = value
-            normal[j, i] = value
+                value += (combined[i, q] - 2.0 * with_torque[q]) * combine[i, q]
+        normal[i, last] = value
+        for j in range(i, count):
+            normal[j, i] = normal[i, j]
+
+
+@part
+def _multiply(left: np.ndarray, right: np.ndarray, product: np.ndarray) -> None:
+    """Add the matrix product to `product`, four terms at a time, one after the other in every
+    sum.
+    """
+    terms, columns = right.shape
+    fours = terms - terms % 4
+    for i in range(left.shape[0]):
+        for q in range(0, fours, 4):
+            a, b, c, d = left[i, q], left[i, q + 1], left[i, q + 2], left[i, q + 3]
+            for j in range(columns):
+                product[i, j] = (
+                    product[i, j]
+                    + a * right[q, j]
+                    + b * right[q + 1, j]
+                    + c * right[q + 2, j]
+                    + d * right[q + 3, j]
+                )
+        for q in range(fours, terms):
+            a = left[i, q]
+            for j in range(columns):
+                product[i, j] += a * right[q, j]
 
 
 @part

@@ -12,12 +12,14 @@ model leaves out. It is stated with its standard error and is no part of G.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import linalg
+from numba import njit
 
+from impedance_estimator.compilation import source_fingerprint
 from impedance_estimator.simultaneous.block_update import MIN_SCATTER_LENGTH, RESPONSE_SAMPLES
+from impedance_estimator.simultaneous.cholesky import solve_scaled
 from impedance_estimator.simultaneous.explained_motion import memory_of, reduced_sums
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC
 from impedance_estimator.simultaneous.state import Plan, State
@@ -47,35 +49,51 @@ class Deviation(NamedTuple):
     standard_error: float
 
 
+def _compile(source: int) -> Any:
+    # `source` in the closure: see `compilation.source_fingerprint`.
+    @njit(cache=True, error_model="numpy")
+    def found(p: Plan, s: State) -> tuple[np.ndarray, float, float]:
+        _ = source
+        c = s.counters[0]
+        functions = p.area.shape[0]
+        size = INTRINSIC + functions
+        nothing = np.full(functions, np.nan), np.nan, np.nan
+        if c.length < MIN_SCATTER_LENGTH * p.second or not c.variance > 0.0 or p.modelled_reflex:
+            return nothing
+        memory = memory_of(p, s, s.totals[c.model], c.length)
+        sums = reduced_sums(memory, s.nuisance.combine)
+        matrix = sums[:size, :size].copy()
+        width = WIDTH * max(abs(s.output[0, GAINS - 1]), LEAST_GAIN)
+        width *= np.sqrt(np.mean(s.tangent[:, 0] ** 2))
+        # What is left of the torque, and the area of each function.
+        right = np.zeros((size, 2))
+        for i in range(size):
+            right[i, 0] = sums[i, size]
+            for j in range(INTRINSIC):
+                right[i, 0] -= sums[i, j] * s.solution[j]
+            for j in range(functions):
+                right[i, 0] -= sums[i, INTRINSIC + j] * s.response[j]
+            deviation = s.initial[1, i] if i < INTRINSIC else width / np.sqrt(RESPONSE_SAMPLES)
+            matrix[i, i] += c.variance / deviation**2
+        right[INTRINSIC:, 1] = p.area
+        known, _ = solve_scaled(matrix, 0.0, right)
+        if not known:
+            return nothing
+        area = spread = 0.0
+        for j in range(functions):
+            area += p.area[j] * right[INTRINSIC + j, 0]
+            spread += p.area[j] * right[INTRINSIC + j, 1]
+        scatter = max(s.scatter[c.model, GAINS - 1], 1.0)
+        return right[INTRINSIC:, 0].copy(), area, np.sqrt(c.variance * scatter * spread)
+
+    return found
+
+
+_found = _compile(source_fingerprint())
+
+
 def reflex_deviation(p: Plan, s: State) -> Deviation:
     """Return the deviation over the present memory; NaN where the memory is too short for it, and
     where the shape of the reflex is known beforehand.
     """
-    c = s.counters[0]
-    functions = len(p.area)
-    nothing = Deviation(np.full(functions, np.nan), np.nan, np.nan)
-    variance = float(c["variance"])
-    if c["length"] < MIN_SCATTER_LENGTH * p.second or not variance > 0.0 or p.modelled_reflex:
-        return nothing
-    memory = memory_of(p, s, s.totals[c["model"]], c["length"])
-    sums = reduced_sums(memory, s.nuisance.combine)
-    start = np.concatenate([s.solution[:INTRINSIC], s.response])
-    normal = sums[:-1, :-1]
-    right = sums[:-1, -1] - normal @ start
-    width = WIDTH * max(abs(float(s.output[0, GAINS - 1])), LEAST_GAIN)
-    width *= float(np.sqrt(np.mean(s.tangent[:, 0] ** 2)))
-    precision = np.concatenate(
-        [1.0 / s.initial[1, :INTRINSIC] ** 2, np.full(functions, RESPONSE_SAMPLES / width**2)]
-    )
-    matrix = normal + np.diag(variance * precision)
-    scale = 1.0 / np.sqrt(np.diag(matrix))
-    try:
-        factor = linalg.cho_factor(matrix * scale[:, None] * scale, check_finite=False)
-    except linalg.LinAlgError:
-        return nothing
-    area = np.concatenate([np.zeros(INTRINSIC), p.area])
-    found = scale * linalg.cho_solve(factor, scale * right)
-    spread = scale * linalg.cho_solve(factor, scale * area)
-    scatter = max(float(s.scatter[c["model"], GAINS - 1]), 1.0)
-    error = np.sqrt(variance * scatter * float(area @ spread))
-    return Deviation(found[INTRINSIC:], float(area @ found), float(error))
+    return Deviation(*_found(p, s))

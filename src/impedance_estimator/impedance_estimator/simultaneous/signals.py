@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator import validity
-from impedance_estimator.compilation import part
+from impedance_estimator.compilation import part, sample_part
 from impedance_estimator.digital_filters import settle_filter
 from impedance_estimator.simultaneous.nuisance import (
     CENTRE_TIME,
@@ -73,29 +73,43 @@ def restart_path(
     k.pending = validity.VALID
 
 
-@part
-def remember(history: np.ndarray, index: int, value: float) -> None:
-    """Write a value twice, half a history apart: a stretch up to it is then always in one piece."""
-    size = history.shape[0] // 2
-    history[index % size] = value
-    history[index % size + size] = value
+@sample_part
+def remember(histories: np.ndarray, row: int, at: int, value: float) -> None:
+    """Write the newest value of a history twice, half the history apart: a stretch up to it is then
+    always in one piece.
 
-
-@part
-def weighted(history: np.ndarray, index: int, delay: int, weights: np.ndarray) -> float:
-    """Return Σ weights times the stretch of history that ends `delay` samples before the newest
-    one.
+    Parameters
+    ----------
+    histories
+        Shape (k, 2 length).
+    row
+        Which of them.
+    at
+        Number of the sample modulo the length.
+    value
+        The sample.
     """
-    size = history.shape[0] // 2
-    start = index % size + size - delay - weights.shape[0] + 1
+    histories[row, at] = value
+    histories[row, at + histories.shape[1] // 2] = value
+
+
+@sample_part
+def weighted(
+    histories: np.ndarray, row: int, at: int, delay: int, kernels: np.ndarray, kernel: int
+) -> float:
+    """Return Σ weights of one of the kernels times the stretch of a history that ends `delay`
+    samples before the newest one, which is `at`.
+    """
+    length = kernels.shape[1]
+    start = at + histories.shape[1] // 2 - delay - length + 1
     total = 0.0
-    for k in range(weights.shape[0]):
-        total += weights[k] * history[start + k]
+    for k in range(length):
+        total += kernels[kernel, k] * histories[row, start + k]
     return total
 
 
-@part
-def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
+@sample_part
+def rectified_velocity(p: Plan, s: State, at: int) -> tuple[float, float]:
     """Return the smoothed velocity, and v₊, both n samples before the newest one.
 
     Whether the ankle is stretched is read from the smoothed velocity, how fast from the measured
@@ -103,33 +117,33 @@ def rectified_velocity(p: Plan, s: State, index: int) -> tuple[float, float]:
     velocity would lose the area where a pulse turns. Both bias G by half a per cent.
     """
     if not p.measured_velocity:
-        return _rectified_slope(p, s.raw[0], index)
-    smooth = weighted(s.raw[1], index, 0, p.kernels[0])
+        return _rectified_slope(p, s.raw, 0, at)
+    smooth = weighted(s.raw, 1, at, 0, p.kernels, 0)
     if smooth <= p.rest_velocity:
         return smooth, 0.0
-    size = s.raw.shape[1] // 2
-    return smooth, s.raw[1, index % size + size - p.kernels.shape[1] // 2]
+    return smooth, s.raw[1, at + s.raw.shape[1] // 2 - p.kernels.shape[1] // 2]
 
 
-@part
-def rectified_reference(p: Plan, s: State, index: int) -> tuple[float, float]:
-    """Return the rectified signals of the reference behind the nominal actuator."""
-    return _rectified_slope(p, s.raw[3], index)
+@sample_part
+def rectified_reference(p: Plan, s: State, at: int) -> float:
+    """Return the rectified velocity of the reference behind the nominal actuator."""
+    return _rectified_slope(p, s.raw, 3, at)[1]
 
 
-@part
-def _rectified_slope(p: Plan, x: np.ndarray, index: int) -> tuple[float, float]:
+@sample_part
+def _rectified_slope(p: Plan, raw: np.ndarray, row: int, at: int) -> tuple[float, float]:
     """Return the smoothed derivatives of a position."""
-    smooth = weighted(x, index, 0, p.kernels[1])
+    smooth = weighted(raw, row, at, 0, p.kernels, 1)
     if smooth <= p.rest_velocity:
         return smooth, 0.0
-    size = x.shape[0] // 2
-    at = index % size + size - p.kernels.shape[1] // 2
+    middle = at + raw.shape[1] // 2 - p.kernels.shape[1] // 2
     # Central difference of fourth order (Fornberg, Math. Comp. 51 (1988) 699-706, table 1).
-    return smooth, (8.0 * (x[at + 1] - x[at - 1]) - x[at + 2] + x[at - 2]) * p.rate / 12.0
+    slope = 8.0 * (raw[row, middle + 1] - raw[row, middle - 1])
+    slope = slope - raw[row, middle + 2] + raw[row, middle - 2]
+    return smooth, slope * p.rate / 12.0
 
 
-@part
+@sample_part
 def drive_actuator(p: Plan, s: State, reference: float) -> float:
     """Return the position [rad] to which a nominal actuator turns the reference."""
     state = s.actuator
@@ -141,63 +155,69 @@ def drive_actuator(p: Plan, s: State, reference: float) -> float:
     return state[0]
 
 
-@part
-def decimated_signals(p: Plan, s: State, index: int) -> None:
+@sample_part
+def decimated_signals(p: Plan, s: State, at: int, rectified_at: int) -> None:
     """Return the motion, torque and instruments, 2 n raw and `TAP_REACH` decimated samples before
     the newest one.
+
+    Parameters
+    ----------
+    at, rectified_at
+        Places of the newest sample in the raw and in the rectified histories.
     """
     c = s.counters[0]
     n = p.kernels.shape[1] // 2
-    slow = index // p.decimation
+    slow = c.index // p.decimation
     length = s.past.shape[0]
     now = s.past[slow % length]
+    newest = slow % (s.slow_rectified.shape[1] // 2)
     for motion in range(2 if c.referenced else 1):
-        u, x = now[motion], s.raw[3 * motion]
-        u[0] = weighted(x, index, n, p.kernels[0])
+        u, x = now[motion], 3 * motion
+        u[0] = weighted(s.raw, x, at, n, p.kernels, 0)
         if motion == 0 and p.measured_velocity:
-            u[1] = weighted(s.raw[1], index, n, p.kernels[0])
-            u[2] = weighted(s.raw[1], index, n, p.kernels[1])
+            u[1] = weighted(s.raw, 1, at, n, p.kernels, 0)
+            u[2] = weighted(s.raw, 1, at, n, p.kernels, 1)
         else:
-            u[1] = weighted(x, index, n, p.kernels[1])
-            u[2] = weighted(x, index, n, p.kernels[2])
+            u[1] = weighted(s.raw, x, at, n, p.kernels, 1)
+            u[2] = weighted(s.raw, x, at, n, p.kernels, 2)
         if p.modelled_reflex:
-            u[INTRINSIC] = weighted(s.raw[4 + motion], index, n, p.kernels[0])
+            u[INTRINSIC] = weighted(s.raw, 4 + motion, at, n, p.kernels, 0)
         else:
             if p.given_stretch:
-                stretch = weighted(s.raw[4 + motion], index, n, p.kernels[0])
+                stretch = weighted(s.raw, 4 + motion, at, n, p.kernels, 0)
             else:
-                stretch = weighted(s.rectified[motion], index, 0, p.kernels[0])
-            stretches = s.slow_rectified[motion]
-            remember(stretches, slow, stretch)
-            _reflex_signals(p, stretches, slow, u)
+                stretch = weighted(s.rectified, motion, rectified_at, 0, p.kernels, 0)
+            remember(s.slow_rectified, motion, newest, stretch)
+            _reflex_signals(p, s.slow_rectified, motion, newest, u)
         _slow_signals(p, s.slow_states[motion], c.centred, u)
-    now[0, -1] = weighted(s.raw[2], index, n, p.kernels[0])
+    now[0, -1] = weighted(s.raw, 2, at, n, p.kernels, 0)
     c.centred += 1
-    _shift(s, slow, 0, s.signals[: s.signals.shape[0] // 2])
-    middle = s.past[(slow - TAP_REACH) % length]
     size = s.signals.shape[0] // 2
-    s.signals[size] = middle[0, -1]
+    middle = (slow - TAP_REACH) % length
+    _shift(s.past, middle, 0, s.signals[:size])
+    s.signals[size] = s.past[middle, 0, -1]
     if c.referenced:
-        _shift(s, slow, 1, s.signals[size + 1 :])
+        _shift(s.past, middle, 1, s.signals[size + 1 :])
 
 
-@part
-def _reflex_signals(p: Plan, stretches: np.ndarray, slow: int, u: np.ndarray) -> None:
+@sample_part
+def _reflex_signals(
+    p: Plan, stretches: np.ndarray, motion: int, newest: int, u: np.ndarray
+) -> None:
     """Return the reflex basis' answers to v₊."""
     count = p.functions.shape[1]
     for j in range(count):
         u[INTRINSIC + j] = 0.0
-    size = stretches.shape[0] // 2
-    newest = slow % size + size
+    size = stretches.shape[1] // 2
     for lag in range(size):
-        stretch = stretches[newest - lag]
+        stretch = stretches[motion, newest + size - lag]
         # The ankle is stretched a tenth of the time.
         if stretch != 0.0:
             for j in range(count):
                 u[INTRINSIC + j] += stretch * p.functions[lag, j]
 
 
-@part
+@sample_part
 def _slow_signals(p: Plan, state: np.ndarray, samples: int, u: np.ndarray) -> None:
     """Return the relaxing position, yielding friction, and powers of position about the operating
     point.
@@ -214,18 +234,18 @@ def _slow_signals(p: Plan, state: np.ndarray, samples: int, u: np.ndarray) -> No
     u[first + 2], u[first + 3] = away**2, away**3
 
 
-@part
-def _shift(s: State, slow: int, motion: int, out: np.ndarray) -> None:
+@sample_part
+def _shift(past: np.ndarray, middle: int, motion: int, out: np.ndarray) -> None:
     """Return the signals of one motion from its past: those at the middle, and accelerations around
     it.
     """
-    length = s.past.shape[0]
-    middle = s.past[(slow - TAP_REACH) % length, motion]
+    length = past.shape[0]
     base = out.shape[0] - EXTRAS
     for j in range(base):
-        out[j] = middle[j]
+        out[j] = past[middle, motion, j]
     for tap in range(TAPS):
-        shift = int(tap_shift(tap))
-        out[base + tap] = s.past[(slow - TAP_REACH - shift) % length, motion, 2] - middle[2]
+        at = middle - int(tap_shift(tap))
+        at += length if at < 0 else (-length if at >= length else 0)
+        out[base + tap] = past[at, motion, 2] - past[middle, motion, 2]
     for j in range(EXTRAS - TAPS):
-        out[base + TAPS + j] = middle[base + j]
+        out[base + TAPS + j] = past[middle, motion, base + j]

@@ -19,12 +19,11 @@ from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
 from impedance_estimator.simultaneous.block_update import BATCH_DURATION, INITIAL_DEVIATIONS
 from impedance_estimator.simultaneous.change_detection import candidate_windows
-from impedance_estimator.simultaneous.explained_motion import clean_motion
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
 from impedance_estimator.simultaneous.memory_length import PREDICTION_TIME, memory_lengths
 from impedance_estimator.simultaneous.reflex_deviation import reflex_deviation
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
-from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance, finish_block
+from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
 from impedance_estimator.simultaneous.state import COUNTERS, Nuisance, Plan, State
 
@@ -174,7 +173,7 @@ class Simultaneous(Estimator):
             signals=np.zeros(2 * motion + 1),
             whitened=np.zeros(2 * motion + 1),
             filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, 2 * motion + 1)),
-            sums=np.zeros((models, kept)),
+            block=np.zeros((models, p.block_samples, 2 * motion + 1)),
             ring=np.zeros(
                 (models, max(p.memory_blocks + memories, BATCH_DURATION * p.second) + 1, kept)
             ),
@@ -212,23 +211,11 @@ class Simultaneous(Estimator):
         while self._consumed < len(samples) and not self.rate_lost:
             piece = samples[self._consumed : self._consumed + CHUNK]
             self._samples[: len(piece)] = piece
-            used = 0
-            while used < len(piece) and not self.rate_lost:
-                used, rows, torques = advance(
-                    self._plan,
-                    self._state,
-                    self._samples,
-                    used,
-                    len(piece),
-                    self._rows,
-                    self._torques,
-                )
-                parts.append(self._rows[:rows].copy())
-                self._torque_parts.append(self._torques[:torques].copy())
-                if self._state.counters[0]["finished"]:
-                    if self._state.counters[0]["blocks"] % (self._plan.second // 2) == 0:
-                        clean_motion(self._plan, self._state)
-                    finish_block(self._plan, self._state)
+            used, rows, torques = advance(
+                self._plan, self._state, self._samples, len(piece), self._rows, self._torques
+            )
+            parts.append(self._rows[:rows].copy())
+            self._torque_parts.append(self._torques[:torques].copy())
             self._consumed += used
         if len(parts) == 1:
             return parts[0]

@@ -38,8 +38,8 @@ COUNTERS = np.dtype(
             "model",
             "detection",
             "batches",
-            "finished",
             "referenced",
+            "instrumented",
             "centred",
             "filters_settled",
         )
@@ -60,15 +60,15 @@ COUNTERS = np.dtype(
         )
     ]
 )
-"""Counters: newest raw sample, decimated samples in the present block, blocks so far, newest block
-in the ring, blocks in the memory, blocks since the last change and since the last interruption
-(both at most the full memory), which memory is chosen, whether there was a change since the choice,
-whether the estimate since the change is not yet believed in full, how many of the blocks since the
-last change may be from before it, noise model of the estimate and of the detection, batches of
-scores,
-whether a block is complete, whether the reference is there, decimated samples since the operating
-point was begun, whether the whitening filters started with full histories. Noise variance now and
-before the last change [N²m²], G₀ [N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
+"""Counters: newest raw sample, decimated samples in the present block, blocks so far, newest
+block in the ring, blocks in the memory, blocks since the last change and since the last
+interruption (both at most the full memory), which memory is chosen, whether there was a change
+since the choice, whether the estimate since the change is not yet believed in full, how many of
+the blocks since the last change may be from before it, noise model of the estimate and of the
+detection, batches of scores, whether the reference is there, whether it was for any sample of
+the present block, decimated samples since the operating point was begun, whether the whitening
+filters started with full histories. Noise variance now and before the last change [N²m²], G₀
+[N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
 
 
 class Plan(NamedTuple):
@@ -139,8 +139,9 @@ class State(NamedTuple):
     whitened: np.ndarray
     filters: np.ndarray
     """Shape (models, 2, 2, 2 n + 1)."""
-    sums: np.ndarray
-    """Sums of the present block, shape (models, packed)."""
+    block: np.ndarray
+    """Whitened instruments, torque and motion of the present block, shape (models, samples of a
+    block, 2 n + 1)."""
     ring: np.ndarray
     """Shape (models, capacity, packed)."""
     totals: np.ndarray
