@@ -11,15 +11,16 @@ from importlib import resources
 from pathlib import Path
 
 from rich.console import Console
-from rich.live import Live
 from rich.table import Table
 
 from ankle_bringup import demo_pictures
+from ankle_bringup.demo_calibration import show_calibration
 from ankle_bringup.demo_session import hold_shares, run_session
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.live_graph import observer
-from ankle_bringup.live_monitor import ONE_MORE_READER, SAMPLES, LiveMonitor
+from ankle_bringup.live_monitor import ONE_MORE_READER, LiveMonitor
+from ankle_bringup.live_watch import watch
 from ankle_bringup.processes import Processes
 from ankle_bringup.regenerate import Agreement, agreement, regenerate_by_replay
 from ankle_bringup.up import status_table
@@ -31,8 +32,6 @@ from impedance_estimator.stream import compile_estimator
 from session_recorder.bag_reader import BagReader
 from session_recorder.importing import import_recording
 
-FIRST_SAMPLES_WITHIN = 300.0
-"""Wait [s] for the graph's first samples: the simulation compiles once, under load for minutes."""
 TOLERANCE = 1e-9
 TRIALS_SHOWN = 2  # a third shows nothing new and takes half a minute more
 MEANINGS = {
@@ -63,8 +62,21 @@ class Result:
         self.add(what, value if passed else f"{value} (NOT MET)", meaning)
 
 
-def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
+def run_demo(out: Path, seconds: float, trials: Path, seed: int, console: Console) -> bool:
     """Run all steps and write everything below `out`.
+
+    Parameters
+    ----------
+    out
+        New folder for all results.
+    seconds
+        Length of the first live run [s].
+    trials
+        Folder of real trials.
+    seed
+        Draws the imperfect rig and the subject in it.
+    console
+        Where everything is shown.
 
     Returns
     -------
@@ -90,9 +102,11 @@ def run_demo(out: Path, seconds: float, trials: Path, console: Console) -> bool:
     regenerate(bag, out, result, console)
     console.rule("3  Real human ankles")
     real_ankles(trials, out, result, console)
-    console.rule("4  A session: subject's screen, operator, recording, report")
+    console.rule("4  A simulated rig with faults, without and with calibration")
+    imperfect_rig(out, seed, result, console)
+    console.rule("5  A session: subject's screen, operator, recording, report")
     session(out, result, console)
-    console.rule("5  What came out")
+    console.rule("6  What came out")
     summary(out, result, console)
     return result.passed
 
@@ -123,26 +137,7 @@ def run_live(bag: Path, seconds: float, logs: Path, result: Result, console: Con
         compile_estimator("simultaneous")
     with observer("demo") as node, Processes(graph, logs) as processes:
         monitor = LiveMonitor(node)
-        began = None
-        asked_at = time.monotonic()
-        with Live(status_table(monitor, seconds), console=console, refresh_per_second=4) as live:
-            while not processes.ended("perturbation_generator"):
-                monitor.spin(0.25)
-                if began is None and monitor.streams[SAMPLES].blocks:
-                    began = time.monotonic()
-                if began is None and time.monotonic() - asked_at > FIRST_SAMPLES_WITHIN:
-                    raise RunError(f"no samples within {FIRST_SAMPLES_WITHIN:.0f} s (logs: {logs})")
-                live.update(
-                    status_table(
-                        monitor, seconds if began is None else began + seconds - time.monotonic()
-                    )
-                )
-            monitor.spin(1.0)
-            live.update(status_table(monitor, 0.0))
-        codes = processes.stop()
-    for name, code in codes.items():
-        if code != 0:
-            raise RunError(f"{name} ended with exit code {code} (log: {logs / name}.log)")
+        watch(monitor, processes, seconds, lambda left: status_table(monitor, left), console)
     sent = round(seconds * 2048)
     recorded = len(BagReader(bag).signal(ANKLE_SAMPLES.absolute)[1])
     result.require(
@@ -248,6 +243,18 @@ def trial_bags(trials: Path, out: Path, console: Console) -> list[tuple[str, Pat
         import_recording(file, bag, columns=columns, torque_sign="subject")
         found.append((file.stem, bag))
     return found
+
+
+def imperfect_rig(out: Path, seed: int, result: Result, console: Console) -> None:
+    """Estimate a simulated rig with faults live, without and with calibration."""
+    for found in show_calibration(out / "imperfect_rig", seed, console):
+        result.require(
+            found.nearer,
+            f"{found.symbol} on a rig with faults, calibrated",
+            found.calibrated.against(found.truth),
+            f"true: {found.truth:.3g} {found.unit}; without calibration: "
+            f"{found.without.against(found.truth)}",
+        )
 
 
 def session(out: Path, result: Result, console: Console) -> None:

@@ -15,6 +15,7 @@ from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
 # Okabe and Ito's palette, distinguished with any colour vision.
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#777777"
 RESOLUTION = 130  # dots per inch
+WIDTH = 1.96  # standard errors on each side of an interval of 95 %
 BEFORE, AFTER = 0.1, 0.4  # s around a perturbation
 ONSET_SPEED = (
     0.3  # of the fastest movement; a push is well above, the way between pushes well below
@@ -76,6 +77,64 @@ def live_run(
         "Simulated ankle: stiffness and reflex gain jump, the online estimates follow"
     )
     axes[1].set_xlabel("time since the start [s]")
+    figure.savefig(path, dpi=RESOLUTION)
+    plt.close(figure)
+
+
+def calibrated_run(
+    columns: tuple[str, ...],
+    without: np.ndarray,
+    calibrated: np.ndarray,
+    truth: np.ndarray,
+    path: Path,
+) -> None:
+    """Draw K, G and doubt over time, estimated live without and with calibration.
+
+    Parameters
+    ----------
+    columns
+        Of the estimates.
+    without, calibrated
+        Estimates of the same samples, each of shape (n, m).
+    truth
+        Time [s], K [N.m/rad] and G [N.m.s/rad], shape (j, 3).
+    path
+        File to write.
+    """
+    figure, axes = plt.subplots(
+        3, 1, figsize=(9, 7), sharex=True, constrained_layout=True, height_ratios=(3, 3, 1)
+    )
+    runs = ((without, ORANGE, "without calibration"), (calibrated, BLUE, "calibrated"))
+    start = truth[0, 0]
+    for k, (axis, name, words) in enumerate(
+        zip(
+            axes,
+            ("K[N.m/rad]", "G[N.m.s/rad]", "doubt[1]"),
+            ("stiffness K [N·m/rad]", "reflex gain G [N·m·s/rad]", "doubt"),
+            strict=True,
+        )
+    ):
+        if name != "doubt[1]":
+            true = truth[:, 1 + k]
+            axis.plot(truth[:, 0] - start, true, color=GREY, lw=2, label="true value of the joint")
+        for rows, color, label in runs:
+            valid = rows[:, columns.index("valid[1]")] == 1.0
+            time = rows[:, 0] - start
+            value = np.where(valid, rows[:, columns.index(name)], np.nan)
+            axis.plot(time, value, color=color, lw=1.5, label=f"live, {label}")
+            if name != "doubt[1]":
+                error = WIDTH * rows[:, columns.index(f"se_{name}")]
+                axis.fill_between(time, value - error, value + error, color=color, alpha=0.15, lw=0)
+        axis.set_ylabel(words)
+        axis.set_ylim(bottom=0)
+        axis.grid(alpha=0.3)
+    axes[2].set_ylim(0, 1.05)
+    axes[0].legend(loc="lower right")
+    axes[0].set_title(
+        "Simulated rig with plate, straps, late torque and a servo that gives way\n"
+        "(bands: 95 % of what the standard error states)"
+    )
+    axes[2].set_xlabel("time since the start [s]")
     figure.savefig(path, dpi=RESOLUTION)
     plt.close(figure)
 

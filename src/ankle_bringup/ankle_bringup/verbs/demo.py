@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ankle_bringup.terminal import console, number_option
+from ankle_bringup.terminal import SEED, console, number_option
 from ankle_interfaces.quantity import Quantity
 
 SECONDS = Quantity("seconds", "s", 10.0, 3600.0, 90.0)
@@ -34,15 +34,18 @@ def verb(
             "unless given.",
         ),
     ] = None,
+    seed: Annotated[
+        int, number_option(SEED, "Draws the rig with faults that is calibrated, and its subject.")
+    ] = 1,
 ) -> None:
     """Run the main job once: simulated ankle live, estimates made again from the bag, real human
-    trials.
+    trials, a rig with faults without and with calibration, a session on the pages.
 
     Example: ankle demo --out demo_results
     """
     from ankle_bringup.demo import run_demo
 
-    if not run_demo(out, seconds, trials or _fetched(), console):
+    if not run_demo(out, seconds, trials or _fetched(), seed, console):
         raise typer.Exit(1)
 
 
