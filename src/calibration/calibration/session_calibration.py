@@ -10,7 +10,7 @@ from typing import Any
 
 from ankle_physics.model import PAPER_TERMS, TERMS_OF_GAINS, Model, StatedValue
 from ankle_physics.rig_file import RigFile
-from ankle_physics.term import Place
+from ankle_physics.term import Place, term_library
 from calibration.errors import CalibrationError
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import LEAST_STIFFNESS, KnownPhysics
@@ -75,7 +75,7 @@ def calibrate_session(
         recording = source if isinstance(source, Recording) else Recording.from_bag(source)
     except DiagnosisError as error:
         raise CalibrationError(f"{source} cannot calibrate a session: {error}") from None
-    found = diagnose(recording, out, progress=progress, rig=rig)
+    found = diagnose(recording, out, library=session_library(rig), progress=progress, rig=rig)
     verdict = found.verdict
     if verdict.verdict == "bad_recording" or found.found is None:
         reasons = "; ".join(verdict.reasons) or "bad recording"
@@ -83,6 +83,23 @@ def calibrate_session(
     model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
     model.stated = stated_values(verdict.parameters)
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
+
+
+def session_library(rig: RigFile | None) -> list[str] | None:
+    """Return the terms that the diagnosis of a session may add; None for all.
+
+    A rig that a recording calibrated was looked at with its plate empty, where whatever acts at the
+    torque sensor shows as well. What the rig's file does not state of the sensor is not there:
+    such a term would stand for what only a foot brings along, such as straps.
+
+    Parameters
+    ----------
+    rig
+        The calibrated rig; None: nothing is known of the rig.
+    """
+    if rig is None or not rig.bag:
+        return None
+    return [n for n, term in term_library().items() if term.place is not Place.TORQUE_SENSOR]
 
 
 def require_gain(model: Model, recording: Recording, rig: RigFile | None = None) -> None:

@@ -1,12 +1,13 @@
 """The subject's part of a diagnosed model."""
 
+from dataclasses import replace
 from datetime import datetime, timezone
 
 import pytest
 
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
-from calibration.session_calibration import stated_values, subject_model
+from calibration.session_calibration import session_library, stated_values, subject_model
 from impedance_estimator.known_physics import KnownPhysics
 
 RIG = RigFile(
@@ -69,3 +70,13 @@ def test_what_a_diagnosis_states_of_the_whole_joint_is_handed_on_with_its_errors
         "B[N.m.s/rad]": {"base": 1.0, "augmented": 1.1, "standard_error": 0.1},
     }
     assert stated_values(parameters) == {"K": (80.0, 9.0)}
+
+
+def test_what_an_empty_plate_would_have_shown_of_the_sensor_is_not_found_of_a_subject():
+    assert session_library(None) is None
+    # A file that no recording gave says nothing of what it leaves out.
+    assert session_library(RIG) is None
+    names = session_library(replace(RIG, bag="plate_empty"))
+    sensor = {"torque_sensor_lag", "torque_sensor_mode", "partial_sensor_mode", "channel_skew"}
+    assert not sensor & set(names)
+    assert {"fixation_compliance", "plate_appendage", "maxwell_relaxation"} <= set(names)
