@@ -56,6 +56,8 @@ class Problem:
         The base model's fit.
     bank
         Generic regressors of the same movement.
+    bank_over_time
+        Those whose responses change slowly.
     parts
         Two interleaved halves of the rows, each bool, shape (rows.count,).
     noise
@@ -70,6 +72,7 @@ class Problem:
     fitter: Fitter
     base: Fit
     bank: GenericBank
+    bank_over_time: GenericBank
     parts: tuple[np.ndarray, np.ndarray]
     noise: np.ndarray
     activation_by_emg: bool = False
@@ -136,14 +139,23 @@ def prepare(
         disturbance = left if servo is None else uncaused(recording, servo, fitter, base)
         motion = motion.undisturbed(compliance, disturbance, joint_impedance(base))
     fitter = fitter.along(motion)
-    bank = GenericBank(fitter.columns, over_time=True)
+    bank = GenericBank(fitter.columns)
     parts = interleaved(fitter.rows)
     base = fitter.fit(terms, base.values, evaluations=15)
     fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
     base = align(fitter, fitter.fit(terms, base.values))
     noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())
     return Problem(
-        recording, servo, compliance, fitter, base, bank, parts, noise, by_emg is not None
+        recording,
+        servo,
+        compliance,
+        fitter,
+        base,
+        bank,
+        GenericBank(fitter.columns, over_time=True),
+        parts,
+        noise,
+        by_emg is not None,
     )
 
 

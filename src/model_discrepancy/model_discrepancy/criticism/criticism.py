@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
@@ -84,10 +86,8 @@ def criticise(
     """
     progress("asking what is still predictable")
     fitter, final = problem.fitter, found.final
-    before, after = (
-        remainder(problem.bank, fitter, fit.residual, fit.plain, problem.parts, surrogates)
-        for fit, surrogates in ((problem.base, null.drawn), (final, null.noise))
-    )
+    before = _most_predicted(problem, problem.base, null.drawn)
+    after = _most_predicted(problem, final, null.noise)
     gives_way = problem.compliance is not None and problem.compliance.significant
     after = replace(after, judged=not problem.in_a_loop, held=not (gives_way or problem.in_a_loop))
     base_scored, final_scored = found.base_held_out, found.final_held_out
@@ -118,4 +118,17 @@ def criticise(
         verdict,
         closed,
         block,
+    )
+
+
+def _most_predicted(problem: Problem, fit: Fit, surrogates: np.ndarray) -> Remainder:
+    """Return what generic regressors predict of a residual: those of constant responses or those of
+    changing ones, whichever exceed chance by more.
+    """
+    return max(
+        (
+            remainder(bank, problem.fitter, fit.residual, fit.plain, problem.parts, surrogates)
+            for bank in (problem.bank, problem.bank_over_time)
+        ),
+        key=lambda found: found.share - max(found.by_chance, 0.0),
     )

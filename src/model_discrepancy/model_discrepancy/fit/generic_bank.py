@@ -4,8 +4,9 @@ It is trained on one part of the recording and scored on the other.
 
 The regressors know no physics: products of position, velocity and their rectified versions, each
 through a set of overlapping lag windows. What they predict of a residual on data that they were
-not trained on is structure that the model lacks, whatever its name. With regressors over time
-(position and velocity times a slow course) they predict a joint that drifts or tires, too.
+not trained on is structure that the model lacks, whatever its name. A bank over time (position and
+velocity times a slow course) predicts what a joint that drifts or tires does. It is one of its own,
+because regressors that have nothing to tell make the others predict less.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ class GenericBank:
         A bank of another recording whose weights are to be used here; None scales by this
         recording.
     over_time
-        Whether responses may change slowly within the recording. What such a bank learns holds for
-        this recording alone.
+        Whether the bank holds responses that change slowly within the recording, and these alone.
+        What such a bank learns holds for this recording only.
 
     Attributes
     ----------
@@ -65,24 +66,7 @@ class GenericBank:
                 (m.position - middle, m.velocity, m.acceleration), sizes, strict=True
             )
         )
-        inputs = {
-            "position": [x],
-            "velocity": [v],
-            "acceleration": [a],
-            "rectified velocity": [np.maximum(v, 0.0)],
-            "speed": [np.abs(v) * v, np.tanh(3.0 * v)],
-            "position squared": [x * x],
-            "position cubed": [x**3],
-            "position and velocity": [x * np.maximum(v, 0.0), x * np.minimum(v, 0.0)],
-            "speed squared": [np.maximum(v, 0.0) ** 2],
-        }
-        if over_time:
-            # Legendre polynomials: a straight course and a bent one.
-            straight = np.linspace(-1.0, 1.0, len(x))
-            courses = (straight, 1.5 * straight**2 - 0.5)
-            inputs["time and position"] = [course * x for course in courses]
-            inputs["time and velocity"] = [straight * v]
-            inputs["time and rectified velocity"] = [c * np.maximum(v, 0.0) for c in courses]
+        inputs = _changing(x, v) if over_time else _constant(x, v, a)
         self._rows = columns.rows
         self._spectra: list[np.ndarray] = []
         self.inputs: list[str] = []
@@ -151,6 +135,36 @@ class GenericBank:
     def prediction(self, weights: np.ndarray) -> np.ndarray:
         """Return the spectrum of the torque that these weights predict here, as `Rows.spectrum`."""
         return np.tensordot(weights, np.stack(self._spectra), axes=1)
+
+
+def _constant(x: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, list[np.ndarray]]:
+    """Return the inputs of responses that stay the same, from position, velocity and acceleration
+    of unit size.
+    """
+    return {
+        "position": [x],
+        "velocity": [v],
+        "acceleration": [a],
+        "rectified velocity": [np.maximum(v, 0.0)],
+        "speed": [np.abs(v) * v, np.tanh(3.0 * v)],
+        "position squared": [x * x],
+        "position cubed": [x**3],
+        "position and velocity": [x * np.maximum(v, 0.0), x * np.minimum(v, 0.0)],
+        "speed squared": [np.maximum(v, 0.0) ** 2],
+    }
+
+
+def _changing(x: np.ndarray, v: np.ndarray) -> dict[str, list[np.ndarray]]:
+    """Return the inputs of responses that change slowly: by Legendre polynomials, a straight course
+    and a bent one.
+    """
+    straight = np.linspace(-1.0, 1.0, len(x))
+    courses = (straight, 1.5 * straight**2 - 0.5)
+    return {
+        "time and position": [course * x for course in courses],
+        "time and velocity": [straight * v],
+        "time and rectified velocity": [c * np.maximum(v, 0.0) for c in courses],
+    }
 
 
 def cross_score(matrix: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
