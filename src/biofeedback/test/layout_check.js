@@ -2,14 +2,14 @@
 () => {
   const found = [], boxes = [];
   const seen = (element) => element.checkVisibility({ visibilityProperty: true, opacityProperty: true });
-  // The part of a rectangle that its clipping ancestors leave, and whether they cut it sideways (lists scroll up and down).
+  // The part of a rectangle that its clipping ancestors leave, and whether they cut it sideways (lists scroll up and down, wide tables of reports sideways).
   const clip = (element, rect) => {
     let { left, right, top, bottom } = rect, cut = false;
     for (let one = element; one && one !== document.body; one = one.parentElement) {
       const style = getComputedStyle(one);
       if (style.overflowX === "visible" && style.overflowY === "visible") continue;
       const edge = one.getBoundingClientRect();
-      if (left < edge.left - 1 || right > edge.right + 1) cut = true;
+      if (!one.classList.contains("wide") && (left < edge.left - 1 || right > edge.right + 1)) cut = true;
       if (style.overflowY === "hidden" && (top < edge.top - 1 || bottom > edge.bottom + 1)) cut = true;
       left = Math.max(left, edge.left); right = Math.min(right, edge.right);
       top = Math.max(top, edge.top); bottom = Math.min(bottom, edge.bottom);
@@ -35,7 +35,8 @@
       range.selectNodeContents(node);
       for (const rect of range.getClientRects()) note(element, rect, node.textContent.trim().slice(0, 40));
     }
-    if (["INPUT", "SELECT", "CANVAS"].includes(element.tagName)) note(element, element.getBoundingClientRect(), `<${element.tagName.toLowerCase()} ${element.name ?? element.id}>`);
+    // A report's curves lie below the words of their axes.
+    if (["INPUT", "SELECT", "CANVAS"].includes(element.tagName) && !element.closest(".js-plotly-plot")) note(element, element.getBoundingClientRect(), `<${element.tagName.toLowerCase()} ${element.name ?? element.id}>`);
     const origin = element.getBoundingClientRect();
     for (const word of element.words ?? []) {
       const edge = { left: origin.left + word.left, right: origin.left + word.right, top: origin.top + word.top, bottom: origin.top + word.bottom };

@@ -1,6 +1,7 @@
 """Every page at every width: no words over one another, none cut, measured in a real Chromium."""
 
 import json
+import os
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -242,3 +243,23 @@ def test_every_language_has_every_text(language):
     assert sorted(keys(other)) == sorted(keys(english))
     for path in keys(english):
         assert places(other, path) == places(english, path)
+
+
+def test_the_page_that_asks_for_the_token(browser, tmp_path):
+    laboratory = Laboratory(short_protocol(tmp_path), token="0123456789abcdef0123")
+    wrong = {}
+    try:
+        for width, height in SIZES:
+            page = browser.new_page(viewport={"width": width, "height": height})
+            page.set_default_timeout(PATIENCE)
+            page.goto(laboratory.url("/"))
+            page.locator('input[name="token"]').wait_for()
+            assert "The terminal that started" in page.locator("p").inner_text()
+            if found := page.evaluate(CHECK):
+                wrong[width] = found
+            if (folder := os.environ.get("ANKLE_SCREENSHOTS")) and width == SIZES[-2][0]:
+                page.screenshot(path=Path(folder) / f"biofeedback_token_{width}.png")
+            page.close()
+        assert wrong == {}
+    finally:
+        laboratory.close()

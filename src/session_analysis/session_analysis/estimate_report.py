@@ -36,6 +36,8 @@ MAX_SPANS = 200
 pixel."""
 INVALID_COLOUR, DOUBTFUL_COLOUR = "#888888", "#e69f00"
 """Shades of times without a valid estimate, and with a doubtful one."""
+FREQUENCY_TICKS = (0.5, 1, 2, 5, 10, 20, 50)
+"""[Hz] Marks of the frequency, which have room beside one another on a phone."""
 INTERVAL = 1.96
 """Half width of a 95 % interval in standard errors."""
 DOUBTS = (
@@ -272,7 +274,7 @@ def _torque(found: Answer) -> Any:
         range=[middle, middle + 5.0],
         rangeslider_visible=True,
     )
-    drawn.update_yaxes(title_text="torque [N·m], filtered as the estimator sees it")
+    drawn.update_yaxes(title_text="torque [N·m],<br>filtered as the estimator sees it")
     drawn.update_layout(height=480)
     return drawn
 
@@ -298,9 +300,9 @@ def _frequency(found: Answer) -> Any:
     drawn.add_trace(coherence, 3, 1)
     for row, label in enumerate(("gain [N·m/rad]", "phase [deg]", "coherence"), 1):
         drawn.update_yaxes(title_text=label, row=row, col=1)
-    drawn.update_yaxes(type="log", row=1, col=1)
+    drawn.update_yaxes(type="log", dtick=1, row=1, col=1)
     drawn.update_yaxes(range=[0, 1.02], row=3, col=1)
-    drawn.update_xaxes(type="log")
+    drawn.update_xaxes(type="log", tickvals=FREQUENCY_TICKS)
     drawn.update_xaxes(title_text="frequency [Hz]", row=3, col=1)
     drawn.update_layout(height=640)
     return drawn

@@ -13,6 +13,8 @@ color:#222}h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-widt
 table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;
 text-align:left;vertical-align:top}td{white-space:nowrap}.wide{overflow-x:auto}
 body{overflow-wrap:break-word}.wide table{overflow-wrap:normal}
+.wide{margin:.8rem 0}@media(max-width:30rem){h1{font-size:1.2rem}td,th{padding:.2rem .35rem;
+font-size:.85rem}.wide th{min-width:4.2rem}.wide img{max-width:none;width:44rem}}
 .loss{background:#fdf0e2;padding:.5rem 1rem}.answer{font-size:1.1rem}ul.loss{padding-left:2rem}
 @media print{body{font-size:10px;margin:0;max-width:none}.wide{overflow-x:visible}
 .wide table{overflow-wrap:anywhere}td{white-space:normal}td,th{padding:.1rem .3rem}}"""
@@ -46,6 +48,8 @@ def figure(drawn: Any) -> str:
     """Return a Plotly figure as a piece of `page`."""
     drawn.update_layout(template="plotly_white", margin={"l": 70, "r": 20, "t": 40, "b": 50})
     drawn.update_layout(legend={"orientation": "h", "y": 1.01, "yanchor": "bottom"})
+    # Keeps the words of the x axis away from the lowest of the y axis.
+    drawn.update_xaxes(ticks="outside", ticklen=7, tickcolor="#ddd")
     return str(drawn.to_html(full_html=False, include_plotlyjs=False))
 
 
@@ -92,6 +96,7 @@ def linked_bullets(items: Sequence[tuple[str, Sequence[tuple[str, str]]]]) -> st
 
 
 def image(path: Path) -> str:
-    """Return a PNG picture, which becomes part of the page."""
+    """Return a PNG picture, which becomes part of the page and scrolls where it is narrow."""
     content = base64.b64encode(path.read_bytes()).decode()
-    return f"<img alt='{escape(path.stem)}' src='data:image/png;base64,{content}'>"
+    source = f"data:image/png;base64,{content}"
+    return f"<div class='wide'><img alt='{escape(path.stem)}' src='{source}'></div>"

@@ -264,7 +264,9 @@ def _estimates(bag: BagReader | None, drawn: bool) -> list[str]:
         if reason
     ]
     return [
-        paragraph(f"Drawn above, from {bag.path}. Where nothing is drawn, they are not valid."),
+        paragraph(
+            f"Drawn above, from {bag.path.name}. Where nothing is drawn, they are not valid."
+        ),
         bullets(reasons, nothing="All of them are valid and without doubt."),
     ]
 
@@ -314,7 +316,7 @@ shapes:RECORDING.events.map(e=>({type:'line',x0:e[0],x1:e[0],y0:0,y1:1,yref:'pap
 line:{dash:'dot',color:'#888',width:1}})),annotations:[]};
 RECORDING.tracks.forEach((t,i)=>{const axis='yaxis'+(i?i+1:'');
 layout[axis]={domain:[1-(i+0.92)/rows,1-i/rows],fixedrange:true,title:{
-text:t.label.replace(' [','<br>['),font:{size:11}}}});
+text:t.label.replace(' [','<br>['),standoff:8,font:{size:11}}}});
 const traces=RECORDING.tracks.map((t,i)=>{const[x,y]=part(t,start,end);
 return{x,y,type:'scattergl',mode:'lines',line:{width:1,color:COLOURS[i%COLOURS.length]},
 xaxis:'x',yaxis:'y'+(i?i+1:''),name:t.name,connectgaps:false}});

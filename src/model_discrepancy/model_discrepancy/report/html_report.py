@@ -31,7 +31,9 @@ padding:0 1rem;color:#222}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
 body{overflow-wrap:break-word}.wide{overflow-x:auto}
 table{border-collapse:collapse;overflow-wrap:normal}td,th{padding:.2rem .8rem;\
-border-bottom:1px solid #ddd;text-align:left}"""
+border-bottom:1px solid #ddd;text-align:left}
+@media(max-width:30rem){h1{font-size:1.2rem}td,th{padding:.2rem .35rem;font-size:.85rem;\
+min-width:5rem}.wide img{max-width:none;width:44rem}}"""
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -320,8 +322,8 @@ def _parameters(table: dict[str, dict[str, Any]]) -> str:
 
 
 def image(data: str) -> str:
-    """Return a picture in base64 PNG as an element."""
-    return f"<img alt='' src='data:image/png;base64,{data}'>"
+    """Return a picture in base64 PNG as an element, which scrolls where the screen is narrow."""
+    return f"<div class='wide'><img alt='' src='data:image/png;base64,{data}'></div>"
 
 
 def html_list(lines: list[str]) -> str:

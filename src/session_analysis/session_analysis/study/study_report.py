@@ -159,7 +159,10 @@ def _reliability_parts(rows: Sequence[Row], whose: str, about: Mapping[str, Abou
     left_out = left_out_sentence(rows, SHOWN_QUANTITIES, whose)
     told = [paragraph(left_out, "loss")] if left_out else []
     if not body:
-        few = "Fewer than two visits: nothing is known of how well measures repeat."
+        few = (
+            "How well measures repeat is not known: that takes a subject with at least two visits "
+            "whose estimates are not doubtful."
+        )
         return [paragraph(few), *told]
     return [
         heading("How well measures repeat"),
