@@ -380,6 +380,8 @@ def explained(p: Plan, s: State, normal: np.ndarray) -> None:
 
     Parameters
     ----------
+    p, s
+        Plan and state of the estimator.
     normal
         Normal matrix of the memory under the model with the lowest corner.
     """

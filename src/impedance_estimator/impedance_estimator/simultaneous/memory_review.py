@@ -57,7 +57,7 @@ factors: a servo that gives way lets torque into the measured motion, whose yiel
 gained up to 180 and 340 without a mismatch; relaxation gained up to 40, as with a reference."""
 SHORTEST_HALF_MEMORY = 5.0
 """A half of the memory must be this long [s] to disagree with the other: a dozen perturbations."""
-KEPT = (0, GAINS - 1)
+K_AND_G_PLACES = (0, GAINS - 1)
 """K and G among the unknowns."""
 
 
@@ -205,7 +205,7 @@ def _matters(plain: Solution, wider: Solution, square: float) -> bool:
     """
     matters = (plain.left - wider.left) / square > UNREFERENCED_SHARE
     for k in range(2):
-        before, after = plain.unknowns[KEPT[k]], wider.unknowns[KEPT[k]]
+        before, after = plain.unknowns[K_AND_G_PLACES[k]], wider.unknowns[K_AND_G_PLACES[k]]
         moved = abs(after - before) / max(abs(before), 1e-6)
         matters = matters or moved > UNREFERENCED_CHANGES[k]
     return matters
@@ -234,11 +234,11 @@ def _halves_apart(p: Plan, s: State) -> float:
         if not known:
             return 0.0
         for k in range(2):
-            values[part_of_memory, k] = solution.unknowns[KEPT[k]]
-            variances[part_of_memory, k] = solution.covariance[KEPT[k], KEPT[k]]
+            values[part_of_memory, k] = solution.unknowns[K_AND_G_PLACES[k]]
+            variances[part_of_memory, k] = solution.covariance[K_AND_G_PLACES[k], K_AND_G_PLACES[k]]
     apart = 0.0
     for k in range(2):
-        scatter = max(s.scatter[c.model, KEPT[k]], 1.0)
+        scatter = max(s.scatter[c.model, K_AND_G_PLACES[k]], 1.0)
         error = np.sqrt(c.variance * scatter * (variances[0, k] + variances[1, k]))
         apart = max(apart, abs(values[0, k] - values[1, k]) / error)
     return apart

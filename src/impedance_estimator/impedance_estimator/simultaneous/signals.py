@@ -162,6 +162,8 @@ def decimated_signals(p: Plan, s: State, at: int, rectified_at: int) -> None:
 
     Parameters
     ----------
+    p, s
+        Plan and state of the estimator.
     at, rectified_at
         Places of the newest sample in the raw and in the rectified histories.
     """
