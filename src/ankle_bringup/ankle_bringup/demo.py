@@ -249,7 +249,7 @@ def imperfect_rig(out: Path, seed: int, result: Result, console: Console) -> Non
     """Estimate a simulated rig with faults live, without and with calibration."""
     for found in show_calibration(out / "imperfect_rig", seed, console):
         result.require(
-            found.nearer,
+            found.holds,
             f"{found.symbol} on a rig with faults, calibrated",
             found.calibrated.against(found.truth),
             f"true: {found.truth:.3g} {found.unit}; without calibration: "

@@ -30,6 +30,7 @@ from ankle_physics.rig_file import RigFile
 from calibration.errors import CalibrationError
 from calibration.rig_calibration import calibrate_rig, described
 from calibration.session_calibration import calibrate_session, require_gain
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.recording.recording import Recording
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.rig_calibration import DURATION, RigCalibration
@@ -37,6 +38,8 @@ from perturbation_generator.settings import Settings
 from session_recorder.bag_reader import BagReader
 
 CALIBRATED = f"calibrated/{IMPEDANCE_ESTIMATE.name}"
+# Standard errors that hold the truth in 95 % of estimates.
+NORMAL_BAND = 1.96
 """Topic of the estimator that has both files."""
 ONE_MORE_READER = (
     "perturbation_generator.wait_for_readers=4",
@@ -99,9 +102,15 @@ class Comparison:
     calibrated: LastEstimate
 
     @property
-    def nearer(self) -> bool:
-        """Tell whether the calibrated estimate is nearer to the truth."""
-        return abs(self.calibrated.value - self.truth) < abs(self.without.value - self.truth)
+    def holds(self) -> bool:
+        """Tell whether the truth lies where the calibrated estimate states it, without a doubt.
+
+        Without calibration an estimate may be right by accident, so that the calibrated one need
+        not be nearer.
+        """
+        error = abs(self.calibrated.value - self.truth)
+        stated = NORMAL_BAND * self.calibrated.standard_error
+        return error < stated and self.calibrated.doubt < DOUBT_THRESHOLD
 
 
 @dataclass(frozen=True)
