@@ -151,7 +151,7 @@ def _rivals(
             replace(
                 t,
                 by_chance=null.threshold(t.name),
-                preceding_gain=preceding_gain(fitter, without, t),
+                preceding_gain=preceding_gain(fitter, t),
             )
             for t in trials
             if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score

@@ -29,8 +29,8 @@ DISPLACING_GAIN = 0.1
 # Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
 # equation of a larger one, it seems.
 REFINEMENT = 0.05
-# A term that follows slow torque must gain this share of it with what the muscles held before each
-# movement, too. On the independent rig effects that follow torque gained 0.25 to 0.9 so, and those
+# A term that follows slow torque must gain this share of it from what the muscles held before each
+# movement. On the independent rig effects that follow torque gained 0.25 to 0.9 so, and those
 # that seemed to, in five recordings with a reflex that varies, 0.12 and less.
 MIN_PRECEDING_RATIO = 0.2
 # Where the movement is continuous and no EMG was recorded, nothing tells what the muscles held
@@ -65,8 +65,9 @@ class Trial:
     displaced
         "term.symbol" of parts of the base model that vanish with it and did not without it.
     preceding_gain
-        Of a term that follows slow torque: the gain with what the muscles held before each
-        movement. None for other terms, and where this is not known.
+        Of a term that follows slow torque: what it gains from what the muscles held before each
+        movement, compared with their mean torque. None for other terms, and where this is not
+        known.
     """
 
     name: str
@@ -205,7 +206,8 @@ def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: 
     gain
         Share of the whitened error that it takes off.
     preceding_gain
-        The same with what the muscles held before each movement; None where this is not known.
+        Share that it takes off with what the muscles held before each movement, compared with
+        their mean torque; None where this is not known.
     by_chance
         Gain that it would exceed by chance.
     """

@@ -49,32 +49,37 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
         by_chance=by_chance,
         torque_share=float(changed),
         displaced=displaced(current, trial.fit),
-        preceding_gain=preceding_gain(fitter, current, trial),
+        preceding_gain=preceding_gain(fitter, trial),
     )
 
 
-def preceding_gain(fitter: Fitter, current: Fit, trial: Trial) -> float | None:
-    """Return what a term that follows slow torque takes off with what the muscles held before each
-    movement; None for other terms, and where this is not known.
+def preceding_gain(fitter: Fitter, trial: Trial) -> float | None:
+    """Return what a term that follows slow torque gains from what the muscles held before each
+    movement, compared with their mean torque; None for other terms, and where this is not known.
+
+    With the mean torque alone such a term is another reflex or another stiffness, which may stand
+    in for one that is missing.
     """
     if not term_library()[trial.name].follows_torque:
         return None
-    errors = preceding_errors(fitter, current, trial.fit)
+    errors = preceding_errors(fitter, trial.fit)
     return None if errors is None else 1.0 - errors[1] / errors[0]
 
 
-def preceding_errors(fitter: Fitter, current: Fit, fit: Fit) -> tuple[float, float] | None:
-    """Return the whitened sums of squares of a model and of one with a further term, both refitted
-    with what the muscles held before each movement in the place of slow torque; None where this is
-    not known.
+def preceding_errors(fitter: Fitter, fit: Fit) -> tuple[float, float] | None:
+    """Return the whitened sums of squares of a model, refitted with the muscles' mean torque and
+    with what they held before each movement in the place of slow torque; None where this is not
+    known.
     """
     preceding = fitter.motion.preceding
     if preceding is None:
         return None
-    before = fitter.along(replace(fitter.motion, activation=preceding))
+    mean = np.full_like(preceding, float(np.mean(preceding)))
     old, new = (
-        before.fit(one.terms, one.values, evaluations=PRECEDING_EVALUATIONS).score
-        for one in (current, fit)
+        fitter.along(replace(fitter.motion, activation=activation))
+        .fit(fit.terms, fit.values, evaluations=PRECEDING_EVALUATIONS)
+        .score
+        for activation in (mean, preceding)
     )
     return old, new
 

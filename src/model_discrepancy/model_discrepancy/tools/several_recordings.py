@@ -219,12 +219,12 @@ def _accepted(
 
 
 def _preceding_gain(members: Sequence[Member], fits: Sequence[Fit]) -> float | None:
-    """Return the joint gain with what the muscles held before each movement; None where that is
+    """Return the joint gain from what the muscles held before each movement; None where that is
     not known of every recording.
     """
     old, new = 0.0, 0.0
     for member, fit in zip(members, fits, strict=True):
-        errors = preceding_errors(member.problem.fitter, member.fit, fit)
+        errors = preceding_errors(member.problem.fitter, fit)
         if errors is None:
             return None
         old, new = old + errors[0], new + errors[1]
