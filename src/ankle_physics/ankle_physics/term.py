@@ -174,6 +174,10 @@ class Term(ABC):
     generalises
         Terms that are special cases of this one. It fits at least as well as they do by having more
         parameters, so it is chosen only where it does better than chance beyond them.
+    usual
+        Whether every rig with a person in it has this effect to some degree. Where a recording
+        needs several terms, so that no equation is exact, and terms fit it about equally well, a
+        usual one is more probable than the others.
     of_joint
         Name of the joint to which ranges and units were brought; empty for the ankle's, as written.
     resolved_by_duration
@@ -196,6 +200,7 @@ class Term(ABC):
     rest_torque: ClassVar[str] = ""
     generalises: ClassVar[tuple[str, ...]] = ()
     resolved_by_duration: ClassVar[str] = ""
+    usual: ClassVar[bool] = False
     of_joint: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:

@@ -2,12 +2,15 @@
 sampling rate.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit.base_model import fit_base
+from model_discrepancy.fit.base_model import fit_base, has_joint
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded
 from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
@@ -42,6 +45,19 @@ def test_base_parameters_come_back(rate, velocity):
         assert fit.values[name][symbol] == pytest.approx(JOINT[name][symbol], rel=tolerance)
         assert 0 < fit.errors[name][symbol] < 2.5 * tolerance * JOINT[name][symbol]
     assert fit.at_bounds == ()
+
+
+def test_a_fit_leaves_the_joint_a_plausible_inertia():
+    for joint in ("ankle", "wrist"):
+        with JointProfile.load(joint).in_force():
+            lowest, _ = joint_in_force().inertia_range
+            low, high = ranges([("inertia", "I"), ("stiffness", "K")])
+            assert low.tolist() == [lowest, 0.0]
+            assert high[0] > lowest
+    low, _ = joint_in_force().inertia_range
+    assert not has_joint(SimpleNamespace(values={"inertia": {"I": low}}))
+    assert has_joint(SimpleNamespace(values={"inertia": {"I": 2.0 * low}}))
+    assert has_joint(SimpleNamespace(values={"stiffness": {"K": 80.0}}))
 
 
 def test_standard_errors_agree_with_a_bootstrap_over_blocks():

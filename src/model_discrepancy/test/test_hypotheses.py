@@ -1,5 +1,6 @@
 """The search follows a second candidate that did about as well as the one that it chose."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -97,6 +98,38 @@ def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, n
     assert len(found) == names
     first = "short_range_stiffness" if names == 1 else "maxwell_relaxation"
     assert found[0].trial.name == first
+
+
+@pytest.mark.parametrize(
+    ("left", "first"), [(34.0, "fixation_compliance"), (36.0, "maxwell_relaxation")]
+)
+def test_what_every_rig_has_is_preferred_where_it_is_not_behind(monkeypatch, left, first):
+    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), left)
+    assert Scripted().best().found.effects[0].trial.name == first
+
+
+def test_straps_are_not_preferred_to_a_model_of_two_terms(monkeypatch):
+    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.delitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"))
+    monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 35.5)
+    assert Scripted().best().found.effects[0].trial.name == "maxwell_relaxation"
+
+
+def test_a_model_that_leaves_the_joint_no_inertia_loses_to_one_that_does(monkeypatch):
+    monkeypatch.setattr(
+        hypotheses, "has_joint", lambda fit: fit.terms[:1] != ("short_range_stiffness",)
+    )
+    best = Scripted().best()
+    assert best.found.effects[0].trial.name == "maxwell_relaxation"
+
+
+def test_a_term_that_takes_the_joints_inertia_is_not_accepted():
+    taking = Trial("plate_appendage", None, 0.6, (0.6, 0.6), -1.0, torque_share=1.0)
+    assert taking.accepted
+    assert not replace(taking, takes_joint=True).accepted
 
 
 @pytest.mark.parametrize(("gain", "accepted"), [(0.5, True), (0.5 * DISPLACING_GAIN, False)])

@@ -10,7 +10,7 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import term_search
-from model_discrepancy.search.exchange import better_rival, exchange, second_effect
+from model_discrepancy.search.exchange import better_rival, exchange, second_effect, specialise
 from model_discrepancy.search.found import Effect, Found, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import special_cases
@@ -36,6 +36,29 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
     exchange(fitter, found, grids, null, rows.gain(), lambda _: None)
     assert [effect.trial.name for effect in found.effects] == ["maxwell_relaxation"]
     assert found.final.score < 0.9 * score
+
+
+@pytest.mark.parametrize(
+    ("chance", "left"), [(0.01, "fixation_compliance"), (-0.01, "stiffening_fixation")]
+)
+def test_a_general_term_gives_way_to_its_special_case_where_it_gains_as_little_as_by_chance(
+    chance, left
+):
+    planted = {
+        "fixation_compliance": {"k_s": 700.0, "b_s": 1.0},
+        "footplate_inertia": {"Ip": 0.005},
+    }
+    problem = prepare(simulate_trial(planted, seed=3, duration=30.0))
+    fitter, base = problem.fitter, problem.base
+    trial = refitted(
+        *(fitter, base, "stiffening_fixation"),
+        {**base.values, "stiffening_fixation": {"k_s": 800.0, "b_s": 1.0, "curvature": 5.0}},
+    )
+    found = Found(base, trial.fit, effects=[Effect(trial, errors=None)])
+    specialise(fitter, found, SimpleNamespace(threshold=lambda name: chance))
+    assert found.effects[0].trial.name == left
+    assert left in found.final.terms
+    assert found.final.values[left]["k_s"] == pytest.approx(700.0, rel=0.05)
 
 
 SECOND = Trial(

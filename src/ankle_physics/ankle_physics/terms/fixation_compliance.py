@@ -27,6 +27,7 @@ class FixationCompliance(CompliantCoupling):
     family = "resonance in the load path"
     separated_by = "fast pulses with the foot out of the plate"
     companions = ("footplate_inertia",)
+    usual = True
     sentence = (
         "The straps and the sole give way, so that the foot moves less than the footplate "
         "and rings on it."

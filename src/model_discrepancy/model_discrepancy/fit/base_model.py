@@ -7,13 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from ankle_physics.model import PAPER_TERMS
+from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parameter_scale import plausible, to_unit
 
 # The term whose smallest values say no more than how well two channels are aligned.
 ALIGNMENT = "channel_skew"
 # An alignment of less than half a sample is worth its parameter when BIC falls by this much.
 ALIGNMENT_BIC = 50.0
+# A joint whose inertia lies so low in its plausible range, 0...1 (logarithmic), has lost it to
+# something else: a part that swings beside the foot, or a mode of the sensor. An adult's foot has
+# four times the lower end (0.33), a child's of ten years about twice (0.16).
+LEAST_INERTIA_PLACE = 0.1
 # Starts of the base fit: its delay and muscle speed have several minima.
 BASE_STARTS = tuple(
     {"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0)
@@ -58,6 +64,14 @@ def is_alignment(fitter: Fitter, fit: Fit) -> bool:
         ALIGNMENT in fit.terms
         and abs(fit.values[ALIGNMENT]["skew"]) <= 0.5 * fitter.columns.motion.sample_time
     )
+
+
+def has_joint(fit: Fit) -> bool:
+    """Say whether a model leaves the joint a plausible inertia; true where it has no such term."""
+    if "inertia" not in fit.values:
+        return True
+    inertia = plausible("inertia", term_library()["inertia"].parameter("I"))
+    return to_unit(inertia, max(fit.values["inertia"]["I"], inertia.lower)) > LEAST_INERTIA_PLACE
 
 
 def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:

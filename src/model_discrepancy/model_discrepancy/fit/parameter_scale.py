@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Column
 
@@ -17,6 +19,18 @@ _LOG_RATIO = 8.0
 UNIT_STEP = 1e-4
 # Of "at the bound", in units of the scaled range 0...1: what a search of this tolerance leaves.
 _BOUND_MARGIN = 2e-3
+
+
+def plausible(name: str, parameter: Parameter) -> Parameter:
+    """Return a parameter of a term with the range that a fit keeps to.
+
+    The inertia stays plausible for the joint: neither a part that swings beside the foot nor a
+    mode of the sensor may take the foot's place.
+    """
+    if name != "inertia":
+        return parameter
+    lowest, _ = joint_in_force().inertia_range
+    return replace(parameter, lower=lowest)
 
 
 def nonlinear(names: Sequence[str]) -> list[tuple[str, Parameter]]:
@@ -36,7 +50,7 @@ def searched(names: Sequence[str]) -> list[tuple[str, Parameter]]:
     """
     coupled = any(issubclass(term_library()[name], CompliantCoupling) for name in names)
     foot = [
-        (name, p)
+        (name, plausible(name, p))
         for name in names
         if coupled and name in FOOT_IMPEDANCE
         for p in term_library()[name].parameters
@@ -62,7 +76,9 @@ def from_unit(parameter: Parameter, unit: float) -> float:
 
 def ranges(columns: Iterable[Column]) -> tuple[np.ndarray, np.ndarray]:
     """Return lower and upper ends of the linear parameters of these columns."""
-    parameters = [term_library()[name].parameter(symbol) for name, symbol in columns]
+    parameters = [
+        plausible(name, term_library()[name].parameter(symbol)) for name, symbol in columns
+    ]
     return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
 
 
@@ -86,9 +102,10 @@ def at_bounds(values: Start) -> tuple[str, ...]:
     """Return the names of fitted parameters at a bound of their range."""
     found = []
     for name, given in values.items():
-        for p in term_library()[name].parameters:
-            if not p.fitted:
+        for stated in term_library()[name].parameters:
+            if not stated.fitted:
                 continue
+            p = plausible(name, stated)
             unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
             width = 1e-9 if p.linear else _BOUND_MARGIN
             if unit <= width or unit >= 1.0 - width:

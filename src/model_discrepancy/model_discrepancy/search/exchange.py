@@ -193,6 +193,36 @@ def _excluded(
     return reasons
 
 
+def specialise(fitter: Fitter, found: Found, null: Null) -> None:
+    """Put the special case of a general term in its place, where the general one takes off no more
+    than by chance beyond it: beside the terms that were found later it may not be needed.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    found
+        With the final model; changed.
+    null
+        What each term gains by chance.
+    """
+    library = term_library()
+    for effect in found.effects:
+        general, final = effect.trial, found.final
+        for name in library[general.name].generalises:
+            symbols = [parameter.symbol for parameter in library[name].parameters]
+            values = final.values[general.name]
+            if not set(symbols) <= set(values):
+                continue
+            terms = [name if term == general.name else term for term in final.terms]
+            start = {**final.values, name: {symbol: values[symbol] for symbol in symbols}}
+            special = fitter.fit(terms, start, evaluations=15)
+            if 1.0 - final.score / special.score < null.threshold(general.name):
+                effect.trial = replace(general, name=name, fit=special)
+                found.final = special
+                break
+
+
 def exchange(
     fitter: Fitter,
     found: Found,

@@ -68,6 +68,8 @@ class Trial:
         Of a term that follows slow torque: what it gains from what the muscles held before each
         movement, compared with their mean torque. None for other terms, and where this is not
         known.
+    takes_joint
+        Whether it leaves the joint hardly any inertia, and more was left without it.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Trial:
     torque_share: float = 0.0
     displaced: tuple[str, ...] = ()
     preceding_gain: float | None = None
+    takes_joint: bool = False
 
     @property
     def _follows_torque(self) -> bool:
@@ -94,12 +97,13 @@ class Trial:
     @property
     def accepted(self) -> bool:
         """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough, also for
-        what it displaces.
+        what it displaces; and whether the joint keeps a plausible inertia.
         """
         return (
             self.exceeds_chance
             and min(self.held_out) > 0.0
             and self.torque_share > LEAST_TERM_SHARE
+            and not self.takes_joint
             and (not self.displaced or self.gain > DISPLACING_GAIN or self._follows_torque)
         )
 

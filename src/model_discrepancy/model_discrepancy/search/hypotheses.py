@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ankle_physics.term import term_library
-from model_discrepancy.fit.base_model import align, bic_change
+from model_discrepancy.fit.base_model import align, bic_change, has_joint
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
@@ -104,6 +104,11 @@ class Hypothesis:
     forks: list[Fork] = field(default_factory=list)
     first: list[Trial] = field(default_factory=list)
 
+    @property
+    def plausible(self) -> bool:
+        """Tell whether the model leaves the joint a plausible inertia."""
+        return has_joint(self.current)
+
 
 class Hypotheses:
     """Follows hypotheses about one recording.
@@ -149,10 +154,37 @@ class Hypotheses:
             self._add(other, fork.trial)
             self._follow(other, leading=best)
             forks = [*(one for one in forks if one is not fork), *other.forks]
-            if bic_change(self._fitter, best.current, other.current) < 0.0:
+            if self._preferred(other, best):
                 best = other
+        best = self._usual(first.first, best)
         alone = self._alone(first.first, best)
         return alone if alone is not None else best
+
+    def _preferred(self, other: Hypothesis, best: Hypothesis) -> bool:
+        """Say whether another hypothesis leaves a plausible joint where the best one does not, or
+        has the lesser BIC.
+        """
+        if other.plausible != best.plausible:
+            return other.plausible
+        return bic_change(self._fitter, best.current, other.current) < 0.0
+
+    def _usual(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis:
+        """Return the hypothesis that begins with a usual term where it is not behind the best one.
+
+        Each of several terms stands in for a part of the others, so that an error that is smaller
+        by some per cent does not tell that an unusual part of a rig is there, and straps are not.
+        """
+        library, effects = term_library(), best.found.effects
+        usual = [t for t in first if library[t.name].usual and not _needless(t, first)]
+        if len(effects) < LEAST_TERMS_FORKED or library[effects[0].trial.name].usual or not usual:
+            return best
+        trial = min(usual, key=lambda trial: trial.fit.score)
+        self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
+        other = Hypothesis(Found(self._base, self._base), self._base)
+        self._add(other, trial)
+        self._follow(other)
+        near = other.current.score < BEHIND_RATIO * best.current.score
+        return other if near or self._preferred(other, best) else best
 
     def _alone(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis | None:
         """Return the hypothesis that begins with the one term that explains as much alone as the

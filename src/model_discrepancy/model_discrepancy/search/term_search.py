@@ -17,7 +17,7 @@ from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
-from model_discrepancy.search.exchange import exchange, name_second_effect
+from model_discrepancy.search.exchange import exchange, name_second_effect, specialise
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
@@ -67,6 +67,7 @@ def search(
             {**base.values, ALIGNMENT: current.values[ALIGNMENT]},
             evaluations=20,
         )
+    specialise(fitter, found, null)
     exchange(fitter, found, grids, null, yardstick, progress)
     progress("scoring on unseen data")
     found.base_held_out = held_out(fitter, found.base)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
-from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.base_model import bic_change, has_joint
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import interleaved
@@ -49,6 +49,7 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
         by_chance=by_chance,
         torque_share=float(changed),
         displaced=displaced(current, trial.fit),
+        takes_joint=has_joint(current) and not has_joint(trial.fit),
         preceding_gain=preceding_gain(fitter, trial),
     )
 
