@@ -1,13 +1,17 @@
 """Concealed effects are named, nothing is named where nothing is missing, and the files say so."""
 
 import json
+import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.report.html_report import explained, headline
+from model_discrepancy.report.verdict import Verdict
 from simulation_study.planted_trials import simulate_trial
 
 RIVALS = (
@@ -37,6 +41,32 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
     assert abs(content["fit"]["baseline_vaf_holdout"] - high) < 1.0
     assert "no structure is left" in (tmp_path / "report.html").read_text()
     assert not diagnosis.criticism.before.significant
+
+
+def test_the_headline_of_a_report_names_the_first_effects_and_counts_the_others():
+    effect = {
+        "name": "fixation_compliance",
+        "stated": "resonance in the load path",
+        "probability": 0.5,
+        "family_probability": 0.57,
+    }
+    sure = {**effect, "stated": effect["name"], "probability": 0.88}
+    verdict = Verdict("explained", [sure, *(effect for _ in range(4))])
+    text = headline(SimpleNamespace(verdict=verdict))
+    assert "fixation compliance (probability 0.88)" in text
+    assert text.count("resonance in the load path (family, probability 0.57)") == 2
+    assert "2 more below" in text
+    few = headline(SimpleNamespace(verdict=Verdict("unexplained", [effect])))
+    assert "not in the library" in few
+    assert "more" not in few
+
+
+def test_a_report_says_how_much_torque_is_explained_on_data_that_were_not_fitted():
+    fit = {"baseline_vaf_holdout": 91.0, "augmented_vaf_holdout": 96.3, "ceiling_vaf": 97.2}
+    assert re.findall(r"[\d.]+ %", explained(fit)) == ["91.0 %", "96.3 %", "97.2 %"]
+    alone = explained({**fit, "augmented_vaf_holdout": 91.0})
+    assert re.findall(r"[\d.]+ %", alone) == ["91.0 %", "97.2 %"]
+    assert explained({}) == ""
 
 
 @pytest.mark.parametrize(

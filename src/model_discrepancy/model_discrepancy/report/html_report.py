@@ -36,31 +36,50 @@ border-bottom:1px solid #ddd;text-align:left}
 min-width:5rem}.wide img{max-width:none;width:44rem}}"""
 
 
+# Names in the headline; the table below holds all of them.
+_NAMES_IN_HEADLINE = 3
+
+
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     verdict = diagnosis.verdict
-    fit = verdict.fit
     if verdict.verdict == "bad_recording":
         return f"This recording cannot be used: {verdict.reasons[0]}."
-    numbers = (
-        f"{fit['baseline_vaf_holdout']:.1f} % of the torque on unseen data (explainable: "
-        f"about {fit['ceiling_vaf']:.1f} %)"
-    )
     if verdict.verdict == "no_mismatch":
-        return f"The base model is enough: it explains {numbers}, and no structure is left."
-    names = ", ".join(_stated(e) for e in verdict.effects)
+        return "The base model is enough: no structure is left."
     if verdict.verdict == "unexplained":
-        partly = f" {names} account for a part of it only." if names else ""
-        return f"The base model explains {numbers}; what is missing is not in the library.{partly}"
-    sure, tentative = (
-        ", ".join(_stated(e) for e in verdict.effects if e["tentative"] == kind)
-        for kind in (False, True)
-    )
-    named = " and, tentatively, ".join(part for part in (sure, tentative) if part)
+        partly = (
+            f" {_listed(verdict.effects)} would explain a part of it only."
+            if verdict.effects
+            else ""
+        )
+        return f"Physics is missing in the base model that is not in the library.{partly}"
+    return f"Physics is missing in the base model: {_listed(verdict.effects)}."
+
+
+def explained(fit: dict[str, Any]) -> str:
+    """Return in one sentence how much of the torque both models explain.
+
+    Parameters
+    ----------
+    fit
+        As the verdict holds it; empty where the recording was not fitted.
+    """
+    if not fit:
+        return ""
+    base, augmented = fit["baseline_vaf_holdout"], fit["augmented_vaf_holdout"]
+    found = f", with what was found {augmented:.1f} %" if augmented != base else ""
     return (
-        f"The base model leaves out {named}: it explains {numbers}, with them "
-        f"{fit['augmented_vaf_holdout']:.1f} %."
+        f"On data that were not used for the fit, the base model explains {base:.1f} % of the "
+        f"torque's variance{found}. About {fit['ceiling_vaf']:.1f} % can be explained at all."
     )
+
+
+def _listed(effects: list[dict[str, Any]]) -> str:
+    """Return the first few names with their probabilities, and how many more there are."""
+    names = [_stated(effect) for effect in effects[:_NAMES_IN_HEADLINE]]
+    more = len(effects) - len(names)
+    return "; ".join([*names, *([f"{more} more below"] if more else [])])
 
 
 def _stated(effect: dict[str, Any]) -> str:
@@ -70,12 +89,14 @@ def _stated(effect: dict[str, Any]) -> str:
     by_name = effect["stated"] == effect["name"]
     chance = effect["probability"] if by_name else effect["family_probability"]
     word = effect["stated"].replace("_", " ")
-    return f"{word if by_name else 'a term of the family ' + word} ({100 * chance:.0f} %)"
+    return f"{word} ({'' if by_name else 'family, '}probability {chance:.2f})"
 
 
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
     """Write the report."""
-    parts = [f"<h1>{escape(headline(diagnosis))}</h1>", f"<p>{escape(_about(diagnosis))}</p>"]
+    lines = (explained(diagnosis.verdict.fit), _about(diagnosis))
+    parts = [f"<h1>{escape(headline(diagnosis))}</h1>"]
+    parts += [f"<p>{escape(line)}</p>" for line in lines if line]
     if diagnosis.found is not None:
         parts += _sections(diagnosis)
     else:
