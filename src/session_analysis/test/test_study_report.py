@@ -162,6 +162,8 @@ def test_what_an_import_assumed_stands_in_the_report(study):
     assert len(assumed) > 1, assumed
     text = report(rows, study.folder, about=about)
     assert "assumed: the columns are " in text
+    assert "--positive" not in text
+    assert any('add "positive": "plantarflexion" to ' in sentence for sentence in assumed)
     assert all(escape(sentence) in text for sentence in assumed)
     stated = {"columns": {"t[s]": "Time (s)", "position[rad]": "Ankle Angle",
                           "torque[N.m]": "Torque"}, "torque_sign": "rig"}  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,6 +35,8 @@ RESULTS_FILE = "results.json"
 PERCENT = 100.0
 IMPORT_EXAMPLE = '{"section": "2", "columns": {"position[deg]": "Angle"}, "torque_sign": "rig"}'
 """What a sidecar file says of a file of another system."""
+
+_DIRECTION_OPTION = re.compile(r"--positive (\w+)")
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,19 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> tuple[list[Row], d
     return rows, {"measured": measured, "assumed": assumed}
 
 
+def as_sidecar_keys(sentence: str, sidecar: str) -> str:
+    """Return a sentence that advises an option of 'ankle import' with the key of a sidecar file.
+
+    Parameters
+    ----------
+    sentence
+        As an importer says it.
+    sidecar
+        Name of the file that states how a recording of the study is read.
+    """
+    return _DIRECTION_OPTION.sub(rf'"positive": "\1" to {sidecar}', sentence)
+
+
 def imported_bag(derived: Path) -> Path:
     """Return where the bag of a recording stands that was imported from a file."""
     return derived / "imported"
@@ -174,7 +190,7 @@ def _imported(entry: Entry, derived: Path, stated: dict[str, Any]) -> tuple[Path
         positive = positive or proposal.positive
         taken = ", ".join(f"{name} = {column}" for name, column in columns.items())
         assumed = [f"the columns are {taken}; torque sign: {sign or 'no torque'}"]
-        assumed += proposal.doubts
+        assumed += [as_sidecar_keys(doubt, entry.sidecar.name) for doubt in proposal.doubts]
     report = import_recording(
         table,
         imported_bag(derived),
