@@ -56,7 +56,11 @@ def test_a_token_opens_another_address_and_nothing_else_does(tmp_path):
                 await session.ws_connect(
                     laboratory.url("/ws?role=operator"), headers={"Cookie": cookie}
                 )
-        assert (await enter(session, "wrong"))[0] == 403
+        async with session.post(laboratory.url("/enter"), data={"token": "wrong"}) as answer:
+            page = await answer.text()
+            assert answer.status == 403
+            assert "That token is wrong" in page
+            assert page.index("That token is wrong") < page.index('name="token"')
         status, cookie = await enter(session, token)
         assert status == 303
         assert token not in cookie

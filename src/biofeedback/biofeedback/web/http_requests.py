@@ -24,6 +24,10 @@ from biofeedback.web.access import COOKIE, OPERATOR, ROLES, Access
 
 ENTER_PAUSE = 1.0
 """[s] Pause after a wrong token: with 96 bits, guessing is hopeless at this rate."""
+_BEFORE_FIELD = b"<label>"
+_WRONG_TOKEN = (
+    b'<p class="wrong" role="alert">That token is wrong. Copy all of it, without a space.</p>\n    '
+)
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; connect-src 'self'; img-src 'self' data:; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
@@ -108,7 +112,14 @@ class HttpRequests:
         found = self._access.enter(str((await request.post()).get("token", "")))
         if found is None:
             await asyncio.sleep(ENTER_PAUSE)
-            return web.Response(status=403, text="The token is wrong.\n", headers=HEADERS)
+            again = self._files["enter.html"].replace(_BEFORE_FIELD, _WRONG_TOKEN + _BEFORE_FIELD)
+            return web.Response(
+                status=403,
+                body=again,
+                content_type=_KINDS["html"],
+                charset="utf-8",
+                headers=HEADERS,
+            )
         role, key = found
         target = "/operator" if role == OPERATOR else "/"
         answer = web.Response(status=303, headers={**HEADERS, "Location": target})
