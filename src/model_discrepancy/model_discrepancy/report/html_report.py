@@ -83,13 +83,13 @@ def _listed(effects: list[dict[str, Any]]) -> str:
 
 
 def _stated(effect: dict[str, Any]) -> str:
-    """Return the name, or the family where its members could not be told apart, with its
-    probability.
+    """Return the name, or the family and its likeliest member where the members could not be told
+    apart, with its probability.
     """
-    by_name = effect["stated"] == effect["name"]
-    chance = effect["probability"] if by_name else effect["family_probability"]
-    word = effect["stated"].replace("_", " ")
-    return f"{word} ({'' if by_name else 'family, '}probability {chance:.2f})"
+    name, stated = (effect[key].replace("_", " ") for key in ("name", "stated"))
+    if stated == name:
+        return f"{name} (probability {effect['probability']:.2f})"
+    return f"{stated} such as {name} (probability {effect['family_probability']:.2f})"
 
 
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
