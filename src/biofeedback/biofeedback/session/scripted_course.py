@@ -80,8 +80,9 @@ class ScriptedCourse(ScriptedSession):
                 if open_checks := [
                     check for check in state["checks"] if check["state"] not in ("done", "skipped")
                 ]:
-                    # A rig that is still starting sends no samples that could be measured.
-                    if content["torque_quality"] == GOOD or self._ready_at is None:
+                    # A rig or an amplifier that is still starting sends nothing to measure.
+                    measured = content["torque_quality"] == content["quality"] == GOOD
+                    if measured or self._ready_at is None:
                         await self._check(page, open_checks[0], content["now"])
                     continue
                 asked = await self._lead(page, state, content, asked)
