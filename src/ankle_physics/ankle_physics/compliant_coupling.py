@@ -173,7 +173,9 @@ class FootLoop:
             window = _slice(signals, start, stop)
             values = [_part(entry.values, start, stop) for entry in (self._coupling, *self._terms)]
             self._prepare(window, drive[:, start:stop], given[start:stop], values)
-            parts, rounds = self._solve(window, drive[:, start:stop], given[start:stop], values)
+            # A window that does not converge runs away; it is halved.
+            with np.errstate(over="ignore", invalid="ignore"):
+                parts, rounds = self._solve(window, drive[:, start:stop], given[start:stop], values)
             if parts is None:
                 if stop - start == 1:
                     raise ModelError(

@@ -122,7 +122,14 @@ def bursts(n: int, rate: float, generator: np.random.Generator) -> np.ndarray:
     return out
 
 
-def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> Course:
+def course(
+    setup: Setup,
+    onsets: np.ndarray,
+    n: int,
+    rate: float,
+    seed: int,
+    task: np.ndarray | float = 0.0,
+) -> Course:
     """Return momentary values of a trial.
 
     Parameters
@@ -135,11 +142,13 @@ def course(setup: Setup, onsets: np.ndarray, n: int, rate: float, seed: int) -> 
         Steps and steps per second [Hz].
     seed
         Each influence has its own stream, so that switching one on leaves the others as they were.
+    task
+        Torque that the subject is asked to hold beside its level [N.m], shape (n,) or one number.
     """
     streams = _Streams(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(10)))
     c = setup.courses
     t = np.arange(n) / rate
-    fluctuation = _fluctuation(c, n, rate, streams)
+    fluctuation = _fluctuation(c, n, rate, streams) + task
     steady = c.torque_level + fluctuation
     voluntary = steady
     if c.tremor_rms > 0:

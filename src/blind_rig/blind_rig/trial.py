@@ -53,6 +53,24 @@ class Trial(NamedTuple):
     seed: int
 
 
+class Movement(NamedTuple):
+    """Holds a commanded movement at the simulation's rate, instead of a protocol.
+
+    Attributes
+    ----------
+    angle
+        About the operating angle [rad], shape (n,).
+    onsets
+        Times at which the plate begins to move [s].
+    task
+        Torque that the subject holds beside its level [N.m], shape (n,).
+    """
+
+    angle: np.ndarray
+    onsets: np.ndarray
+    task: np.ndarray
+
+
 class Run(NamedTuple):
     """Holds a trial as it went, at the simulation's rate [Hz]: drive's reference [rad], motion,
     courses, sensor signals without noise.
@@ -88,17 +106,36 @@ class Recording(NamedTuple):
     emg: np.ndarray
 
 
-def run(trial: Trial, seconds: float | None = None) -> Run:
-    """Simulate a trial, or its first `seconds` only."""
-    rate = trial.rate * STEPS_PER_SAMPLE[trial.rate]
+def simulation_rate(trial: Trial) -> float:
+    """Return the steps per second of a trial's simulation [Hz]."""
+    return trial.rate * STEPS_PER_SAMPLE[trial.rate]
+
+
+def run(trial: Trial, seconds: float | None = None, movement: Movement | None = None) -> Run:
+    """Simulate a trial, or its first `seconds` only.
+
+    Parameters
+    ----------
+    trial
+        Subject, rig and seeds.
+    seconds
+        Of the protocol; None for all of it.
+    movement
+        Instead of the protocol's.
+    """
+    rate = simulation_rate(trial)
     perturbation_seed, course_seed, mains_seed = (
         int(s) for s in np.random.SeedSequence(trial.seed).generate_state(3)
     )
-    angle, onsets = command(trial.protocol, np.random.default_rng(perturbation_seed), rate)
+    if movement is None:
+        angle, onsets = command(trial.protocol, np.random.default_rng(perturbation_seed), rate)
+        task: np.ndarray | float = 0.0
+    else:
+        angle, onsets, task = movement
     if seconds is not None:
         angle = angle[: round(seconds * rate)]
     momentary = course(
-        trial.setup, onsets[onsets < len(angle) / rate], len(angle), rate, course_seed
+        trial.setup, onsets[onsets < len(angle) / rate], len(angle), rate, course_seed, task
     )
     motion = simulate(
         trial.setup,

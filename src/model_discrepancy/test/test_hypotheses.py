@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from model_discrepancy.search import hypotheses
+from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
 from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
 from model_discrepancy.search.hypotheses import MOST_FORKS, Hypotheses
 
@@ -22,7 +23,9 @@ SCORES = {
 
 
 def fit_of(terms):
-    return SimpleNamespace(terms=terms, score=SCORES[terms], size=len(terms), values={})
+    return SimpleNamespace(
+        terms=terms, score=SCORES[terms], size=len(terms), values={}, at_bounds=()
+    )
 
 
 class Scripted(Hypotheses):
@@ -132,6 +135,12 @@ def test_a_term_that_takes_the_joints_inertia_is_not_accepted():
     assert not replace(taking, takes_joint=True).accepted
 
 
+def test_a_term_that_acts_in_few_stretches_is_not_accepted():
+    trial = Trial("reflex_threshold", None, 0.6, (0.6, 0.6), -1.0, torque_share=1.0)
+    assert replace(trial, stretches=FEWEST_STRETCHES).accepted
+    assert not replace(trial, stretches=FEWEST_STRETCHES - 1.0).accepted
+
+
 @pytest.mark.parametrize(("gain", "accepted"), [(0.5, True), (0.5 * DISPLACING_GAIN, False)])
 def test_a_small_term_may_not_do_away_with_the_joints_viscosity(gain, accepted):
     trial = Trial("saturating_damping", None, gain, (gain, gain), -1.0, torque_share=1.0)
@@ -142,3 +151,60 @@ def test_a_small_term_may_not_do_away_with_the_joints_viscosity(gain, accepted):
         displaced=("viscosity.B",),
     )
     assert displacing.accepted == accepted
+
+
+def test_a_rejected_candidate_does_not_hide_one_that_gains_less(monkeypatch):
+    gains = {"activation_reflex_gain": 0.30, "long_latency_reflex": 0.05, "tendon": 0.01}
+
+    def refitted(fitter, current, name, start, evaluations=12):
+        fit = SimpleNamespace(values={})
+        return Trial(name, fit, gains[name], (0.0, 0.0), -1.0, torque_share=1.0)
+
+    def judged(fitter, current, trial, by_chance):
+        followed = None if trial.name != "activation_reflex_gain" else 0.0
+        return replace(trial, held_out=(0.04, 0.04), by_chance=by_chance, preceding_gain=followed)
+
+    monkeypatch.setattr(hypotheses, "refitted", refitted)
+    monkeypatch.setattr(hypotheses, "judged", judged)
+    few = [SimpleNamespace(name=name, start={}, share=gain) for name, gain in gains.items()]
+    search = Hypotheses(None, None, None, None, None, lambda line: None)
+    current = SimpleNamespace(values={})
+    trials = search._refitted_and_judged(current, few, dict.fromkeys(gains, 0.02))
+    assert [t.name for t in trials] == list(gains)
+    assert [t.accepted for t in trials] == [False, True, False]
+
+
+def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkeypatch):
+    """Two minima of a relaxation, of which the one that the screening led to is the worse."""
+    gain_from = {0.1: 0.2, 0.2: 0.2, 1.0: 0.6}
+
+    def refitted(fitter, current, name, start, evaluations=12):
+        fit = SimpleNamespace(values=start)
+        return Trial(name, fit, gain_from[start[name]["T"]], (0.0, 0.0), -1.0)
+
+    def screen(fitter, current, points):
+        (tried,) = points.values()
+        shares = tuple((0.5 + 0.1 * point["T"], point) for point in tried)
+        return [SimpleNamespace(start=tried[-1], tried=shares)]
+
+    monkeypatch.setattr(hypotheses, "refitted", refitted)
+    monkeypatch.setattr(hypotheses, "screen", screen)
+    grids = SimpleNamespace(whole=lambda name: [{"T": 0.1}, {"T": 0.2}, {"T": 1.0}])
+    search = Hypotheses(None, None, None, grids, None, lambda line: None)
+    current = SimpleNamespace(values={})
+    first = refitted(None, current, "maxwell_relaxation", {"maxwell_relaxation": {"T": 0.1}})
+    kept = search._refitted_to_the_end(current, first, promised=0.2)
+    assert kept.gain == 0.2
+    moved = search._refitted_to_the_end(current, first, promised=0.6)
+    assert moved.gain == 0.6
+
+
+def test_a_term_that_ends_at_a_bound_stands_in_for_one_that_does_not():
+    def trial(name, gain, at_bounds):
+        return Trial(name, SimpleNamespace(at_bounds=at_bounds), gain, (gain, gain), -1.0)
+
+    mode = trial("partial_sensor_mode", 0.9, ("partial_sensor_mode.damping",))
+    lag = trial("torque_sensor_lag", 0.8, ("reflex.delay",))
+    assert hypotheses._equal([mode, lag]) == [lag]
+    assert hypotheses._equal([mode]) == [mode]
+    assert hypotheses._equal([mode, trial("torque_sensor_lag", 0.1, ())]) == [mode]

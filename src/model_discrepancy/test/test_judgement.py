@@ -8,7 +8,7 @@ from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.report.conclusion import standing_of
 from model_discrepancy.report.verdict import Standing
-from model_discrepancy.search.found import Found, Trial
+from model_discrepancy.search.found import Effect, Found, Trial
 
 SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
 
@@ -16,13 +16,14 @@ SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
 USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[])
 
 
-def found(score, effects=("a term",), contradicted=False):
+def found(score, effects=("a term",), contradicted=False, at_bounds=False):
     """A search whose model leaves `score` of the whitened error of the base model."""
     return SimpleNamespace(
         effects=list(effects),
         cut=1.0 - score,
         shape_corrected=False,
         contradicted=contradicted,
+        ends_at_bounds=at_bounds,
     )
 
 
@@ -47,9 +48,9 @@ def remainder(share, judged, torque_share=0.02, held=True):
         (0.2, 0.3, True, "explained"),  # 93 % are closed
         (0.3, 0.3, True, "unexplained"),  # 89 %
         (0.1, 0.6, True, "unexplained"),  # 94 % are closed, and most of the rest is predictable
-        (0.9, 0.08, False, "explained"),  # torque that moved the plate
+        (0.5, 0.08, False, "explained"),  # torque that moved the plate
+        (0.7, 0.08, False, "no_mismatch"),  # which took off as much without a mismatch
         (0.5, 0.3, False, "explained"),
-        (0.8, 0.3, False, "unexplained"),  # more than any servo lets through, and half is open
         (0.1, 0.45, False, "unexplained"),  # much more than any servo lets through
     ],
 )
@@ -60,7 +61,7 @@ def test_an_effect_explains_what_it_closes(score, left, judged, expected):
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     small = remainder(0.3, False, torque_share=8e-4, held=False)
-    assert judge(found(0.8), small, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    assert judge(found(0.5), small, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
 
 
@@ -73,6 +74,41 @@ def test_a_residual_that_stays_predictable_is_not_explained_however_little_torqu
     moved = remainder(0.3, True, torque_share=8e-4, held=False)
     assert judge(found(0.4), moved, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
+
+
+def test_names_that_end_at_the_bounds_of_their_ranges_explain_nothing():
+    little = remainder(0.02, True)
+    assert judge(found(0.3), little, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    bounded = found(0.3, at_bounds=True)
+    assert judge(bounded, little, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("score", "judged", "expected"),
+    [(0.7, True, "explained"), (0.5, False, "explained"), (0.7, False, "no_mismatch")],
+)
+def test_names_that_take_off_little_are_none_where_torque_may_have_moved_the_plate(
+    score, judged, expected
+):
+    left = remainder(0.02, judged, held=False)
+    named = found(score, at_bounds=expected == "no_mismatch")
+    assert judge(named, left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
+def effect_of(name, at_bounds):
+    fit = SimpleNamespace(at_bounds=at_bounds)
+    return Effect(Trial(name, fit, 0.5, (0.5, 0.5), -1.0), errors=None)
+
+
+@pytest.mark.parametrize(
+    ("bounded", "ends"), [((), False), ((0,), True), ((1,), False), ((1, 2), True)]
+)
+def test_the_first_name_or_half_of_them_at_a_bound_say_that_the_names_are_wrong(bounded, ends):
+    names = ("tendon", "backlash", "thixotropy")
+    labels = tuple(f"{names[k]}.x" for k in bounded)
+    effects = [effect_of(name, labels) for name in names]
+    assert Found(None, None, effects=effects).ends_at_bounds == ends
+    assert not Found(None, None).ends_at_bounds
 
 
 def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
@@ -124,10 +160,7 @@ def test_names_that_close_little_of_what_torque_that_moved_the_plate_predicts_ar
     )
     held = remainder(0.02, True)
     assert judge(found(0.5), held, [], USUAL_VARIABILITY, scores)[0] == "explained"
-    # Even where they leave more than leakage usually is, but not where they leave half of it all.
-    assert judge(found(0.8), left, [], USUAL_VARIABILITY, scores)[0] == (
-        "no_mismatch" if expected == "no_mismatch" else "unexplained"
-    )
+    # Not where they leave half of it all.
     half = remainder(0.5, False, held=False)
     assert judge(found(0.8), half, [], USUAL_VARIABILITY, scores)[0] == "unexplained"
 

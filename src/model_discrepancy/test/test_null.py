@@ -7,6 +7,7 @@ import pytest
 
 from model_discrepancy.criticism.variability import variability
 from model_discrepancy.problem import prepare
+from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES, acting_in
 from model_discrepancy.search.null import FALSE_ALARM, Null, exceeded_by_chance
 from model_discrepancy.search.screening import candidates, grid, screen
 from simulation_study.planted_trials import simulate_trial
@@ -60,7 +61,18 @@ def test_a_candidate_that_acts_in_few_stretches_must_gain_more():
         null.observe("column", column[:, None] / np.linalg.norm(column))
         return null.threshold("column")
 
-    assert threshold(time < 5.0) > 2.0 * threshold(time >= 0.0)
+    assert threshold(time < 12.0) > 1.5 * threshold(time >= 0.0)
+
+
+def test_a_point_that_answers_to_single_stretches_is_no_candidate():
+    generator = np.random.default_rng(2)
+    time = np.arange(12_000) / 200.0
+    null = Null.of(generator.standard_normal(12_000), time, np.ones(len(time), bool))
+    column = generator.standard_normal(12_000) * (time < FEWEST_STRETCHES - 2.0)
+    null.observe("column", column[:, None] / np.linalg.norm(column))
+    assert not null.observed
+    assert acting_in(time, column) == pytest.approx(FEWEST_STRETCHES - 2.0, rel=0.05)
+    assert acting_in(time, np.ones(12_000)) == pytest.approx(60.0)
 
 
 def test_a_candidate_that_gains_much_by_chance_does_not_hide_one_that_does_not():

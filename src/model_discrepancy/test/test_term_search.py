@@ -38,6 +38,40 @@ def test_a_term_that_only_stood_in_for_another_is_exchanged():
     assert found.final.score < 0.9 * score
 
 
+def test_a_curve_that_turns_beside_the_mean_angle_is_one_term():
+    planted = {"hardening_stiffness": {"k1": 9000.0, "k3": 9e4}}
+    problem = prepare(simulate_trial(planted, seed=3, duration=40.0, protocol="random"))
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    library = ("asymmetric_damping", "position_dependent_stiffness", "hardening_stiffness")
+    found = search(problem.fitter, problem.base, null, library)
+    assert [effect.trial.name for effect in found.effects] == ["hardening_stiffness"]
+    values = found.final.values["hardening_stiffness"]
+    assert values["k1"] == pytest.approx(9000.0, rel=0.1)
+    assert values["k3"] == pytest.approx(9e4, rel=0.2)
+
+
+@pytest.mark.parametrize(("exchanged", "searches"), [(False, 1), (True, 2)])
+def test_after_an_exchange_the_search_goes_on_beside_the_new_term(monkeypatch, exchanged, searches):
+    """What was nearly taken beside the old term says nothing about the new one."""
+    planted = {"maxwell_relaxation": {"k": 60.0, "T": 0.1}}
+    problem = prepare(simulate_trial(planted, seed=3, duration=20.0, protocol="random"))
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    seen = []
+
+    def exchange(fitter, found, *_):
+        seen.append(found)
+        found.near = ["stale"]
+        return exchanged
+
+    monkeypatch.setattr(term_search, "exchange", exchange)
+    found = search(problem.fitter, problem.base, null, ["maxwell_relaxation", "tendon"])
+    assert len(seen) == searches
+    assert found is seen[-1]
+    if exchanged:
+        assert found is not seen[0]
+        assert found.effects == seen[0].effects
+
+
 @pytest.mark.parametrize(
     ("chance", "left"), [(0.01, "fixation_compliance"), (-0.01, "stiffening_fixation")]
 )

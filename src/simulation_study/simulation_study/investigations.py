@@ -1,10 +1,11 @@
-"""Does an investigation find the right name of a set? ``python -m simulation_study.investigations
---out FOLDER``.
+"""Whether an investigation finds the right name of an open set.
 
-Each effect is planted in a drawn subject and recorded with the paper's equal pulses and steps,
-which leave rivals. `ankle investigate` designs and records (simulated) until one name is left.
-Appends to ``results.jsonl``; an interrupted run goes on where it stopped. The simulation is that of
-`ankle_physics`: it shows what designs and judgements can tell, not what another engine makes.
+Example: ``python -m simulation_study.investigations --seed 1 --cases 54 --out FOLDER``. Each case
+is a recording of the independent rig with one hidden effect. Where its diagnosis leaves rivals,
+`investigate` designs further recordings and the same rig and subject make them, until one name is
+left. Results are appended to ``results*.jsonl``; an interrupted run goes on where it stopped,
+``--part 1/2`` and ``--part 2/2`` share one study between two processes, and every run writes
+``investigations.md`` from whatever results are there.
 """
 
 from __future__ import annotations
@@ -14,65 +15,153 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ankle_physics.model import Model
+from blind_rig.trial import run
 from model_discrepancy.report.investigation_report import write_investigation
 from model_discrepancy.tools.investigation import investigate
-from model_discrepancy.tools.simulated_conduct import SimulatedConduct
-from simulation_study.planted_trials import STRENGTHS, simulate_trial
+from simulation_study.independent_conduct import IndependentConduct
+from simulation_study.verdict_cases import Plan, plans, recorded, trial_of
+from simulation_study.verdict_report import rate_with_interval
+from simulation_study.verdict_study import right_names
 
-# Effects whose relatives answer equal steps alike.
-EFFECTS = (
-    "reflex_threshold",
-    "short_range_stiffness",
-    "reflex_saturation",
-    "tendon",
-    "maxwell_relaxation",
-    "dahl_hysteresis",
-    "saturating_damping",
-    "torque_sensor_lag",
-)
+# Recordings after the first one, at most.
 ROUNDS = 2
+Entry = dict[str, Any]
 
 
-def run_case(name: str, seed: int, out: Path) -> dict[str, Any]:
-    """Investigate one planted effect; what was found."""
-    planted = {name: STRENGTHS.get(name, {})}
-    first = simulate_trial(planted, seed=seed, duration=60.0, rate=1024.0, protocol="equal")
-    subject = Model.of({"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}, **planted})
-    quiet = Model.of({"voluntary_torque": {"rms": 0.3}})
-    conduct = SimulatedConduct(Model([*subject.entries, *quiet.entries]), seed + 100)
-    story = investigate(first, conduct, out / name, ROUNDS)
-    write_investigation(story, out / name / "report.html")
+def run_case(plan: Plan, out: Path) -> Entry:
+    """Investigate one case.
+
+    Parameters
+    ----------
+    plan
+        From `verdict_cases.plans`.
+    out
+        Folder of the study; the story of an open set is kept there.
+    """
+    trial, shares = trial_of(plan)
+    first = recorded(plan, trial, run(trial))
+    folder = out / plan.name
+    story = investigate(first, IndependentConduct(plan, trial), folder, ROUNDS)
+    write_investigation(story, folder / "report.html")
     return {
-        "planted": name,
-        "seed": seed,
+        "case": plan.name,
+        "hidden": plan.hidden[0],
+        "protocol": plan.protocol,
+        "share": shares[plan.hidden[0]],
+        "right": right_names(plan)[0],
         "verdict": story.first.verdict.verdict,
         "sets": [list(s.models) for s in story.sets],
         "left": [s.left for s in story.sets],
-        "recordings": len(story.rounds),
+        "recordings": [r.title for r in story.rounds if r.duration > 0.0],
         "ended": story.ended,
         "answers": [r.answer for r in story.rounds],
     }
 
 
+def outcome(names: list[str], left: list[str], right: list[str]) -> str:
+    """Return what became of a set, in words.
+
+    Parameters
+    ----------
+    names, left
+        Of the set, before and after.
+    right
+        Names that answer the hidden effect.
+    """
+    if not set(names) & set(right):
+        return "did not hold the right name"
+    if set(left) <= set(right):
+        return "right"
+    return "wrong" if len(left) == 1 else "open"
+
+
+def report(entries: list[Entry], command: str) -> str:
+    """Return the counts and every open set, as Markdown.
+
+    Parameters
+    ----------
+    entries
+        Cases.
+    command
+        With which they are made again.
+    """
+    rows = [
+        (entry, names, left, outcome(names, left, entry["right"]))
+        for entry in entries
+        for names, left in zip(entry["sets"], entry["left"], strict=True)
+    ]
+    holding = [row for row in rows if row[3] != "did not hold the right name"]
+    before = sum(set(row[1]) <= set(row[0]["right"]) for row in holding)
+    counts = {word: sum(row[3] == word for row in holding) for word in ("right", "wrong", "open")}
+    lines = [
+        "# Investigations of ambiguous recordings",
+        "",
+        f"`{command} --out FOLDER`: {len(entries)} recordings of the independent rig with one "
+        f"effect each; of the open sets at most {ROUNDS} further recordings are made.",
+        "",
+        "| | counted (95 % interval) |",
+        "| --- | --- |",
+        f"| sets of names that the first recording left open | {len(rows)} |",
+        f"| of these, the right name was in it | {rate_with_interval(len(holding), len(rows))} |",
+        "| of those: only right names are left | "
+        f"{rate_with_interval(counts['right'], len(holding))} |",
+        f"| only a wrong name is left | {rate_with_interval(counts['wrong'], len(holding))} |",
+        f"| still open | {rate_with_interval(counts['open'], len(holding))} |",
+        f"| every name was right from the first | {rate_with_interval(before, len(holding))} |",
+        "",
+        "| hidden (share of the torque's variance) | protocol | open set | left | further "
+        "recordings | outcome |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for entry, names, left, became in rows:
+        lines.append(
+            f"| {entry['hidden']} ({100 * entry['share']:.1f} %) | {entry['protocol']} | "
+            f"{', '.join(names)} | {', '.join(left)} | {'; '.join(entry['recordings']) or 'none'} "
+            f"| {became} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def read_results(folder: Path) -> list[Entry]:
+    """Read the results of a study, in the order of its cases.
+
+    Parameters
+    ----------
+    folder
+        With ``results*.jsonl``.
+    """
+    lines = [
+        line for file in folder.glob("results*.jsonl") for line in file.read_text().splitlines()
+    ]
+    return sorted((json.loads(line) for line in lines), key=lambda entry: entry["case"])
+
+
 def main() -> None:
-    """Investigate every effect that has no result yet."""
+    """Investigate every case that has no result yet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seed", type=int, default=2026)
-    parser.add_argument("--effects", nargs="+", default=list(EFFECTS))
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--cases", type=int, default=54)
+    parser.add_argument("--part", default="1/1", help="k/n: every n-th case, beginning at the k-th")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    results = options.out / "results.jsonl"
-    known = results.read_text().splitlines() if results.exists() else []
-    done = {json.loads(line)["planted"] for line in known}
-    for number, name in enumerate(options.effects):
-        if name in done:
+    part, of = (int(word) for word in options.part.split("/"))
+    command = (
+        ".venv/bin/python -m simulation_study.investigations "
+        f"--seed {options.seed} --cases {options.cases}"
+    )
+    done = {entry["case"] for entry in read_results(options.out)}
+    every = list(plans({"effect": options.cases}, options.seed))
+    for plan in every[part - 1 :: of]:
+        if plan.name in done:
             continue
-        found = run_case(name, options.seed + number, options.out)
-        with results.open("a") as file:
-            file.write(json.dumps(found) + "\n")
-        print(json.dumps(found), flush=True)
+        found = run_case(plan, options.out)
+        with (options.out / f"results-{part}.jsonl").open("a") as file:
+            file.write(json.dumps(found, default=float) + "\n")
+        print(
+            f"{found['case']}: {found['verdict']}, {found['sets']} -> {found['left']}", flush=True
+        )
+        (options.out / "investigations.md").write_text(report(read_results(options.out), command))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from blind_rig.impedance import TrueImpedance, true_impedance
 from blind_rig.magnitudes import brought_in
 from blind_rig.protocols import EVERY_PROTOCOL, PROTOCOLS, Protocol
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
-from blind_rig.trial import Trial, record, run
+from blind_rig.trial import Run, Trial, record, run
 from model_discrepancy.recording.recording import Recording
 from simulation_study.human_trials import load_trial, trial_paths
 from simulation_study.planted_in_human import plant
@@ -211,15 +211,40 @@ def made(plan: Plan, folder: Path | None = None) -> Made:
         assert folder is not None
         path = next(path for path in trial_paths(folder) if path.stem == plan.protocol)
         return Made(plant(load_trial(path), plan.hidden[0]), None, {})
-    trial, shares = _scaled_trial(plan) if plan.scaled else (_fixed_trial(plan), {})
+    trial, shares = trial_of(plan)
     done = run(trial)
+    return Made(recorded(plan, trial, done), true_impedance(trial, done), shares)
+
+
+def trial_of(plan: Plan) -> tuple[Trial, dict[str, float]]:
+    """Return the trial of a case on the independent rig, and the share of the torque's variance
+    that each hidden effect adds.
+
+    Parameters
+    ----------
+    plan
+        From `plans`; not a planted one.
+    """
+    return _scaled_trial(plan) if plan.scaled else (_fixed_trial(plan), {})
+
+
+def recorded(plan: Plan, trial: Trial, done: Run) -> Recording:
+    """Return what the laboratory of a case stores of a run.
+
+    Parameters
+    ----------
+    plan
+        Says the rate and the channels.
+    trial, done
+        What was run, and how it went.
+    """
     samples = record(trial, done)
     channels = [samples.position, samples.torque, samples.velocity, samples.reference[:, 0]]
     if plan.rate < trial.rate:
         step = round(trial.rate / plan.rate)
         channels = [resample_poly(c, 1, step, padtype="line") for c in channels]
     position, torque, velocity, reference = channels
-    recording = Recording(
+    return Recording(
         plan.rate,
         position,
         torque,
@@ -227,7 +252,6 @@ def made(plan: Plan, folder: Path | None = None) -> Made:
         reference if plan.reference else None,
         name=plan.name,
     )
-    return Made(recording, true_impedance(trial, done), shares)
 
 
 def _without_effects(plan: Plan, generator: np.random.Generator) -> Trial:

@@ -128,6 +128,7 @@ def outcome(diagnosis: Diagnosis) -> dict[str, Any]:
     }
     if found is not None:
         kept["by_chance"] = found.by_chance
+        kept["at_bounds"] = list(found.final.at_bounds)
         kept["near"] = [[t.name, t.gain, list(t.held_out), t.torque_share] for t in found.near]
     if diagnosis.criticism is not None:
         after = diagnosis.criticism.after

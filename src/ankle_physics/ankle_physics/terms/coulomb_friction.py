@@ -34,10 +34,10 @@ class CoulombFriction(Term):
         Parameter(
             "v0",
             "rad/s",
-            0.01,
+            0.003,
             0.3,
             0.03,
-            "a few times the velocity noise of the paper's encoder",
+            "from a tenth of it to a few times the velocity noise of the paper's encoder",
             description=(
                 "It is the speed within which the friction changes its direction gradually."
             ),

@@ -11,6 +11,21 @@ from ankle_physics.operating_angle import operating_angle
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
+# Over a movement of 0.05 rad the stiffness changes by 1000 N.m/rad at this slope, which is more
+# than ankles have at any contraction of a seated subject.
+STEEPEST = 2e4  # N.m/rad^2
+
+STIFFNESS_SLOPE = Parameter(
+    "k1",
+    "N.m/rad^2",
+    -STEEPEST,
+    STEEPEST,
+    300.0,
+    "Weiss et al. 1986: stiffness doubles over 0.2 rad; more over small steps",
+    description="It says how much the stiffness grows for each radian of dorsiflexion.",
+    linear=True,
+)
+
 
 class PositionDependentStiffness(Term):
     """Models even curvature of the static torque-angle curve; K is the stiffness at the angle xc.
@@ -31,16 +46,7 @@ class PositionDependentStiffness(Term):
         "The joint is stiffer the further the foot is up.",
     )
     parameters = (
-        Parameter(
-            "k1",
-            "N.m/rad^2",
-            -5000.0,
-            5000.0,
-            300.0,
-            "Weiss et al. 1986: stiffness doubles over 0.2 rad; more over small steps",
-            description="It says how much the stiffness grows for each radian of dorsiflexion.",
-            linear=True,
-        ),
+        STIFFNESS_SLOPE,
         operating_angle("It is the angle at which K is stated."),
     )
 

@@ -31,7 +31,7 @@ class ReflexExponent(Term):
             "p",
             "1",
             0.2,
-            2.5,
+            4.0,
             0.6,
             "Houk et al. 1981: 0.3; Prochazka & Gorassini 1998: 0.5 to 0.6; above 1: recruitment",
             description=(

@@ -11,7 +11,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
-from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
+from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import Screened, screen, without_term
@@ -133,7 +133,13 @@ def _rivals(
         if other != name and name not in term_library()[other].generalises
     }
     screened = screen(fitter, without, points)
-    promising = [s for s in screened if s.share > RIVAL_PROMISE * effect.trial.gain]
+    # The screening says least about a simple term beside ones that were fitted without it.
+    promising = [
+        s
+        for s in screened
+        if s.share > RIVAL_PROMISE * effect.trial.gain
+        or (_is_simpler(s.name, name) and place_of(s.name) is place_of(name))
+    ]
     trials = [
         refitted(
             fitter,
@@ -144,7 +150,7 @@ def _rivals(
             limit=(1.0 + RIVAL_EXCESS) * final.score,
         )
         for rank, s in enumerate(promising)
-        if rank < RIVALS_REFITTED or _is_simpler_sibling(s.name, name)
+        if rank < RIVALS_REFITTED or _is_simpler(s.name, name)
     ]
     effect.rivals = sorted(
         (
@@ -161,13 +167,18 @@ def _rivals(
     effect.excluded = _excluded(effect, final, trials, screened)
 
 
-def _is_simpler_sibling(name: str, other: str) -> bool:
-    """Return whether a term acts where the other one acts, with no more parameters.
+def _is_simpler(name: str, other: str) -> bool:
+    """Return whether a term has no more parameters than the other one.
 
-    General terms of that place promise as much as a simple one and would crowd it out.
+    General terms promise as much as a simple one and would crowd it out.
     """
-    one, two = term_library()[name], term_library()[other]
-    return one.place is two.place and len(one.parameters) <= len(two.parameters)
+    library = term_library()
+
+    def size(term: str) -> int:
+        parts = (term, *library[term].companions)
+        return sum(p.fitted for part in parts for p in library[part].parameters)
+
+    return size(name) <= size(other)
 
 
 def _excluded(
@@ -230,18 +241,21 @@ def exchange(
     null: Null,
     yardstick: np.ndarray,
     progress: Progress,
-) -> None:
-    """Weigh the effects and find their rivals; one that fits better takes the effect's place."""
-    for swaps in range(MOST_SWAPS + 1):
-        if not found.effects:
-            return
+) -> bool:
+    """Weigh the effects and find their rivals; one that fits better takes the effect's place.
+    Return whether any did.
+    """
+    swaps = 0
+    while found.effects:
         _weigh(fitter, found, null, fixed_errors(found.base, yardstick))
         for effect in found.effects:
             _rivals(fitter, found, effect, grids, null, progress)
         better = better_rival(found)
         if better is None or swaps == MOST_SWAPS:
-            return
+            break
         _swap(fitter, found, *better, null, yardstick, progress)
+        swaps += 1
+    return swaps > 0
 
 
 def better_rival(found: Found) -> tuple[Effect, Trial] | None:

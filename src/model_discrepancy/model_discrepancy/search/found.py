@@ -11,6 +11,7 @@ from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE
 from model_discrepancy.fit.held_out import HeldOut
+from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
 
 # Of the torque's variance: a named term is less than generic regressors, by which torque that moved
 # the plate may be predicted. Two engines' equations of one joint differ by a half of this.
@@ -70,6 +71,8 @@ class Trial:
         known.
     takes_joint
         Whether it leaves the joint hardly any inertia, and more was left without it.
+    stretches
+        In how many stretches of the recording it acts.
     """
 
     name: str
@@ -82,6 +85,12 @@ class Trial:
     displaced: tuple[str, ...] = ()
     preceding_gain: float | None = None
     takes_joint: bool = False
+    stretches: float = float("inf")
+
+    @property
+    def at_bound(self) -> bool:
+        """Tell whether a parameter of the term is at a bound of its range."""
+        return any(label.startswith(f"{self.name}.") for label in self.fit.at_bounds)
 
     @property
     def _follows_torque(self) -> bool:
@@ -97,13 +106,15 @@ class Trial:
     @property
     def accepted(self) -> bool:
         """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough, also for
-        what it displaces; and whether the joint keeps a plausible inertia.
+        what it displaces; and whether it acts in enough stretches and leaves the joint a plausible
+        inertia.
         """
         return (
             self.exceeds_chance
             and min(self.held_out) > 0.0
             and self.torque_share > LEAST_TERM_SHARE
             and not self.takes_joint
+            and self.stretches >= FEWEST_STRETCHES
             and (not self.displaced or self.gain > DISPLACING_GAIN or self._follows_torque)
         )
 
@@ -200,6 +211,14 @@ class Found:
     def contradicted(self) -> bool:
         """Say whether a term that was not accepted shows that the named ones are not right."""
         return any(trial.contradicts for trial in self.near)
+
+    @property
+    def ends_at_bounds(self) -> bool:
+        """Say whether the first effect, or half of them, end at a bound of their range: they stand
+        in for something else.
+        """
+        bounded = [effect.trial.at_bound for effect in self.effects]
+        return bool(bounded) and (bounded[0] or 2 * sum(bounded) >= len(bounded))
 
 
 def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: float) -> bool:

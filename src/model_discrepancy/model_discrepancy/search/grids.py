@@ -29,6 +29,10 @@ class Grids:
             for name in candidates(fit, self._library)
         }
 
+    def whole(self, name: str) -> list[Point]:
+        """Return the whole grid of a candidate."""
+        return grid(name, self._duration)
+
     def best(self, fit: Fit) -> dict[str, list[Point]]:
         """Return, for a rival, the points that were once the best."""
         return {

@@ -18,6 +18,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import align, bic_change, has_joint
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parameter_scale import nonlinear
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
@@ -40,6 +41,10 @@ MOST_REFITS = 12
 NEAR_BEST_RATIO = 0.6
 # Of those, so many are scored on unseen rows: the best, and those that may generalise better.
 SCORED_CANDIDATES = 3
+# Of what the screening promised: a refit that takes off less has ended in another minimum, and
+# begins again at so many of the best points of the whole grid.
+LEAST_OF_PROMISE = 0.8
+RESTARTS = 3
 # Whitened gains within this ratio are too near to choose by: which of two comes first depends on
 # what is still missing.
 RIVAL_GAIN_RATIO = 0.5
@@ -140,6 +145,15 @@ class Hypotheses:
     ) -> None:
         self._fitter, self._base, self._null, self._grids = fitter, base, null, grids
         self._yardstick, self._progress = yardstick, progress
+
+    def followed(self, found: Found) -> Hypothesis:
+        """Return what was found with as many further terms as are worth it, and the near misses
+        beside these.
+        """
+        effects = [*found.effects, *found.refinements]
+        further = Hypothesis(replace(found, effects=effects, refinements=[]), found.final)
+        self._follow(further)
+        return further
 
     def best(self) -> Hypothesis:
         """Return the hypothesis of the least BIC, or the one term that explains as much alone."""
@@ -263,7 +277,7 @@ class Hypotheses:
         tried: list[Trial] = []
         for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
             few = promising[begin : begin + REFITS_PER_STEP]
-            trials = _refitted_and_judged(fitter, current, few, by_chance, self._progress)
+            trials = self._refitted_and_judged(current, few, by_chance)
             trials += special_cases(fitter, current, trials, null)
             tried = _best_of_each([*tried, *trials])
             if any(t.accepted for t in trials):
@@ -271,6 +285,65 @@ class Hypotheses:
         if tried:
             return tried, tried[0].by_chance
         return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
+
+    def _refitted_and_judged(
+        self, current: Fit, few: Sequence[Screened], by_chance: dict[str, float]
+    ) -> list[Trial]:
+        """Return a few candidates, best first; those near the best are refitted to the end and
+        scored on unseen rows. Where none of them is accepted, those behind them are.
+        """
+        promised = {s.name: s.share for s in few}
+        behind = []
+        for s in few:
+            self._progress(f"refitting with {s.name}")
+            start = {**current.values, s.name: s.start}
+            behind.append(refitted(self._fitter, current, s.name, start, evaluations=5))
+        tried: list[Trial] = []
+        while behind and not any(t.accepted for t in tried):
+            near, behind = _near_best(behind, by_chance)
+            if not near:
+                break
+            tried += self._scored(current, near, promised, by_chance)
+        rest = [replace(t, by_chance=by_chance[t.name]) for t in behind]
+        return sorted([*tried, *rest], key=lambda t: -t.gain)
+
+    def _scored(
+        self,
+        current: Fit,
+        trials: Sequence[Trial],
+        promised: dict[str, float],
+        by_chance: dict[str, float],
+    ) -> list[Trial]:
+        """Return trials refitted to the end, and the best of them scored on unseen rows; those
+        behind an accepted one need not be.
+        """
+        final = [self._refitted_to_the_end(current, t, promised[t.name]) for t in trials]
+        leading, scored = 0.0, 0
+        for place, t in sorted(enumerate(final), key=lambda entry: -entry[1].gain):
+            by = by_chance[t.name]
+            if scored < SCORED_CANDIDATES and t.gain > max(by, NEAR_BEST_RATIO * leading):
+                final[place] = judged(self._fitter, current, t, by)
+                leading = t.gain if leading == 0.0 and final[place].accepted else leading
+                scored += 1
+            else:
+                final[place] = replace(t, by_chance=by)
+        return final
+
+    def _refitted_to_the_end(self, current: Fit, trial: Trial, promised: float) -> Trial:
+        """Return the trial refitted further, from other points of its grid too where it takes off
+        much less than the screening promised.
+        """
+        fitter, name = self._fitter, trial.name
+        best = refitted(fitter, current, name, trial.fit.values)
+        if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
+            return best
+        (screened,) = screen(fitter, current, {name: self._grids.whole(name)})
+        points = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
+        for _, point in points:
+            (start,) = screen(fitter, current, {name: [point]})
+            other = refitted(fitter, current, name, {**current.values, name: start.start})
+            best = max(best, other, key=lambda t: t.gain)
+        return best
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
@@ -286,10 +359,15 @@ def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
 
 
 def _equal(good: Sequence[Trial]) -> list[Trial]:
-    """Return those that gain about as much on unseen rows as the best one, and are not needless."""
+    """Return those that gain about as much on unseen rows as the best one, and are not needless.
+
+    One that ends at the bound of its range, as a mode does that imitates a lag, is none of them
+    where another does not.
+    """
     good = [t for t in good if not _needless(t, good)]
     largest = max(min(t.held_out) for t in good)
-    return [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
+    equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
+    return [t for t in equal if not t.at_bound] or equal
 
 
 def _needless(general: Trial, good: Sequence[Trial]) -> bool:
@@ -337,35 +415,13 @@ def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
     return sorted({t.name: t for t in ascending}.values(), key=lambda t: -t.gain)
 
 
-def _refitted_and_judged(
-    fitter: Fitter,
-    current: Fit,
-    few: Sequence[Screened],
-    by_chance: dict[str, float],
-    progress: Progress,
-) -> list[Trial]:
-    """Return a few candidates, best first; those near the best are refitted to the end and scored
-    on unseen rows.
+def _near_best(
+    trials: Sequence[Trial], by_chance: dict[str, float]
+) -> tuple[list[Trial], list[Trial]]:
+    """Return the trials that gain about as much as the best one, and the others: the first steps of
+    a refit tell which ones are worth the further steps.
     """
-    trials = []
-    for s in few:
-        progress(f"refitting with {s.name}")
-        trials.append(
-            refitted(fitter, current, s.name, {**current.values, s.name: s.start}, evaluations=5)
-        )
-    best = max((t.gain for t in trials), default=0.0)
-    # The first steps of a refit tell which ones are worth the others.
-    near = [
-        refitted(fitter, current, t.name, t.fit.values)
-        if t.gain > max(0.5 * by_chance[t.name], NEAR_BEST_RATIO * best)
-        else t
-        for t in trials
-    ]
-    near.sort(key=lambda t: -t.gain)
-    return [
-        judged(fitter, current, t, by_chance[t.name])
-        if place < SCORED_CANDIDATES
-        and t.gain > max(by_chance[t.name], NEAR_BEST_RATIO * near[0].gain)
-        else replace(t, by_chance=by_chance[t.name])
-        for place, t in enumerate(near)
-    ]
+    beyond = [t for t in trials if t.gain > 0.5 * by_chance[t.name]]
+    best = max((t.gain for t in beyond), default=0.0)
+    near = [t for t in beyond if t.gain > NEAR_BEST_RATIO * best]
+    return near, [t for t in trials if t not in near]

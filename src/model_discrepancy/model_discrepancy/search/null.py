@@ -20,8 +20,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-# Longer than a response of the reflex (0.5 s), so that each response keeps its shape.
-STRETCH_S = 1.0
+from model_discrepancy.search.acting_stretches import (
+    FEWEST_STRETCHES,
+    acting_stretches,
+    stretch_numbers,
+)
+
 DRAWS = 160
 # False alarms that are allowed in one recording, for the library and for the generic regressors.
 FALSE_ALARM = 0.005
@@ -80,7 +84,7 @@ class Null:
         seed
             Of the signs.
         """
-        stretch = (time / STRETCH_S).astype(int)
+        stretch = stretch_numbers(time)
         signs = np.random.default_rng(seed).choice(
             np.array([-1.0, 1.0], dtype=np.float32), (int(stretch.max()) + 1, DRAWS)
         )
@@ -98,7 +102,8 @@ class Null:
         self._power = np.sum(self.noise**2, axis=0)
 
     def observe(self, name: str, span: np.ndarray, draw: int | None = None) -> None:
-        """Let one point of a candidate try the surrogates.
+        """Let one point of a candidate try the surrogates; one that acts in too few stretches is no
+        candidate.
 
         What the candidate itself explains of the noise is taken out first: it is no noise if the
         candidate is right, and next to nothing if it is not.
@@ -114,6 +119,9 @@ class Null:
         """
         tried = slice(None) if draw is None else slice(draw, draw + 1)
         products = np.array([part.T @ part for part in np.split(span, self._begins[1:])])
+        stretches = acting_stretches(np.trace(products, axis1=1, axis2=2))
+        if stretches < FEWEST_STRETCHES:
+            return
         shares = np.add.reduceat(span * self.own[:, None], self._begins, axis=0)
         explained = shares.sum(axis=0)
         # The surrogates' projection on the span, less what the candidate explains of the noise.
@@ -121,7 +129,7 @@ class Null:
         kept = (shares - products @ explained).T @ signs
         power = self._power[tried]
         left = np.maximum(power - explained @ explained, _LEAST_NOISE_SHARE * power)
-        taken = np.sum(kept**2, axis=0) / left * _tail_ratio(np.trace(products, axis1=1, axis2=2))
+        taken = np.sum(kept**2, axis=0) / left * _tail_ratio(stretches)
         known = self.gains.setdefault(name, np.zeros(self.noise.shape[1]))
         known[tried] = np.maximum(known[tried], taken)
 
@@ -175,7 +183,7 @@ def exceeded_by_chance(largest: np.ndarray, probability: float = FALSE_ALARM) ->
     return place - scale * float(np.log(-np.log(1.0 - probability)))
 
 
-def _tail_ratio(energies: np.ndarray) -> float:
+def _tail_ratio(stretches: float) -> float:
     """Return by how much a candidate's chance gain exceeds that of a candidate that acts equally in
     very many stretches.
 
@@ -184,9 +192,8 @@ def _tail_ratio(energies: np.ndarray) -> float:
 
     Parameters
     ----------
-    energies
-        Of its columns in each stretch, shape (stretches,).
+    stretches
+        In which it acts.
     """
-    stretches = float(energies.sum() ** 2 / np.sum(energies**2))
     side = 0.5 * _CANDIDATE_EXCEEDANCE
-    return float((stdtrit(max(stretches, 2.0), side) / ndtri(side)) ** 2)
+    return float((stdtrit(stretches, side) / ndtri(side)) ** 2)

@@ -22,6 +22,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
+from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES, acting_in
 from model_discrepancy.search.null import Null
 
 _GRID = {0: 1, 1: 9, 2: 5, 3: 4}
@@ -186,8 +187,11 @@ def _additive(
     matrix = matrix - basis @ (basis.T @ matrix)
     if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _MIN_NEW_SHARE:
         return 0.0, values[name]
+    span = orthonormal(matrix)
+    if acting_in(rows.time[rows.used], span) < FEWEST_STRETCHES:
+        return 0.0, values[name]
     if null is not None:
-        null.observe(name, orthonormal(matrix))
+        null.observe(name, span)
     amplitudes = bounded(matrix, residual, *ranges(spectra))
     left = residual - matrix @ amplitudes
     start = values[name] | {
@@ -206,9 +210,14 @@ def _shaping(
         values = _with(columns, fit, name, point)
         left, values = _left(fitter, values)
         results.append((float(left @ left), values, left))
-    shares = [1.0 - error / fit.score for error, _, _ in results]
+    time, before = fitter.rows.time[used], fit.residual[used]
+    shares = [
+        1.0 - error / fit.score if acting_in(time, left - before) >= FEWEST_STRETCHES else 0.0
+        for error, _, left in results
+    ]
     # The present model's nonlinear parameters follow where it matters: at the best points.
-    for k in sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED_POINTS]:
+    best = sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED_POINTS]
+    for k in (k for k in best if shares[k] != 0.0):
         error, values, left = results[k]
         spectra = columns.spectra(values)
         matrix = fitter.whitened([s for c, s in spectra.items() if c[0] not in fitter.held])[used]

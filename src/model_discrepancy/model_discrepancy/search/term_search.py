@@ -20,7 +20,7 @@ from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.search.exchange import exchange, name_second_effect, specialise
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
-from model_discrepancy.search.hypotheses import Hypotheses
+from model_discrepancy.search.hypotheses import Hypotheses, Hypothesis
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.search.trials import (
@@ -29,6 +29,9 @@ from model_discrepancy.search.trials import (
     halves_gain,
     judged,
 )
+
+# The first search, and another one from what its exchange of terms left behind.
+MOST_SEARCHES = 2
 
 
 def search(
@@ -55,20 +58,18 @@ def search(
     """
     grids = Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
-    best = Hypotheses(fitter, base, null, grids, yardstick, progress).best()
-    found, current = best.found, best.current
-    current = fitter.fit(current.terms, current.values, evaluations=15, tolerance=1e-5)
-    _settle_alignment(fitter, found, current, null, yardstick)
-    found.final = current
-    if is_alignment(fitter, current):
-        # Otherwise what alignment alone gains would count as mismatch.
-        found.base = fitter.fit(
-            with_term(base.terms, ALIGNMENT),
-            {**base.values, ALIGNMENT: current.values[ALIGNMENT]},
-            evaluations=20,
-        )
-    specialise(fitter, found, null)
-    exchange(fitter, found, grids, null, yardstick, progress)
+    hypotheses = Hypotheses(fitter, base, null, grids, yardstick, progress)
+    best = hypotheses.best()
+    found = best.found
+    for number in range(MOST_SEARCHES):
+        if number > 0:
+            # Beside the terms that took the place of others, further ones may be worth it.
+            best = hypotheses.followed(found)
+            found = best.found
+        _settle(fitter, base, best, null, yardstick)
+        specialise(fitter, found, null)
+        if not exchange(fitter, found, grids, null, yardstick, progress):
+            break
     progress("scoring on unseen data")
     found.base_held_out = held_out(fitter, found.base)
     found.final_held_out = held_out(fitter, found.final) if found.effects else found.base_held_out
@@ -78,6 +79,21 @@ def search(
     found.final = fitter.with_errors(found.final)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
+
+
+def _settle(fitter: Fitter, base: Fit, best: Hypothesis, null: Null, yardstick: np.ndarray) -> None:
+    """Fit the hypothesis to the end, and settle what its alignment is."""
+    found = best.found
+    current = fitter.fit(best.current.terms, best.current.values, evaluations=15, tolerance=1e-5)
+    _settle_alignment(fitter, found, current, null, yardstick)
+    found.final = current
+    if is_alignment(fitter, current):
+        # Otherwise what alignment alone gains would count as mismatch.
+        found.base = fitter.fit(
+            with_term(base.terms, ALIGNMENT),
+            {**base.values, ALIGNMENT: current.values[ALIGNMENT]},
+            evaluations=20,
+        )
 
 
 def _unrefined(fitter: Fitter, found: Found) -> Fit | None:

@@ -15,6 +15,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import Start
+from model_discrepancy.search.acting_stretches import acting_in
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term
@@ -22,6 +23,8 @@ from model_discrepancy.search.screening import with_term, without_term
 # A term that keeps off so much of the error, by a linear refit of the others, is not tried without:
 # no refit makes up for that.
 INDISPENSABLE_SHARE = 0.1
+# A parameter that keeps less than this share of its value has vanished.
+VANISHING_SHARE = 0.02
 # Evaluations of a refit from values that are right but for the size of one term.
 PRECEDING_EVALUATIONS = 6
 
@@ -50,6 +53,7 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
         torque_share=float(changed),
         displaced=displaced(current, trial.fit),
         takes_joint=has_joint(current) and not has_joint(trial.fit),
+        stretches=acting_in(fitter.rows.time[used], (trial.fit.residual - current.residual)[used]),
         preceding_gain=preceding_gain(fitter, trial),
     )
 
@@ -86,16 +90,17 @@ def preceding_errors(fitter: Fitter, fit: Fit) -> tuple[float, float] | None:
 
 
 def displaced(current: Fit, fit: Fit) -> tuple[str, ...]:
-    """Return the linear parameters of the base model, "term.symbol", that are at a bound in a fit
-    and are not in the current one.
+    """Return the linear parameters of the base model, "term.symbol", that vanish in a fit and do
+    not in the current one.
     """
-    names = {
-        f"{name}.{parameter.symbol}"
-        for name in joint_in_force().terms
-        for parameter in term_library()[name].parameters
-        if parameter.linear
-    }
-    return tuple(sorted((set(fit.at_bounds) - set(current.at_bounds)) & names))
+    found = []
+    for name in joint_in_force().terms:
+        for parameter in term_library()[name].parameters:
+            if parameter.linear:
+                before, now = (f.values[name][parameter.symbol] for f in (current, fit))
+                if abs(now) < VANISHING_SHARE * abs(before):
+                    found.append(f"{name}.{parameter.symbol}")
+    return tuple(sorted(found))
 
 
 def refitted(

@@ -1,0 +1,48 @@
+"""Recordings of an investigation from the independent rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from blind_rig.trial import Movement, Trial, run, simulation_rate
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.tools.candidate_movements import LEVEL_S, LEVELS, Candidate
+from simulation_study.verdict_cases import Plan, recorded
+
+# Of the highest commanded speed, at which a movement begins.
+MOVING_SHARE = 0.15
+
+
+@dataclass(frozen=True)
+class IndependentConduct:
+    """Makes the recordings that `investigation.investigate` asks for, of the subject and rig of a
+    case.
+
+    Attributes
+    ----------
+    plan
+        The case: rate and channels.
+    trial
+        Subject and rig with what they hide.
+    """
+
+    plan: Plan
+    trial: Trial
+
+    def __call__(self, candidate: Candidate, duration: float, number: int) -> Recording:
+        """Record a movement of a duration [s] in a round, with voluntary torque and noise of its
+        own.
+        """
+        trial = self.trial._replace(seed=self.trial.seed + number)
+        rate = simulation_rate(trial)
+        reference = candidate.reference(duration, rate)
+        speed = np.abs(reference[:, 1])
+        begins = np.diff((speed > MOVING_SHARE * speed.max()).astype(int)) == 1
+        times = np.arange(len(reference)) / rate
+        task = np.zeros(len(reference))
+        if candidate.levels:
+            task = np.array(LEVELS)[(times / LEVEL_S).astype(int) % len(LEVELS)]
+        movement = Movement(reference[:, 0], np.flatnonzero(begins) / rate, task)
+        return recorded(self.plan, trial, run(trial, movement=movement))
