@@ -5,8 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from model_discrepancy.search import hypotheses
+from model_discrepancy.search import candidates, hypotheses
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
+from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
 from model_discrepancy.search.hypotheses import MOST_FORKS, Hypotheses
 
@@ -164,10 +165,10 @@ def test_a_rejected_candidate_does_not_hide_one_that_gains_less(monkeypatch):
         followed = None if trial.name != "activation_reflex_gain" else 0.0
         return replace(trial, held_out=(0.04, 0.04), by_chance=by_chance, preceding_gain=followed)
 
-    monkeypatch.setattr(hypotheses, "refitted", refitted)
-    monkeypatch.setattr(hypotheses, "judged", judged)
+    monkeypatch.setattr(candidates, "refitted", refitted)
+    monkeypatch.setattr(candidates, "judged", judged)
     few = [SimpleNamespace(name=name, start={}, share=gain) for name, gain in gains.items()]
-    search = Hypotheses(None, None, None, None, None, lambda line: None)
+    search = Candidates(None, None, None, lambda line: None)
     current = SimpleNamespace(values={})
     trials = search._refitted_and_judged(current, few, dict.fromkeys(gains, 0.02))
     assert [t.name for t in trials] == list(gains)
@@ -187,10 +188,10 @@ def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkey
         shares = tuple((0.5 + 0.1 * point["T"], point) for point in tried)
         return [SimpleNamespace(start=tried[-1], tried=shares)]
 
-    monkeypatch.setattr(hypotheses, "refitted", refitted)
-    monkeypatch.setattr(hypotheses, "screen", screen)
+    monkeypatch.setattr(candidates, "refitted", refitted)
+    monkeypatch.setattr(candidates, "screen", screen)
     grids = SimpleNamespace(whole=lambda name: [{"T": 0.1}, {"T": 0.2}, {"T": 1.0}])
-    search = Hypotheses(None, None, None, grids, None, lambda line: None)
+    search = Candidates(None, None, grids, lambda line: None)
     current = SimpleNamespace(values={})
     first = refitted(None, current, "maxwell_relaxation", {"maxwell_relaxation": {"T": 0.1}})
     kept = search._refitted_to_the_end(current, first, promised=0.2)

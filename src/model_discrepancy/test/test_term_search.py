@@ -10,10 +10,10 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import term_search
+from model_discrepancy.search.candidates import special_cases
 from model_discrepancy.search.exchange import better_rival, exchange, second_effect, specialise
 from model_discrepancy.search.found import Effect, Found, Trial
 from model_discrepancy.search.grids import Grids
-from model_discrepancy.search.hypotheses import special_cases
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import search
 from model_discrepancy.search.trials import judged, refitted

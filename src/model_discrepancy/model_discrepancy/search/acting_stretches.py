@@ -1,4 +1,4 @@
-"""In how many stretches of a recording a candidate acts."""
+"""A candidate counts only if it acts in many stretches of a recording."""
 
 from __future__ import annotations
 

@@ -28,8 +28,9 @@ from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.search.candidates import MIN_PROMISE, REFITS_PER_STEP
 from model_discrepancy.search.found import Progress, follows_beyond_chance
-from model_discrepancy.search.hypotheses import MIN_PROMISE, MOST_TERMS, REFITS_PER_STEP
+from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null, thresholds
 from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
 from model_discrepancy.search.trials import halves_errors, preceding_errors

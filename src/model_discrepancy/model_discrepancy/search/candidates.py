@@ -1,0 +1,192 @@
+"""One step of the search: candidates are screened, and the most promising ones are refitted and
+scored on unseen rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ankle_physics.term import term_library
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parameter_scale import nonlinear
+from model_discrepancy.search.found import Progress, Trial
+from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import Screened, screen
+from model_discrepancy.search.trials import judged, refitted
+
+# Of the whitened residual that a candidate promises, to be refitted at all.
+MIN_PROMISE = 0.003
+# Joint refits per step; the screening's order is right about the first few only.
+REFITS_PER_STEP = 4
+# Where none of them is accepted, further ones are refitted, up to so many.
+MOST_REFITS = 12
+# Candidates that gain less than this ratio of the best one's are not refitted to the end.
+NEAR_BEST_RATIO = 0.6
+# Of those, so many are scored on unseen rows: the best, and those that may generalise better.
+SCORED_CANDIDATES = 3
+# Of what the screening promised: a refit that takes off less has ended in another minimum, and
+# begins again at so many of the best points of the whole grid.
+LEAST_OF_PROMISE = 0.8
+RESTARTS = 3
+
+
+class Candidates:
+    """Finds the terms that are worth most beside a model.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    null
+        Surrogates of that noise.
+    grids
+        Of the library that may be added.
+    progress
+        Called with one line for each refit.
+    """
+
+    def __init__(self, fitter: Fitter, null: Null, grids: Grids, progress: Progress) -> None:
+        self._fitter, self._null, self._grids = fitter, null, grids
+        self._progress = progress
+
+    def best(self, current: Fit) -> tuple[list[Trial], float]:
+        """Return the most promising candidates, refitted and scored on unseen rows, best first, and
+        what the best one gains by chance.
+
+        Where none of the first few is accepted, those behind them are tried.
+
+        Parameters
+        ----------
+        current
+            The model that they are to be added to.
+        """
+        fitter, null, grids = self._fitter, self._null, self._grids
+        # The library is tried on the noise once: later models imitate no less of it.
+        screened = screen(
+            fitter,
+            current,
+            grids.points(current),
+            None if null.observed else null,
+        )
+        grids.learn(screened)
+        by_chance = {s.name: null.threshold(s.name) for s in screened}
+        promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
+        tried: list[Trial] = []
+        for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
+            few = promising[begin : begin + REFITS_PER_STEP]
+            trials = self._refitted_and_judged(current, few, by_chance)
+            trials += special_cases(fitter, current, trials, null)
+            tried = _best_of_each([*tried, *trials])
+            if any(t.accepted for t in trials):
+                break
+        if tried:
+            return tried, tried[0].by_chance
+        return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
+
+    def _refitted_and_judged(
+        self, current: Fit, few: Sequence[Screened], by_chance: dict[str, float]
+    ) -> list[Trial]:
+        """Return a few candidates, best first; those near the best are refitted to the end and
+        scored on unseen rows. Where none of them is accepted, those behind them are.
+        """
+        promised = {s.name: s.share for s in few}
+        behind = []
+        for s in few:
+            self._progress(f"refitting with {s.name}")
+            start = {**current.values, s.name: s.start}
+            behind.append(refitted(self._fitter, current, s.name, start, evaluations=5))
+        tried: list[Trial] = []
+        while behind and not any(t.accepted for t in tried):
+            near, behind = _near_best(behind, by_chance)
+            if not near:
+                break
+            tried += self._scored(current, near, promised, by_chance)
+        rest = [replace(t, by_chance=by_chance[t.name]) for t in behind]
+        return sorted([*tried, *rest], key=lambda t: -t.gain)
+
+    def _scored(
+        self,
+        current: Fit,
+        trials: Sequence[Trial],
+        promised: dict[str, float],
+        by_chance: dict[str, float],
+    ) -> list[Trial]:
+        """Return trials refitted to the end, and the best of them scored on unseen rows; those
+        behind an accepted one need not be.
+        """
+        final = [self._refitted_to_the_end(current, t, promised[t.name]) for t in trials]
+        leading, scored = 0.0, 0
+        for place, t in sorted(enumerate(final), key=lambda entry: -entry[1].gain):
+            by = by_chance[t.name]
+            if scored < SCORED_CANDIDATES and t.gain > max(by, NEAR_BEST_RATIO * leading):
+                final[place] = judged(self._fitter, current, t, by)
+                leading = t.gain if leading == 0.0 and final[place].accepted else leading
+                scored += 1
+            else:
+                final[place] = replace(t, by_chance=by)
+        return final
+
+    def _refitted_to_the_end(self, current: Fit, trial: Trial, promised: float) -> Trial:
+        """Return the trial refitted further, from other points of its grid too where it takes off
+        much less than the screening promised.
+        """
+        fitter, name = self._fitter, trial.name
+        best = refitted(fitter, current, name, trial.fit.values)
+        if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
+            return best
+        (screened,) = screen(fitter, current, {name: self._grids.whole(name)})
+        points = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
+        for _, point in points:
+            (start,) = screen(fitter, current, {name: [point]})
+            other = refitted(fitter, current, name, {**current.values, name: start.start})
+            best = max(best, other, key=lambda t: t.gain)
+        return best
+
+
+def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: Null) -> list[Trial]:
+    """Return the special cases of the accepted terms, refitted from the values of these.
+
+    From a value of the grid a special case may end in another minimum, or promise less than terms
+    with more parameters, which crowd it out.
+
+    Parameters
+    ----------
+    fitter, current
+        The present model, and what fits it.
+    trials
+        Of the general terms, judged.
+    null
+        What each term gains by chance.
+    """
+    library = term_library()
+    cases = []
+    for general in trials:
+        for name in library[general.name].generalises if general.accepted else ():
+            values = general.fit.values[general.name]
+            symbols = [parameter.symbol for parameter in library[name].parameters]
+            if set(symbols) <= set(values):
+                start = {**general.fit.values, name: {s: values[s] for s in symbols}}
+                case = refitted(fitter, current, name, start)
+                cases.append(judged(fitter, current, case, null.threshold(name)))
+    return cases
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the best trial of each term, best first."""
+    ascending = sorted(trials, key=lambda t: t.gain)
+    return sorted({t.name: t for t in ascending}.values(), key=lambda t: -t.gain)
+
+
+def _near_best(
+    trials: Sequence[Trial], by_chance: dict[str, float]
+) -> tuple[list[Trial], list[Trial]]:
+    """Return the trials that gain about as much as the best one, and the others: the first steps of
+    a refit tell which ones are worth the further steps.
+    """
+    beyond = [t for t in trials if t.gain > 0.5 * by_chance[t.name]]
+    best = max((t.gain for t in beyond), default=0.0)
+    near = [t for t in beyond if t.gain > NEAR_BEST_RATIO * best]
+    return near, [t for t in trials if t not in near]
