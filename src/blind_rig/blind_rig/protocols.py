@@ -20,6 +20,8 @@ MULTISINE_HZ = (0.5, 12.0)
 MULTISINE_PERIOD = 20.0  # s
 # Its movements have no beginning; the subject varies at these intervals [s] instead.
 MULTISINE_ONSETS = 0.35
+# Of the highest speed, at which a movement begins.
+MOVING_SHARE = 0.15
 
 
 class Protocol(NamedTuple):
@@ -150,3 +152,18 @@ def command(
         angle[last:] = target
         before = target
     return angle, times[times < protocol.duration]
+
+
+def onset_times(velocity: np.ndarray, rate: float) -> np.ndarray:
+    """Return the times at which movements begin [s].
+
+    Parameters
+    ----------
+    velocity
+        Of the plate [rad/s], shape (n,).
+    rate
+        Samples per second [Hz].
+    """
+    speed = np.abs(velocity)
+    begins = np.diff((speed > MOVING_SHARE * speed.max()).astype(int)) == 1
+    return np.flatnonzero(begins) / rate

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blind_rig.protocols import onset_times
 from blind_rig.trial import Movement, Trial, run, simulation_rate
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.candidate_movements import LEVEL_S, LEVELS, Candidate
 from simulation_study.verdict_cases import Plan, recorded
-
-# Of the highest commanded speed, at which a movement begins.
-MOVING_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -38,11 +36,9 @@ class IndependentConduct:
         trial = self.trial._replace(seed=self.trial.seed + number)
         rate = simulation_rate(trial)
         reference = candidate.reference(duration, rate)
-        speed = np.abs(reference[:, 1])
-        begins = np.diff((speed > MOVING_SHARE * speed.max()).astype(int)) == 1
         times = np.arange(len(reference)) / rate
         task = np.zeros(len(reference))
         if candidate.levels:
             task = np.array(LEVELS)[(times / LEVEL_S).astype(int) % len(LEVELS)]
-        movement = Movement(reference[:, 0], np.flatnonzero(begins) / rate, task)
+        movement = Movement(reference[:, 0], onset_times(reference[:, 1], rate), task)
         return recorded(self.plan, trial, run(trial, movement=movement))

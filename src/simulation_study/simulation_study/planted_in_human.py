@@ -58,17 +58,34 @@ def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray
 def plant(recording: Recording, name: str) -> Recording:
     """Return the trial with the term's torque added to the recorded one."""
     motion = motion_of(recording)
-    fitter = Fitter.of(motion)
-    base = fit_base(fitter)
-    rms = PLANTED_RMS * float(np.std(base.plain[fitter.rows.used]))
+    base, rms = _fitted_base(motion)
     added = added_torque(name, motion, base, rms)
     time = np.arange(len(recording.torque)) / recording.rate
+    return with_torque(recording, np.interp(time, motion.time, added), name)
+
+
+def residual_rms(recording: Recording) -> float:
+    """Return the rms that planted torque is scaled to [N.m]: a part of what the paper's model
+    leaves of the trial.
+    """
+    return _fitted_base(motion_of(recording))[1]
+
+
+def with_torque(recording: Recording, added: np.ndarray, name: str) -> Recording:
+    """Return the trial with a torque [N.m], shape (n,), added to the recorded one."""
     return Recording(
         recording.rate,
         recording.position,
-        recording.torque + np.interp(time, motion.time, added),
+        recording.torque + added,
         name=f"{recording.name} + {name}",
     )
+
+
+def _fitted_base(motion: Motion) -> tuple[Fit, float]:
+    """Return the paper's model, fitted, and the rms that planted torque is scaled to [N.m]."""
+    fitter = Fitter.of(motion)
+    base = fit_base(fitter)
+    return base, PLANTED_RMS * float(np.std(base.plain[fitter.rows.used]))
 
 
 def summary(results: list[dict[str, Any]]) -> str:

@@ -26,6 +26,7 @@ from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Run, Trial, record, run
 from model_discrepancy.recording.recording import Recording
 from simulation_study.human_trials import load_trial, trial_paths
+from simulation_study.planted_from_rig import plant_effect
 from simulation_study.planted_in_human import plant
 
 DURATION_S = 60.0
@@ -40,9 +41,14 @@ VARIABILITY = {"small": ((0.0, 0.1), (0.0, 0.05)), "large": ((0.15, 0.3), (0.1, 
 # Signal to noise of the torque [dB].
 TORQUE_SNR = {"quiet": (32.0, 38.0), "noisy": (24.0, 28.0)}
 # Of a whole study, so that a count of one kind does not change the cases of another.
-KINDS = ("null", "effect", "pair", "foreign", "left_out", "planted")
+KINDS = ("null", "effect", "pair", "foreign", "left_out", "planted", "planted_from_rig")
+# Kinds that add torque to recorded human trials: of a term, and of an effect of the rig.
+IN_HUMAN_TRIALS = ("planted", "planted_from_rig")
 # Answers to these are verdicts, findings in the signals or variability, and no names of terms.
 EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_backlash"})
+# A planted effect adds torque to a movement that is as it was recorded: a delayed angle does not,
+# and straps are in every human trial already.
+NOT_PLANTED = frozenset({"torque_delay", "strap"})
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Plan:
     seed
         Of everything that is drawn.
     hidden
-        Names of effects of `blind_rig`, or of the term that is planted in a human trial.
+        Names of effects of `blind_rig`, or of the library's term that is planted in a human trial.
     servo
         ``stiff`` or ``compliant``; ``human`` for a recorded trial.
     protocol
@@ -121,7 +127,9 @@ def _hidden(kind: str, count: int, generator: np.random.Generator) -> list[tuple
     if kind == "null":
         return [()] * count
     known = [e.name for e in effects.KNOWN_EFFECTS if e.name not in EXCLUDED_EFFECTS]
-    if kind == "planted":
+    if kind == "planted_from_rig":
+        names = [name for name in known if name not in NOT_PLANTED]
+    elif kind == "planted":
         terms = term_library().items()
         # What the position sensor does, changes no torque.
         names = [n for n, t in terms if t.searched and t.place is not Place.POSITION_SENSOR]
@@ -159,7 +167,7 @@ def _plan(
     generator: np.random.Generator,
     trials: Sequence[str],
 ) -> Plan:
-    human = kind == "planted"
+    human = kind in IN_HUMAN_TRIALS
     return Plan(
         kind,
         number,
@@ -207,10 +215,13 @@ def made(plan: Plan, folder: Path | None = None) -> Made:
     folder
         With the recorded trials; needed for planted ones only.
     """
-    if plan.kind == "planted":
+    if plan.kind in IN_HUMAN_TRIALS:
         assert folder is not None
         path = next(path for path in trial_paths(folder) if path.stem == plan.protocol)
-        return Made(plant(load_trial(path), plan.hidden[0]), None, {})
+        name, measured = plan.hidden[0], load_trial(path)
+        if plan.kind == "planted":
+            return Made(plant(measured, name), None, {})
+        return Made(plant_effect(measured, name, plan.seed), None, {})
     trial, shares = trial_of(plan)
     done = run(trial)
     return Made(recorded(plan, trial, done), true_impedance(trial, done), shares)
@@ -223,7 +234,7 @@ def trial_of(plan: Plan) -> tuple[Trial, dict[str, float]]:
     Parameters
     ----------
     plan
-        From `plans`; not a planted one.
+        From `plans`; not one that is planted in a human trial.
     """
     return _scaled_trial(plan) if plan.scaled else (_fixed_trial(plan), {})
 

@@ -14,6 +14,7 @@ from ankle_physics.term import term_library
 from blind_rig.cases import MIN_STRENGTH_SHARE
 from blind_rig.strength import STRENGTHS
 from model_discrepancy.report.verdict import MIN_STATED_PROBABILITY
+from simulation_study.verdict_cases import KINDS
 
 # Bands of stated probability within which the share that is right is counted.
 BANDS = (0.0, 0.3, 0.6, 0.8, 1.01)
@@ -139,10 +140,7 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
     entries
         Cases.
     """
-    of = {
-        kind: [e for e in entries if e["plan"]["kind"] == kind]
-        for kind in ("null", "effect", "pair", "foreign", "left_out", "planted")
-    }
+    of = {kind: [e for e in entries if e["plan"]["kind"] == kind] for kind in KINDS}
     lines = [("false alarms", _share(e["verdict"] != "no_mismatch" for e in of["null"]))]
     for stratum in STRATA:
         for value in sorted({e["plan"][stratum] for e in of["null"]}, key=str):
@@ -156,13 +154,18 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
         ("left_out", f"{wrong}, family left out"),
         ("foreign", f"{wrong}, foreign to the library"),
         ("planted", f"{wrong}, planted in human trials"),
+        ("planted_from_rig", f"{wrong}, planted in human trials by the rig's equations"),
     ):
         lines.append(
             (words, _share(not right for e in of[kind] for _, _, right in stated_names(e)))
         )
     weaker = [e for e in entries if not is_moderate(e)]
     of = {kind: [e for e in own if is_moderate(e)] for kind, own in of.items()}
-    for kind, words in (("effect", "one effect"), ("planted", "planted in human trials")):
+    for kind, words in (
+        ("effect", "one effect"),
+        ("planted", "planted in human trials"),
+        ("planted_from_rig", "planted in human trials by the rig's equations"),
+    ):
         lines += [
             (f"{words}: named exactly", _share(named(e, True) for e in of[kind])),
             (f"{words}: its family named", _share(named(e, False) for e in of[kind])),

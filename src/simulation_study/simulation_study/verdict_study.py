@@ -1,5 +1,5 @@
 """Verdicts counted: recordings without mismatch, with one effect, with two, with what the library
-lacks, and with a term planted in recorded human trials.
+lacks, and with a term or an effect of the rig planted in recorded human trials.
 
 Example: ``python -m simulation_study.verdict_study --seed 1 --null 24 --effect 24 --out FOLDER``.
 Results are appended to ``cases*.jsonl`` in the folder; an interrupted study goes on where it
@@ -21,7 +21,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from simulation_study.blind.acceptance import ANSWERS
 from simulation_study.human_trials import trial_paths
-from simulation_study.verdict_cases import KINDS, Plan, made, plans
+from simulation_study.verdict_cases import IN_HUMAN_TRIALS, KINDS, Plan, made, plans
 from simulation_study.verdict_report import report
 
 # Option of the command by kind of case.
@@ -32,6 +32,7 @@ OPTIONS = {
     "--foreign": "foreign",
     "--left-out": "left_out",
     "--planted": "planted",
+    "--planted-from-rig": "planted_from_rig",
 }
 
 
@@ -195,8 +196,9 @@ def main() -> None:
     options = parser.parse_args()
     counts = {kind: getattr(options, kind) for kind in KINDS}
     names = [path.stem for path in trial_paths(options.trials)] if options.trials else []
-    if counts["planted"] and not names:
-        parser.error("--planted needs --trials, a folder as `ankle fetch-trials` writes it")
+    for option, kind in OPTIONS.items():
+        if kind in IN_HUMAN_TRIALS and counts[kind] and not names:
+            parser.error(f"{option} needs --trials, a folder as `ankle fetch-trials` writes it")
     part, of = (int(word) for word in options.part.split("/"))
     given = " ".join(f"{option} {counts[k]}" for option, k in OPTIONS.items() if counts[k])
     command = f".venv/bin/python -m simulation_study.verdict_study --seed {options.seed} {given}"

@@ -18,7 +18,15 @@ from simulation_study.verdict_report import (
 )
 from simulation_study.verdict_study import families, library_of, ordered, read_cases, right_names
 
-COUNTS = {"null": 6, "effect": 30, "pair": 6, "foreign": 8, "left_out": 6, "planted": 4}
+COUNTS = {
+    "null": 6,
+    "effect": 30,
+    "pair": 6,
+    "foreign": 8,
+    "left_out": 6,
+    "planted": 4,
+    "planted_from_rig": 4,
+}
 
 
 def _entry(kind, right, effects, verdict="explained", **plan):
