@@ -284,16 +284,28 @@ class FootLoop:
         assert linear is not None
         first = _slice(window, 0, 1)
         still = np.zeros(1)
-        x, other = 0.0, float(given[0])
-        for _ in range(MOST_ROUNDS):
-            x = (linear.k * drive[0, 0] - other) / (linear.K + linear.k)
+        at_first = [_part(own, 0, 1) for own in values[1:]]
+
+        def other_torque(x: float) -> float:
             first.move_foot(np.array([x]), still, still)
-            at_first = [_part(own, 0, 1) for own in values[1:]]
             parts = torques_of(self._terms, first, at_first, copy.deepcopy(self._states))
-            other = (
+            return (
                 float(given[0]) + sum(float(torque[0]) for torque in parts.values()) - linear.K * x
             )
-        self._other = other
+
+        def step(x: float) -> float:
+            return (linear.k * drive[0, 0] - other_torque(x)) / (linear.K + linear.k) - x
+
+        x, share = 0.0, 1.0
+        ahead = step(x)
+        for _ in range(MOST_ROUNDS):
+            there = step(x + share * ahead)
+            if abs(there) > abs(ahead):
+                # A foot that is steeper than its linear part would run away.
+                share *= 0.5
+                continue
+            x, ahead = x + share * ahead, there
+        self._other = other_torque(x)
         self._dynamics.settle(x)
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from ankle_physics.actuator import Servo
 from ankle_physics.compliant_coupling import CompliantCoupling
@@ -161,6 +162,24 @@ def test_the_foot_starts_at_rest_in_equilibrium():
     foot = (300 * 0.1 + 100 * -0.05) / 400
     assert np.abs(signals.foot_position - foot).max() < 1e-9
     assert np.abs(torque - 300 * (0.1 - foot)).max() < 1e-7
+
+
+def test_a_foot_that_is_steep_where_it_starts_is_at_rest_there():
+    curve = {"k1": 0.0, "k3": 1e6, "xc": 0.0}
+    model = Model.of(
+        {
+            "inertia": {},
+            "stiffness": {"K": 100.0, "x0": 0.0},
+            "hardening_stiffness": curve,
+            "fixation_compliance": {"k_s": 300.0},
+        }
+    )
+    still = np.full(100, 0.3)
+    signals = Signals(8192.0, still, np.zeros(100), np.zeros(100))
+    torque = model.torque(signals)
+    foot = brentq(lambda x: 300 * (0.3 - x) - 100 * x - 1e6 * x**3, 0.0, 0.3)
+    assert np.abs(signals.foot_position - foot).max() < 1e-6
+    assert np.abs(torque - 300 * (0.3 - foot)).max() < 1e-3
 
 
 @pytest.mark.parametrize(
