@@ -18,7 +18,7 @@ from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Movement, Trial, record, run, simulation_rate
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
-from simulation_study.planted_in_human import residual_rms, with_torque
+from simulation_study.planted_in_human import Planted, with_torque
 
 # The rig samples at this rate [Hz], which is that of the recorded trials.
 RIG_RATE = 1000.0
@@ -42,7 +42,7 @@ QUIET = {
 }
 
 
-def plant_effect(recording: Recording, effect: str, seed: int) -> Recording:
+def plant_effect(recording: Recording, effect: str, seed: int) -> Planted:
     """Return the trial with the torque that an effect of the independent rig adds on its movement,
     scaled as `planted_in_human.plant` does.
 
@@ -60,8 +60,7 @@ def plant_effect(recording: Recording, effect: str, seed: int) -> Recording:
     DiagnosisError
         The trial has another rate, or the effect changes no torque on this movement.
     """
-    added = added_torque(recording, effect, seed)
-    return with_torque(recording, added * (residual_rms(recording) / np.std(added)), effect)
+    return with_torque(recording, added_torque(recording, effect, seed), effect)
 
 
 def added_torque(recording: Recording, effect: str, seed: int) -> np.ndarray:

@@ -2,8 +2,9 @@
 RECORDINGS --out FOLDER``.
 
 For every trial and term: the paper's model is fitted to the trial and run in the time domain on its
-measured movement, with and without the term; the difference, scaled to half the rms of what the
-paper's model leaves of the trial, is added to the recorded torque. A name counts only where the
+measured movement, with and without the term. The difference is added to the recorded torque, scaled
+so that what the paper's model cannot imitate of it has half the rms of what that model leaves of
+the trial. A name counts only where the
 trial as it was recorded does not show it already. Results are appended to ``results.jsonl``; an
 interrupted run goes on where it stopped.
 """
@@ -11,8 +12,9 @@ interrupted run goes on where it stopped.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,13 +31,19 @@ from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.human_trials import load_trial, trial_paths
 from simulation_study.planted_trials import STRENGTHS, outcome, run_all
 
-# Of the rms that the paper's model leaves of the trial, between 0.1 and 80 Hz.
+# Of the rms that the paper's model leaves of the trial, between 0.1 and 80 Hz: what it cannot
+# imitate of the planted torque.
 PLANTED_RMS = 0.5
+# The planted torque itself is no larger than this. A term that shows less then, such as a drift of
+# stiffness that mostly looks like slow torque, is no effect in this trial.
+MOST_PLANTED_RMS = 2.0
+# The part that can be imitated changes with the size of a torque a little.
+SCALINGS = 3
 
 
-def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray:
+def added_torque(name: str, motion: Motion, base: Fit) -> np.ndarray:
     """Return the torque that a term adds to the fitted paper model on this movement [N.m], at the
-    motion's rate, shape (n,), scaled to `rms` [N.m].
+    motion's rate, shape (n,), without its mean.
 
     Raises
     ------
@@ -49,43 +57,72 @@ def added_torque(name: str, motion: Motion, base: Fit, rms: float) -> np.ndarray
     }
     with_term = Model.of({**values, name: STRENGTHS.get(name, {})})
     added = simulated_torque(with_term, motion) - simulated_torque(Model.of(values), motion)
-    added -= np.mean(added)
     if np.std(added) == 0.0:
         raise DiagnosisError(f"{name} changes no torque on this movement")
-    return added * (rms / np.std(added))
+    return added - np.mean(added)
 
 
-def plant(recording: Recording, name: str) -> Recording:
+class Planted(NamedTuple):
+    """Holds a trial with an effect.
+
+    Attributes
+    ----------
+    recording
+        With the effect's torque.
+    share
+        Variance that the effect adds beyond what the paper's model could imitate, of the torque's
+        variance [1]; both between 0.1 and 80 Hz.
+    """
+
+    recording: Recording
+    share: float
+
+
+def plant(recording: Recording, name: str) -> Planted:
     """Return the trial with the term's torque added to the recorded one."""
     motion = motion_of(recording)
-    base, rms = _fitted_base(motion)
-    added = added_torque(name, motion, base, rms)
+    added = added_torque(name, motion, fit_base(Fitter.of(motion)))
     time = np.arange(len(recording.torque)) / recording.rate
     return with_torque(recording, np.interp(time, motion.time, added), name)
 
 
-def residual_rms(recording: Recording) -> float:
-    """Return the rms that planted torque is scaled to [N.m]: a part of what the paper's model
-    leaves of the trial.
+def with_torque(recording: Recording, added: np.ndarray, name: str) -> Planted:
+    """Return the trial with a torque added, scaled so that what the paper's model cannot imitate of
+    it is `PLANTED_RMS` of what that model leaves of the trial.
+
+    Torque that looks like another stiffness or another reflex is no effect that anybody could see.
+
+    Parameters
+    ----------
+    recording
+        A human trial.
+    added
+        Torque of an effect [N.m], shape (n,).
+    name
+        Of the effect.
     """
-    return _fitted_base(motion_of(recording))[1]
-
-
-def with_torque(recording: Recording, added: np.ndarray, name: str) -> Recording:
-    """Return the trial with a torque [N.m], shape (n,), added to the recorded one."""
-    return Recording(
+    motion = motion_of(recording)
+    base = fit_base(Fitter.of(motion))
+    left = float(np.std(base.plain[base.rows.used]))
+    explained = motion.torque - base.rows.torque(base.left)
+    on_motion = np.interp(motion.time, np.arange(len(added)) / recording.rate, added)
+    largest = MOST_PLANTED_RMS * left / float(np.std(added))
+    scale, unseen = largest, 0.0
+    for _ in range(SCALINGS):
+        alone = Fitter.of(replace(motion, torque=explained + scale * on_motion))
+        unseen = float(np.std(fit_base(alone).plain[base.rows.used]))
+        scale *= PLANTED_RMS * left / unseen
+        if scale >= largest:
+            scale = largest
+            break
+    whole = float(np.var(base.rows.plain(base.rows.spectrum(motion.torque))[base.rows.used]))
+    planted = Recording(
         recording.rate,
         recording.position,
-        recording.torque + added,
+        recording.torque + scale * added,
         name=f"{recording.name} + {name}",
     )
-
-
-def _fitted_base(motion: Motion) -> tuple[Fit, float]:
-    """Return the paper's model, fitted, and the rms that planted torque is scaled to [N.m]."""
-    fitter = Fitter.of(motion)
-    base = fit_base(fitter)
-    return base, PLANTED_RMS * float(np.std(base.plain[fitter.rows.used]))
+    return Planted(planted, unseen**2 / whole)
 
 
 def summary(results: list[dict[str, Any]]) -> str:
@@ -129,7 +166,9 @@ def main() -> None:
         return {
             **case,
             **outcome(
-                diagnose(trial if case["planted"] is None else plant(trial, case["planted"]))
+                diagnose(
+                    trial if case["planted"] is None else plant(trial, case["planted"]).recording
+                )
             ),
         }
 

@@ -219,9 +219,12 @@ def made(plan: Plan, folder: Path | None = None) -> Made:
         assert folder is not None
         path = next(path for path in trial_paths(folder) if path.stem == plan.protocol)
         name, measured = plan.hidden[0], load_trial(path)
-        if plan.kind == "planted":
-            return Made(plant(measured, name), None, {})
-        return Made(plant_effect(measured, name, plan.seed), None, {})
+        planted = (
+            plant(measured, name)
+            if plan.kind == "planted"
+            else plant_effect(measured, name, plan.seed)
+        )
+        return Made(planted.recording, None, {name: planted.share})
     trial, shares = trial_of(plan)
     done = run(trial)
     return Made(recorded(plan, trial, done), true_impedance(trial, done), shares)
