@@ -121,3 +121,24 @@ def test_frequency_response_of_a_sensor_is_its_simulation(name):
         late = time > 2.0
         expected = np.imag(response * np.exp(2j * np.pi * frequency * time))
         assert np.abs(signals.torque - expected)[late].max() < 0.01 * np.abs(response)
+
+
+def test_a_model_that_runs_away_is_avoided_and_never_chosen(monkeypatch):
+    fitter = Fitter.of(motion_of(simulate_trial({}, seed=4, duration=20.0)))
+    best = fit_base(fitter)
+    delay = best.values["reflex"]["delay"]
+    spectra = fitter.columns.spectra
+
+    def running_away(values):
+        found = spectra(values)
+        beyond = values["reflex"]["delay"] > delay + 1e-5
+        return {c: s * 1e200 for c, s in found.items()} if beyond else found
+
+    monkeypatch.setattr(fitter.columns, "spectra", running_away)
+    early = {**best.values, "reflex": {**best.values["reflex"], "delay": delay - 0.004}}
+    found = fitter.fit(best.terms, early)
+    assert np.isfinite(found.score)
+    assert found.score < fitter.solve(early).score
+    assert found.values["reflex"]["delay"] <= delay + 1e-5
+    late = {**best.values, "reflex": {**best.values["reflex"], "delay": delay + 0.004}}
+    assert fitter.fit(best.terms, late).score == np.inf

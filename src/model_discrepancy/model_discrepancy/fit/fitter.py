@@ -44,6 +44,9 @@ _DERIVATIVES_KEPT = 4
 # like a geometric series, by a third and more from stage to stage.
 STAGE_EVALUATIONS = 4
 STAGES_AHEAD = 2.0
+# Torque per unit of a parameter that no joint makes [N.m]: a foot behind straps that do not hold it
+# has run away there. Its square is still a number.
+RUN_AWAY = 1e12
 # The tolerance of a single fit.
 _CONVERGED_SHARE = 1e-4
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
@@ -180,6 +183,8 @@ class Fitter:
                     for name, p in free
                 ]
             )
+            if not np.isfinite(problem.residual(first)).all():
+                return self.solve(values, mask)
             found = least_squares(
                 problem.residual,
                 first,
@@ -223,12 +228,14 @@ class Fitter:
 
     def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:
         """Return the fit with these values of what is searched for; only the other, linear
-        parameters are solved for.
+        parameters are solved for. The score is infinite where the model runs away.
         """
         mask = self.rows.used if mask is None else mask & self.rows.used
         spectra = self.columns.spectra(values)
         order = list(spectra)
         matrix = self.whitened(spectra.values())
+        if not np.abs(matrix).max() < RUN_AWAY:
+            return self._run_away(values)
         amplitudes = np.array([float(values[name][symbol]) for name, symbol in order])
         given = {(name, p.symbol) for name, p in self.searched(list(values))}
         given |= {column for column in order if column[0] in self.held}
@@ -254,6 +261,12 @@ class Fitter:
             size,
             at_bounds=at_bounds(filled),
         )
+
+    def _run_away(self, values: Start) -> Fit:
+        """Return a fit that explains nothing and is worse than any other one."""
+        filled = {name: dict(given) for name, given in values.items()}
+        rows, target = self.rows, self.columns.target
+        return Fit(filled, np.full(rows.count, np.inf), target, rows, np.inf, len(filled))
 
     def evaluate(self, values: Start) -> Fit:
         """Evaluate the model with these values, linear ones too, without fitting anything."""
@@ -358,8 +371,12 @@ class Fitter:
                 + (moved[name][parameter.symbol] - amplitudes[name, parameter.symbol])
                 * here[name, parameter.symbol]
             )
+        still = np.zeros(self.rows.count)
+        # Beside a place where the model runs away, the difference tells nothing.
+        if isinstance(change, int) or not np.abs(change).max() < RUN_AWAY * self.rows.count:
+            return still
         rows = self.rows.plain if plain else self.rows.whitened
-        return np.zeros(self.rows.count) if isinstance(change, int) else rows(change) / step
+        return rows(change) / step
 
     def with_errors(self, fit: Fit) -> Fit:
         """Return the fit with standard errors; parameters at bounds are held.
