@@ -43,7 +43,8 @@ LONGEST_WINDOW = 0.1  # s
 # A window of the paper's model converges in four to eight rounds, one with springs that yield in
 # about 25, whatever its length; one that needs far more is cheaper in halves.
 MOST_ROUNDS = 40
-# Of the torque, or of 1 N.m where the torque is smaller; far below any sensor's resolution.
+# Of the torque, or of 1 N.m where the torque is smaller; far below any sensor's resolution, so that
+# blocks of any size give the same torque.
 TOLERANCE = 1e-11
 # The linear system is renewed when its coefficients have changed by more than this; smaller changes
 # are left to `other`.
@@ -119,11 +120,19 @@ class FootLoop:
         Every term that acts on the foot and may depend on its motion, in the order of the path.
     states
         States of the terms.
+    tolerance
+        Of the torque, or of 1 N.m where the torque is smaller, at which a window is solved.
     """
 
     def __init__(
-        self, rate: float, coupling: Entry, terms: list[Entry], states: list[State]
+        self,
+        rate: float,
+        coupling: Entry,
+        terms: list[Entry],
+        states: list[State],
+        tolerance: float = TOLERANCE,
     ) -> None:
+        self._tolerance = tolerance
         self._rate = rate
         self._coupling = coupling
         self._terms = terms
@@ -226,7 +235,7 @@ class FootLoop:
             change = other
             other = total - linear.foot(x, v, a) - excess
             size = np.abs(other - change).max()
-            if size <= TOLERANCE * max(1.0, np.abs(total).max()):
+            if size <= self._tolerance * max(1.0, np.abs(total).max()):
                 self._dynamics, self._other = dynamics, float(other[-1])
                 for state, new in zip(self._states, states, strict=True):
                     state.update(new)

@@ -32,6 +32,9 @@ ACCELERATION_DIFFERENCE = 1e-2  # rad/s^2
 STATIC_RATE = 16.0  # Hz
 # A rate at which the reflex' response and a step of 10 ms are sampled well.
 RESPONSE_RATE = 2048.0  # Hz
+# To which the torque on the foot is solved along these movements: 1e-7 of the stiffness that is
+# stated, in half the rounds that a simulation takes.
+RESPONSE_TOLERANCE = 1e-6
 # Movements before those that count: depression and other memory of the reflex have settled.
 SETTLING_TIME = 4.0  # s
 # Movements that count: enough steps for a mean over their random levels and pauses.
@@ -333,7 +336,7 @@ def _torque_along(entries: list[Entry], signals: Signals, time: float) -> np.nda
     held = copy.deepcopy(entries)
     for entry in held:
         entry.values = _means(entry.values)
-    run = Model(held).start(signals.rate)
+    run = Model(held).start(signals.rate, tolerance=RESPONSE_TOLERANCE)
     run.advance_clock(time - SETTLING_TIME - 0.5 * TRAIN_TIME)
     return run.torque(signals)
 

@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
-from ankle_physics.compliant_coupling import CompliantCoupling, FootLoop, torques_of
+from ankle_physics.compliant_coupling import TOLERANCE, CompliantCoupling, FootLoop, torques_of
 from ankle_physics.errors import ModelError
 from ankle_physics.joint_profile import ANKLE, JointProfile, joint_in_force
 from ankle_physics.signals import Signals
@@ -244,9 +244,19 @@ class Model:
         """Say whether the model has the term."""
         return any(entry.term.name == name for entry in self.entries)
 
-    def start(self, rate: float, seed: int = 0) -> ModelRun:
-        """Begin a run at `rate` [Hz]."""
-        return ModelRun(self, rate, seed)
+    def start(self, rate: float, seed: int = 0, tolerance: float = TOLERANCE) -> ModelRun:
+        """Begin a run at `rate` [Hz].
+
+        Parameters
+        ----------
+        rate
+            Sampling rate [Hz].
+        seed
+            Of the terms that draw random numbers.
+        tolerance
+            To which the torque on a foot behind a compliant coupling is solved, as a share of it.
+        """
+        return ModelRun(self, rate, seed, tolerance)
 
     def torque(self, signals: Signals) -> np.ndarray:
         """Return the torque [N.m] of shape (n,) over a whole stretch, from rest."""
@@ -262,7 +272,9 @@ class ModelRun:
         Torque [N.m] of each term during the last stretch, by term name, each of shape (n,).
     """
 
-    def __init__(self, model: Model, rate: float, seed: int = 0) -> None:
+    def __init__(
+        self, model: Model, rate: float, seed: int = 0, tolerance: float = TOLERANCE
+    ) -> None:
         self.model = model
         self.parts: dict[str, np.ndarray] = {}
         states = [entry.term.start(rate, seed + index) for index, entry in enumerate(model.entries)]
@@ -290,7 +302,7 @@ class ModelRun:
                 [entry for entry, _ in self._on_foot],
                 [state for _, state in self._on_foot],
             )
-            self._loop = FootLoop(rate, couplings[0], terms, their_states)
+            self._loop = FootLoop(rate, couplings[0], terms, their_states, tolerance)
 
     def advance_clock(self, seconds: float) -> None:
         """Let terms that follow the time of the run begin at `seconds` [s] instead of 0."""
