@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -132,13 +132,17 @@ def score(entry: Entry, key: str) -> tuple[float, float] | None:
     return error / entry["truth"][key], error / estimate["standard_error"]
 
 
-def table(entries: list[Entry]) -> list[tuple[str, str]]:
+def table(
+    entries: list[Entry], shown: Mapping[str, Sequence[str]] | None = None
+) -> list[tuple[str, str]]:
     """Return every count with its interval.
 
     Parameters
     ----------
     entries
         Cases.
+    shown
+        Names that each human trial shows without anything planted, by its name.
     """
     of = {kind: [e for e in entries if e["plan"]["kind"] == kind] for kind in KINDS}
     lines = [("false alarms", _share(e["verdict"] != "no_mismatch" for e in of["null"]))]
@@ -171,6 +175,7 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
             (f"{words}: its family named", _share(named(e, False) for e in of[kind])),
             (f"{words}: overlooked", _share(e["verdict"] == "no_mismatch" for e in of[kind])),
         ]
+    lines += _beside_own(of, shown or {})
     lines += [
         ("two effects: both families named", _share(named(e, False) for e in of["pair"])),
         (
@@ -188,6 +193,33 @@ def table(entries: list[Entry]) -> list[tuple[str, str]]:
         ),
     ]
     return [*lines, *reliability(entries), *_impedance(entries)]
+
+
+def _beside_own(
+    of: Mapping[str, list[Entry]], shown: Mapping[str, Sequence[str]]
+) -> list[tuple[str, str]]:
+    """Return the counts of what is planted in human trials, where the trial does not show it
+    itself.
+    """
+    lines = []
+    for kind, words in (
+        ("planted", "planted in human trials and not shown by the trial itself"),
+        ("planted_from_rig", "the same by the rig's equations"),
+    ):
+        for exactly, what in ((True, "named exactly"), (False, "its family named")):
+            fresh = [
+                e
+                for e in of[kind]
+                if e["plan"]["protocol"] in shown
+                and not named(_naming(e, shown[e["plan"]["protocol"]]), exactly)
+            ]
+            lines.append((f"{words}: {what}", _share(named(e, exactly) for e in fresh)))
+    return lines
+
+
+def _naming(entry: Entry, names: Sequence[str]) -> Entry:
+    """Return a case as if its verdict had these names."""
+    return entry | {"effects": [{"name": name} for name in names]}
 
 
 def reliability(entries: list[Entry]) -> list[tuple[str, str]]:
@@ -251,7 +283,9 @@ def _hidden(entry: Entry) -> str:
     return " and ".join(words) or "nothing"
 
 
-def report(entries: list[Entry], command: str) -> str:
+def report(
+    entries: list[Entry], command: str, shown: Mapping[str, Sequence[str]] | None = None
+) -> str:
     """Return the counts and every case.
 
     Parameters
@@ -260,6 +294,8 @@ def report(entries: list[Entry], command: str) -> str:
         Cases.
     command
         With which they are made again.
+    shown
+        As `table` takes it.
     """
     lines = [
         "# Verdicts counted",
@@ -268,7 +304,7 @@ def report(entries: list[Entry], command: str) -> str:
         "",
         "| | counted (95 % interval) |",
         "| --- | --- |",
-        *(f"| {name} | {value} |" for name, value in table(entries)),
+        *(f"| {name} | {value} |" for name, value in table(entries, shown)),
         "",
         "| case (share of the torque's variance) | servo | protocol | rate | velocity | verdict "
         "| named (probability; family) |",

@@ -20,7 +20,7 @@ from typing import Any
 from ankle_physics.term import term_library
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from simulation_study.blind.acceptance import ANSWERS
-from simulation_study.human_trials import trial_paths
+from simulation_study.human_trials import load_trial, trial_paths
 from simulation_study.verdict_cases import IN_HUMAN_TRIALS, KINDS, Plan, made, plans
 from simulation_study.verdict_report import report
 
@@ -184,6 +184,25 @@ def run_part(todo: list[Plan], file: Path, trials: Path | None) -> Iterator[dict
         yield entry
 
 
+def shown_by_trials(trials: Path, file: Path) -> dict[str, list[str]]:
+    """Return the names that each recorded trial shows without anything planted, and keep them.
+
+    Parameters
+    ----------
+    trials
+        Folder of recorded human trials.
+    file
+        JSON; what it holds already is not diagnosed again.
+    """
+    if not file.exists():
+        shown = {
+            path.stem: [e["name"] for e in diagnose(load_trial(path)).verdict.effects]
+            for path in trial_paths(trials)
+        }
+        file.write_text(json.dumps(shown, indent=2) + "\n")
+    return dict(json.loads(file.read_text()))
+
+
 def main() -> None:
     """Run the study and write its table, after every case again."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -206,11 +225,17 @@ def main() -> None:
     done = {entry["case"] for entry in read_cases(options.out)}
     todo = [p for p in ordered(counts, options.seed, names)[part - 1 :: of] if p.name not in done]
     file = options.out / f"cases-{part}.jsonl"
+    planted = any(counts[kind] for kind in IN_HUMAN_TRIALS)
+    shown = shown_by_trials(options.trials, options.out / "trials.json") if planted else {}
+
+    def write() -> None:
+        (options.out / "verdicts.md").write_text(report(read_cases(options.out), command, shown))
+
     for entry in run_part(todo, file, options.trials):
         stated = ", ".join(f"{e['stated']} {e['probability']}" for e in entry["effects"])
         print(f"{entry['case']}: {entry['verdict']} {stated} ({entry['seconds']} s)", flush=True)
-        (options.out / "verdicts.md").write_text(report(read_cases(options.out), command))
-    (options.out / "verdicts.md").write_text(report(read_cases(options.out), command))
+        write()
+    write()
 
 
 if __name__ == "__main__":

@@ -163,3 +163,20 @@ def test_an_effect_is_as_strong_in_this_subject_as_it_is_said_to_be(name):
     assert made_case.shares[name] == pytest.approx(STRENGTHS["moderate"], rel=0.5)
     again = made(plan)
     assert np.array_equal(made_case.recording.torque, again.recording.torque)
+
+
+def test_what_a_human_trial_shows_itself_counts_for_no_planted_effect():
+    own = {"trial": ["short_range_stiffness"]}
+    tendon = _entry("planted", [["tendon"]], [("tendon", 0.2, "a", 0.2)], protocol="trial")
+    memory = _entry(
+        "planted",
+        [["maxwell_relaxation"]],
+        [("maxwell_relaxation", 0.2, "intrinsic memory", 0.2)],
+        protocol="trial",
+    )
+    counts = dict(table([tendon, memory], own))
+    words = "planted in human trials and not shown by the trial itself"
+    assert counts["planted in human trials: named exactly"].startswith("2 of 2")
+    assert counts[f"{words}: named exactly"].startswith("2 of 2")
+    # Its family is there already: another member of it says nothing new.
+    assert counts[f"{words}: its family named"].startswith("1 of 1")
