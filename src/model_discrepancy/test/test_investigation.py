@@ -37,6 +37,16 @@ def test_a_name_stays_where_no_recording_excludes_it():
     ) == ["tendon", "reflex_threshold"]
 
 
+def test_a_name_goes_where_the_recordings_add_up_against_it():
+    evidence = {"tendon": 0.0, "reflex_threshold": 90.0}
+    little = {"tendon": [0.0, 0.0, 0.0], "reflex_threshold": [0.008, 0.01, 0.009]}
+    enough = {"tendon": [0.0, 0.0, 0.0], "reflex_threshold": [0.011, 0.01, 0.012]}
+    undecided = {"tendon": [0.0, 0.02, 0.0], "reflex_threshold": [0.02, 0.0, 0.02]}
+    assert judged(little, evidence) == ["tendon", "reflex_threshold"]
+    assert judged(enough, evidence) == ["tendon"]
+    assert judged(undecided, evidence) == ["tendon", "reflex_threshold"]
+
+
 def test_the_likeliest_of_all_recordings_stays_though_one_recording_prefers_another():
     left = judged(
         {"tendon": [0.0, 0.04], "reflex_exponent": [0.2, 0.0]},

@@ -37,7 +37,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
                 ]
             ),
         ]
-    judged = [s for s in story.sets if s.excess]
+    judged = [s for s in story.sets if s.evidence]
     if judged:
         parts += ["<h2>What excludes what</h2>", image(encoded(_excess_picture(judged)))]
         rows = [

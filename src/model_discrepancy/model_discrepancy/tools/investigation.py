@@ -56,9 +56,9 @@ class OpenSet:
         Values by term and symbol of the model with each name, the preferred one first.
     excess
         Whitened error that each name leaves beyond the best of the set, one number for each
-        recording judged; 0 is the best.
+        recording, the first one included; 0 is the best.
     evidence
-        Log-likelihood of each name below that of the best, over all recordings.
+        Log-likelihood of each name below that of the best, over all designed recordings.
     left
         Names that are not excluded.
     """
@@ -204,15 +204,18 @@ def investigate(
 
 def _open_sets(first: Diagnosis) -> list[OpenSet]:
     assert first.found is not None
-    final = first.found.final.values
-    return [
-        OpenSet(
-            effect.trial.name,
-            {effect.trial.name: final, **{t.name: t.fit.values for t in effect.rivals}},
-        )
-        for effect in first.found.effects
-        if effect.rivals
-    ]
+    final = first.found.final
+    sets = []
+    for effect in first.found.effects:
+        if effect.rivals:
+            scores = {effect.trial.name: final.score}
+            scores |= {t.name: t.fit.score for t in effect.rivals}
+            models = {effect.trial.name: final.values}
+            models |= {t.name: t.fit.values for t in effect.rivals}
+            best = min(scores.values())
+            excess = {name: [score / best - 1.0] for name, score in scores.items()}
+            sets.append(OpenSet(effect.trial.name, models, excess))
+    return sets
 
 
 def _next_round(
@@ -301,7 +304,9 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     """Return the names of a set that no recording excludes, the likeliest first.
 
     A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
-    and all recordings together speak against it. A name of which another is a general case goes
+    or all recordings together leave it so much more than the likeliest name, and all designed
+    recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
+    and those of independent recordings multiply. A name of which another is a general case goes
     with it only if the special one is excluded.
 
     Parameters
@@ -312,13 +317,13 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
         Names that the last recording judged.
     """
     best = min(judged, key=lambda name: one.evidence[name])
-    kept = [
-        name
-        for name in judged
-        if name == best
-        or max(one.excess[name]) < RIVAL_EXCESS
-        or one.evidence[name] <= one.evidence[best]
-    ]
+
+    def excluded(name: str) -> bool:
+        largest = max(one.excess[name])
+        together = sum(one.excess[name]) - sum(one.excess[best])
+        return max(largest, together) >= RIVAL_EXCESS and one.evidence[name] > one.evidence[best]
+
+    kept = [name for name in judged if not excluded(name)]
     # A general term that does no better than its special case says nothing of its own.
     kept = [
         name
