@@ -305,15 +305,18 @@ class FootLoop:
         def step(x: float) -> float:
             return (linear.k * drive[0, 0] - other_torque(x)) / (linear.K + linear.k) - x
 
-        x, share = 0.0, 1.0
+        # A foot that softens may rest far away, too; here it rests beside the plate.
+        x, share = float(drive[0, 0]), 1.0
         ahead = step(x)
-        for _ in range(MOST_ROUNDS):
+        for _ in range(4 * MOST_ROUNDS):
             there = step(x + share * ahead)
             if abs(there) > abs(ahead):
                 # A foot that is steeper than its linear part would run away.
                 share *= 0.5
                 continue
-            x, ahead = x + share * ahead, there
+            x, ahead, share = x + share * ahead, there, min(2.0 * share, 1.0)
+            if abs(ahead) <= self._tolerance:
+                break
         self._other = other_torque(x)
         self._dynamics.settle(x)
 

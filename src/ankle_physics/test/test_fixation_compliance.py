@@ -182,6 +182,27 @@ def test_a_foot_that_is_steep_where_it_starts_is_at_rest_there():
     assert np.abs(torque - 300 * (0.3 - foot)).max() < 1e-3
 
 
+def test_a_foot_that_softens_away_from_its_middle_rests_beside_the_plate():
+    curve = {"k1": 350.0, "k3": -4.6e4, "xc": 0.15}
+    model = Model.of(
+        {
+            "inertia": {},
+            "stiffness": {"K": 70.0, "x0": 0.15},
+            "hardening_stiffness": curve,
+            "fixation_compliance": {"k_s": 1100.0},
+        }
+    )
+    still = np.full(100, 0.16)
+    signals = Signals(8192.0, still, np.zeros(100), np.zeros(100))
+    model.torque(signals)
+
+    def rest(x):
+        d = x - 0.15
+        return 1100 * (0.16 - x) - 70 * d - 0.5 * 350 * d**2 + 4.6e4 * d**3
+
+    assert np.abs(signals.foot_position - brentq(rest, 0.14, 0.17)).max() < 1e-6
+
+
 @pytest.mark.parametrize(
     "name", [n for n, t in term_library().items() if not issubclass(t, CompliantCoupling)]
 )
