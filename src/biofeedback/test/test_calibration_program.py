@@ -35,15 +35,24 @@ def end_of(calibration):
 
 def test_the_programs_result_is_read(tmp_path):
     printed = json.dumps({"effects": [{"name": "tissue_friction"}]})
-    record = 'pathlib.Path(words[words.index("--bag") + 1]).mkdir(); time.sleep(0.5)'
-    calibration = program(tmp_path, f"{record}; print({printed!r})")
+    # It records once it is told to, and ends so, too: its begin is not to be missed.
+    told, ended = tmp_path / "record", tmp_path / "end"
+    act = (
+        f"while not pathlib.Path({str(told)!r}).exists(): time.sleep(0.01)\n"
+        'pathlib.Path(words[words.index("--bag") + 1]).mkdir()\n'
+        f"while not pathlib.Path({str(ended)!r}).exists(): time.sleep(0.01)\n"
+        f"print({printed!r})"
+    )
+    calibration = program(tmp_path, act)
     calibration.begin(90.0)
     assert calibration.recording
     assert "starting to record" in calibration.progress()
+    told.touch()
     until(lambda: "recording, 0 of 90 s" in calibration.progress(), "recording")
     assert calibration.recording
     with pytest.raises(CommandError, match="already"):
         calibration.begin(90.0)
+    ended.touch()
     end = end_of(calibration)
     assert end.problem == ""
     assert end.figures == {"found": "tissue friction"}
