@@ -164,43 +164,36 @@ def test_the_foot_starts_at_rest_in_equilibrium():
     assert np.abs(torque - 300 * (0.1 - foot)).max() < 1e-7
 
 
-def test_a_foot_that_is_steep_where_it_starts_is_at_rest_there():
-    curve = {"k1": 0.0, "k3": 1e6, "xc": 0.0}
+@pytest.mark.parametrize(
+    ("strap", "K", "middle", "k1", "k3", "plate", "between"),
+    [
+        (300.0, 100.0, 0.0, 0.0, 1e6, 0.3, (0.0, 0.3)),
+        # It would rest far away, too, where it has softened.
+        (1100.0, 70.0, 0.15, 350.0, -4.6e4, 0.16, (0.14, 0.17)),
+    ],
+)
+def test_a_foot_on_a_curve_starts_at_rest_beside_the_plate(
+    strap, K, middle, k1, k3, plate, between
+):
     model = Model.of(
         {
             "inertia": {},
-            "stiffness": {"K": 100.0, "x0": 0.0},
-            "hardening_stiffness": curve,
-            "fixation_compliance": {"k_s": 300.0},
+            "stiffness": {"K": K, "x0": middle},
+            "hardening_stiffness": {"k1": k1, "k3": k3, "xc": middle},
+            "fixation_compliance": {"k_s": strap},
         }
     )
-    still = np.full(100, 0.3)
+    still = np.full(100, plate)
     signals = Signals(8192.0, still, np.zeros(100), np.zeros(100))
     torque = model.torque(signals)
-    foot = brentq(lambda x: 300 * (0.3 - x) - 100 * x - 1e6 * x**3, 0.0, 0.3)
-    assert np.abs(signals.foot_position - foot).max() < 1e-6
-    assert np.abs(torque - 300 * (0.3 - foot)).max() < 1e-3
-
-
-def test_a_foot_that_softens_away_from_its_middle_rests_beside_the_plate():
-    curve = {"k1": 350.0, "k3": -4.6e4, "xc": 0.15}
-    model = Model.of(
-        {
-            "inertia": {},
-            "stiffness": {"K": 70.0, "x0": 0.15},
-            "hardening_stiffness": curve,
-            "fixation_compliance": {"k_s": 1100.0},
-        }
-    )
-    still = np.full(100, 0.16)
-    signals = Signals(8192.0, still, np.zeros(100), np.zeros(100))
-    model.torque(signals)
 
     def rest(x):
-        d = x - 0.15
-        return 1100 * (0.16 - x) - 70 * d - 0.5 * 350 * d**2 + 4.6e4 * d**3
+        d = x - middle
+        return strap * (plate - x) - K * d - 0.5 * k1 * d**2 - k3 * d**3
 
-    assert np.abs(signals.foot_position - brentq(rest, 0.14, 0.17)).max() < 1e-6
+    foot = brentq(rest, *between)
+    assert np.abs(signals.foot_position - foot).max() < 1e-6
+    assert np.abs(torque - strap * (plate - foot)).max() < 1e-3
 
 
 @pytest.mark.parametrize(

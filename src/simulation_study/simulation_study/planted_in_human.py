@@ -79,7 +79,20 @@ class Planted(NamedTuple):
 
 
 def plant(recording: Recording, name: str) -> Planted:
-    """Return the trial with the term's torque added to the recorded one."""
+    """Return the trial with the term's torque added to the recorded one.
+
+    Parameters
+    ----------
+    recording
+        A human trial.
+    name
+        Of the term.
+
+    Raises
+    ------
+    DiagnosisError
+        The term changes no torque on this movement.
+    """
     motion = motion_of(recording)
     added = added_torque(name, motion, fit_base(Fitter.of(motion)))
     time = np.arange(len(recording.torque)) / recording.rate
