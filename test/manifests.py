@@ -46,6 +46,7 @@ FROM_PYPI = {
     "pylsl": "pylsl",
     "rich": "rich",
     "rosbags": "rosbags",
+    "threadpoolctl": "threadpoolctl",
     "tqdm": "tqdm",
     "typer": "typer",
     "zstandard": "zstandard",

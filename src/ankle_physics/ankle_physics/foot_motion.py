@@ -104,7 +104,7 @@ def _step(linear: np.ndarray, dt: float) -> np.ndarray:
     return np.ascontiguousarray(grown @ ends)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _advanced(
     row: np.ndarray,
     x: float,
@@ -127,7 +127,7 @@ def _advanced(
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _integrate(
     plate: np.ndarray,
     plate_rate: np.ndarray,

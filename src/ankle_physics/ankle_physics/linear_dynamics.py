@@ -61,7 +61,7 @@ class Delay(Stateful):
         return _delayed(np.ascontiguousarray(x, dtype=float), delay * self._rate, self._past)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _delayed(x: np.ndarray, shift: float, past: np.ndarray) -> np.ndarray:
     """Return x delayed by so many samples; `past` holds the samples before x, then the last ones of
     both.
@@ -140,7 +140,7 @@ def second_order_step(omega: float, damping: float, dt: float) -> np.ndarray:
     return step
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _second_order(
     x: np.ndarray, omega: float, damping: float, step: np.ndarray, state: np.ndarray, rows: int
 ) -> np.ndarray:
@@ -178,7 +178,7 @@ class FirstOrder(Stateful):
         )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _first_order(x: np.ndarray, ratio: float, state: np.ndarray) -> np.ndarray:
     out = np.empty(x.size)
     decay = math.exp(-ratio)

@@ -59,7 +59,7 @@ class SlippingSpring(Stateful):
         return type(self).kernel(position, yield_size, forgetting, self._state)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _dahl(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray) -> np.ndarray:
     out = np.empty(x.size)
     z, last = state[0], state[1]
@@ -88,7 +88,7 @@ class DahlSpring(SlippingSpring):
     kernel = _dahl
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _yielding(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray) -> np.ndarray:
     out = np.empty(x.size)
     z, last = state[0], state[1]
@@ -128,7 +128,7 @@ class BacklashOperator(Stateful):
         return _play(np.ascontiguousarray(x, dtype=float), 0.5 * gap, self._state)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _play(x: np.ndarray, half: float, state: np.ndarray) -> np.ndarray:
     out = np.empty(x.size)
     y = state[0]
@@ -161,7 +161,7 @@ class Structure(Stateful):
         )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _structure(
     u: np.ndarray, dt: float, breaking: float, recovery: float, state: np.ndarray
 ) -> np.ndarray:
@@ -191,7 +191,7 @@ class UnequalLag(Stateful):
         return _unequal(np.ascontiguousarray(u, dtype=float), up, down, self._state)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _unequal(u: np.ndarray, up: float, down: float, state: np.ndarray) -> np.ndarray:
     out = np.empty(u.size)
     y = state[0]

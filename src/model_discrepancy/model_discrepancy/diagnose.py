@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
@@ -85,7 +87,8 @@ def diagnose(
     ModelError
         The model cannot be read.
     """
-    with (joint or joint_in_force()).in_force():
+    # Threads of the linear algebra wait for each other on matrices of this size.
+    with (joint or joint_in_force()).in_force(), threadpool_limits(1, "blas"):
         known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
         return _diagnose_and_write(source, out, model, library, progress, known)
 

@@ -59,3 +59,38 @@ def test_both_make_the_same_torque(motion: Motion, name: str) -> None:
     # is left out there.
     share = 0.08 if coupled else 0.05
     assert np.std(made - said) < share * effect + 0.002 * np.std(made)
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_a_change_of_values_changes_the_torque_by_the_sum_of_its_columns(
+    motion: Motion, name: str
+) -> None:
+    columns = Columns(motion, Rows(len(motion.position), motion.rate))
+    fitter = Fitter(columns)
+    coupled = term_library()[name].place is Place.COUPLING
+    # Straps move the foot and a lag filters the reading: each column depends on both.
+    others = ("torque_sensor_lag",) if coupled else ("torque_sensor_lag", "fixation_compliance")
+    values = {
+        n: {**fitter.start_values([n])[n], **STRENGTHS.get(n, {}), **BASE.get(n, {})}
+        for n in dict.fromkeys([*BASE, *others, name])
+    }
+    before = columns.spectra(values)
+    amplitudes = {(n, symbol): values[n][symbol] for n, symbol in before}
+    searched = fitter.searched(list(values))
+    assert searched
+    for owner, parameter in searched:
+        moved = {**values, owner: {**values[owner]}}
+        moved[owner][parameter.symbol] *= 1.01
+        after = columns.spectra(moved)
+        expected = sum(amplitudes[c] * (after[c] - before[c]) for c in before)
+        change = columns.change(values, moved, amplitudes)
+        assert change is not None, (owner, parameter.symbol)
+        size = max(float(np.abs(amplitudes[c] * before[c]).max()) for c in before)
+        assert np.abs(change - expected).max() < 1e-10 * size, (owner, parameter.symbol)
+
+
+def test_equal_values_change_nothing(motion: Motion) -> None:
+    columns = Columns(motion, Rows(len(motion.position), motion.rate))
+    values = Fitter(columns).start_values(list(BASE), BASE)
+    amplitudes = {(n, symbol): values[n][symbol] for n, symbol in columns.spectra(values)}
+    assert columns.change(values, {n: dict(v) for n, v in values.items()}, amplitudes) is None

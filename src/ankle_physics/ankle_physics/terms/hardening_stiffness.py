@@ -51,4 +51,5 @@ class HardeningStiffness(Term):
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         angle = signals.foot_position - values["xc"]
-        return {"k1": 0.5 * angle**2, "k3": angle**3}
+        square = angle**2
+        return {"k1": 0.5 * square, "k3": square * angle}

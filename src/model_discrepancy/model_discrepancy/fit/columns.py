@@ -12,9 +12,10 @@ the foot's motion: near the resonance its noise would predict itself.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Hashable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, Term, term_library
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion
 
@@ -34,12 +36,41 @@ Column = tuple[str, str]
 # They act on the foot's motion, H times the plate's, so that their torque has passed the straps
 # already.
 FOOT_IMPEDANCE = frozenset({"inertia", "viscosity", "stiffness"})
-# Gradients need a handful of neighbours of the current point; a spectrum takes 0.1 to 0.2 MB.
-_CACHE_SIZE = 8
+# Gradients need a handful of neighbours of the current point, for each of the models that are
+# fitted at the same time; a spectrum takes 0.1 to 0.2 MB.
+_CACHE_SIZE = 16
+
+
+@dataclass(frozen=True)
+class _Owner:
+    """Holds a term that has columns, in its model, and what these depend on.
+
+    Attributes
+    ----------
+    term
+        The owner of the columns.
+    terms, values
+        Of the whole model, in the order of the signal path.
+    key
+        All that its torque depends on.
+    behind
+        All that the filter between its torque and the reading depends on.
+    path
+        All that the signals before the joint depend on.
+    """
+
+    term: Term
+    terms: Sequence[Term]
+    values: Values
+    key: Hashable
+    behind: Hashable
+    path: Hashable
 
 
 class Columns:
     """Computes columns for one recording; remembers what did not change since the last calls.
+
+    Several threads may ask at the same time.
 
     Parameters
     ----------
@@ -54,7 +85,9 @@ class Columns:
         self.rows = rows
         self.mean_angle = float(np.mean(motion.position))
         self.target = rows.spectrum(motion.torque)
-        self._known: dict[str, OrderedDict[Any, Any]] = {}
+        self._known: defaultdict[str, RecentResults[Any]] = defaultdict(
+            lambda: RecentResults(_CACHE_SIZE)
+        )
 
     def convention(self, name: str) -> dict[str, float]:
         """Return the values of the parameters that are not fitted: angles at the recording's mean,
@@ -70,6 +103,57 @@ class Columns:
         """Return the spectrum of each column of the model with these terms and values, by (term,
         symbol).
         """
+        return {
+            (own.term.name, symbol): spectrum
+            for own in self._owners(values)
+            for symbol, spectrum in self._sensed(own).items()
+        }
+
+    def change(
+        self, values: Values, moved: Values, amplitudes: Mapping[Column, float]
+    ) -> np.ndarray | None:
+        """Return the spectrum of what a model's torque changes by where other values are put in.
+
+        It is the sum over all columns, which is transformed once instead of each column.
+
+        Parameters
+        ----------
+        values, moved
+            Of the same terms, before and after.
+        amplitudes
+            Of the columns, the same before and after.
+
+        Returns
+        -------
+        np.ndarray | None
+            None where no column changes.
+        """
+        parts: list[np.ndarray] = []
+        # Torque behind the same filter, and the one whose filter it is.
+        sums: dict[Any, tuple[_Owner, np.ndarray]] = {}
+        for old, new in zip(self._owners(values), self._owners(moved), strict=True):
+            name = old.term.name
+            if (old.key, old.behind) == (new.key, new.behind):
+                continue
+            before = self._sensed(old)
+            if old.key == new.key:
+                parts += [
+                    amplitudes[name, s] * (c - before[s]) for s, c in self._sensed(new).items()
+                ]
+                continue
+            parts += [-amplitudes[name, symbol] * column for symbol, column in before.items()]
+            torque = np.sum(
+                [amplitudes[name, s] * column for s, column in self._torques(new).items()], axis=0
+            )
+            known = sums.get(new.behind)
+            sums[new.behind] = (new, torque if known is None else known[1] + torque)
+        for owner, torque in sums.values():
+            gain, spectrum = self._gain(owner), self.rows.spectrum(torque)
+            parts.append(spectrum if gain is None else gain * spectrum)
+        return np.sum(parts, axis=0) if parts else None
+
+    def _owners(self, values: Values) -> list[_Owner]:
+        """Return the terms that have columns, in the order of the signal path."""
         terms = sorted(
             (term_library()[name]() for name in values), key=lambda term: PATH.index(term.place)
         )
@@ -79,51 +163,57 @@ class Columns:
         shaping = tuple(
             _key(t, values) for t in terms if t.place is Place.REFLEX_INPUT and _transforms(t)
         )
-        sensor = tuple(_key(t, values) for t in terms if t.place is Place.TORQUE_SENSOR)
-        found: dict[Column, np.ndarray] = {}
-        for term in terms:
-            if term.place is Place.TORQUE_SENSOR or not any(p.linear for p in term.parameters):
-                continue
-            key = (
-                _key(term, values),
-                coupling,
-                shaping if term.place is Place.REFLEX_DYNAMICS else (),
-            )
-            own = self._remember(
-                term.name,
-                (key, sensor),
-                lambda term=term, key=key: self._sensed(
-                    term,
-                    terms,
-                    values,
-                    self._remember(
-                        "at " + term.name,
-                        key,
-                        lambda: self._columns(term, terms, values, coupling, shaping),
-                    ),
+        filters = tuple(
+            _key(t, values)
+            for t in terms
+            if t.place is Place.TORQUE_SENSOR or isinstance(t, CompliantCoupling)
+        )
+        return [
+            _Owner(
+                term,
+                terms,
+                values,
+                (
+                    _key(term, values),
+                    coupling,
+                    shaping if term.place is Place.REFLEX_DYNAMICS else (),
                 ),
+                (term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE, filters),
+                (coupling, shaping),
             )
-            for symbol, spectrum in own.items():
-                found[term.name, symbol] = spectrum
-        return found
+            for term in terms
+            if term.place is not Place.TORQUE_SENSOR and any(p.linear for p in term.parameters)
+        ]
 
-    def _sensed(
-        self, term: Term, terms: Sequence[Term], values: Values, own: Mapping[str, np.ndarray]
-    ) -> Mapping[str, np.ndarray]:
+    def _sensed(self, own: _Owner) -> Mapping[str, np.ndarray]:
         """Return the columns of one term as the torque sensor reports them."""
-        key = (
-            "filter",
-            term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE,
-            tuple(
-                _key(t, values)
-                for t in terms
-                if t.place is Place.TORQUE_SENSOR or isinstance(t, CompliantCoupling)
-            ),
+        name = own.term.name
+
+        def made() -> dict[str, np.ndarray]:
+            return {s: self.rows.spectrum(column) for s, column in self._torques(own).items()}
+
+        def sensed() -> Mapping[str, np.ndarray]:
+            gain = self._gain(own)
+            at_joint: Mapping[str, np.ndarray] = self._known["at " + name].of(own.key, made)
+            if gain is None:
+                return at_joint
+            return {symbol: gain * spectrum for symbol, spectrum in at_joint.items()}
+
+        columns: Mapping[str, np.ndarray] = self._known[name].of((own.key, own.behind), sensed)
+        return columns
+
+    def _gain(self, own: _Owner) -> np.ndarray | None:
+        """Return the filter behind a term, remembered."""
+        gain: np.ndarray | None = self._known["filter"].of(
+            own.behind, lambda: self._filter(own.term, own.terms, own.values)
         )
-        gain = self._remember("filter", key, lambda: self._filter(term, terms, values))
-        return (
-            own if gain is None else {symbol: gain * spectrum for symbol, spectrum in own.items()}
-        )
+        return gain
+
+    def _torques(self, own: _Owner) -> dict[str, np.ndarray]:
+        """Return the torque per unit of each linear parameter of one term, each of shape (n,)."""
+        signals = self._known["path"].of(own.path, lambda: self._path(own.terms, own.values))
+        state = own.term.start(self.motion.rate)
+        return own.term.torque(copy(signals), own.values[own.term.name], state)
 
     def _filter(self, term: Term, terms: Sequence[Term], values: Values) -> np.ndarray | None:
         """Return the filter between a term's torque and the reading; None for nothing.
@@ -146,14 +236,6 @@ class Columns:
                     )
                 filters.append(response)
         return np.prod(filters, axis=0) if filters else None
-
-    def _columns(
-        self, term: Term, terms: Sequence[Term], values: Values, coupling: Any, shaping: Any
-    ) -> dict[str, np.ndarray]:
-        signals = self._remember("path", (coupling, shaping), lambda: self._path(terms, values))
-        state = term.start(self.motion.rate)
-        torques = term.torque(copy(signals), values[term.name], state)
-        return {symbol: self.rows.spectrum(column) for symbol, column in torques.items()}
 
     def _path(self, terms: Sequence[Term], values: Values) -> Signals:
         m = self.motion
@@ -181,24 +263,13 @@ class Columns:
             signals.move_foot(x + self.mean_angle, v, a)
             return
         length = next_fast_len(len(m.position) + int(m.rate), real=True)
-        plate = self._remember(
-            "plate",
+        plate = self._known["plate"].of(
             length,
             lambda: [rfft(s - s.mean(), length) for s in (m.position, m.velocity, m.acceleration)],
         )
         gain = transmission(rfftfreq(length, 1.0 / m.rate), fixation, values)
         moved = [irfft(spectrum * gain, length)[: len(m.position)] for spectrum in plate]
         signals.move_foot(moved[0] + self.mean_angle, moved[1], moved[2])
-
-    def _remember(self, name: str, key: Any, make: Any) -> Any:
-        known = self._known.setdefault(name, OrderedDict())
-        if key in known:
-            known.move_to_end(key)
-            return known[key]
-        known[key] = value = make()
-        if len(known) > _CACHE_SIZE:
-            known.popitem(last=False)
-        return value
 
 
 def transmission(frequency: np.ndarray, fixation: CompliantCoupling, values: Values) -> np.ndarray:

@@ -7,7 +7,6 @@ nonlinear ones are searched; physical signs and ranges hold inside the fit.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -18,6 +17,7 @@ from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import Column, Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.least_squares import bounded
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import (
     UNIT_STEP,
     Start,
@@ -30,14 +30,15 @@ from model_discrepancy.fit.parameter_scale import (
     with_unit,
 )
 from model_discrepancy.fit.projection import Projection
+from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
 from model_discrepancy.recording.motion import Motion
 
 Spectra = Mapping[Column, np.ndarray]
 # A refit to half of the rows stays within this share of a nonlinear parameter's range.
 _LINEAR_SHARE = 0.1
-# Whitened columns kept: two models of twelve columns each; one takes 0.1 to 0.2 MB.
-_CACHE_SIZE = 24
+# Whitened columns kept: four models of twelve columns each; one takes 0.1 to 0.2 MB.
+_CACHE_SIZE = 48
 # A model is compared with several candidates in turn; the derivatives of one take 3 MB.
 _DERIVATIVES_KEPT = 4
 # Evaluations after which a fit is asked whether it may still do what it is for. Its steps shrink
@@ -113,25 +114,21 @@ class Fitter:
 
     def _refresh(self) -> None:
         self.target = self.rows.whitened(self.columns.target)
-        self._whitened: OrderedDict[int, tuple[np.ndarray, np.ndarray]] = OrderedDict()
-        self._derivatives: OrderedDict[tuple[int, bool], tuple[Fit, np.ndarray, list[Column]]] = (
-            OrderedDict()
+        # Each with what it was made of, so that no other object takes over its identity.
+        self._whitened: RecentResults[tuple[np.ndarray, np.ndarray]] = RecentResults(_CACHE_SIZE)
+        self._derivatives: RecentResults[tuple[Fit, np.ndarray, list[Column]]] = RecentResults(
+            _DERIVATIVES_KEPT
         )
 
     def whitened(self, spectra: Iterable[np.ndarray]) -> np.ndarray:
         """Return the whitened rows of these spectra, shape (count, size); remembered as long as
         `Columns` gives out the same spectra.
         """
-        rows = []
-        for spectrum in spectra:
-            known = self._whitened.pop(id(spectrum), None)
-            if known is None:
-                known = (spectrum, self.rows.whitened(spectrum))
-                if len(self._whitened) >= _CACHE_SIZE:
-                    self._whitened.popitem(last=False)
-            self._whitened[id(spectrum)] = known
-            rows.append(known[1])
-        return np.column_stack(rows)
+        return np.column_stack([self._whitened_rows(spectrum) for spectrum in spectra])
+
+    def _whitened_rows(self, spectrum: np.ndarray) -> np.ndarray:
+        known = self._whitened.of(id(spectrum), lambda: (spectrum, self.rows.whitened(spectrum)))
+        return known[1]
 
     def start_values(
         self, names: Sequence[str], start: Start | None = None
@@ -287,12 +284,9 @@ class Fitter:
         """Return the columns and derivatives by the nonlinear parameters per unit of the scaled
         range, shape (count, size), whitened or plain; those of the last few fits are remembered.
         """
-        known = self._derivatives.pop((id(fit), plain), None)
-        if known is None:
-            known = (fit, *self._differentiated(fit, plain))
-            if len(self._derivatives) >= _DERIVATIVES_KEPT:
-                self._derivatives.popitem(last=False)
-        self._derivatives[id(fit), plain] = known
+        known = self._derivatives.of(
+            (id(fit), plain), lambda: (fit, *self._differentiated(fit, plain))
+        )
         return known[1], known[2]
 
     def _differentiated(self, fit: Fit, plain: bool) -> tuple[np.ndarray, list[Column]]:
@@ -303,8 +297,11 @@ class Fitter:
             for c, s in spectra.items()
             if c[0] not in self.held
         }
-        for name, parameter in self.searched(fit.terms):
-            slope = self.slope(fit.values, name, parameter, amplitudes, spectra, plain)
+        searched = self.searched(fit.terms)
+        slopes = in_parallel(
+            lambda one: self.slope(fit.values, *one, amplitudes, spectra, plain), searched
+        )
+        for (name, parameter), slope in zip(searched, slopes, strict=True):
             found[name, parameter.symbol] = (
                 slope / stretch(parameter, fit.values[name][parameter.symbol])
                 if parameter.linear
@@ -359,21 +356,14 @@ class Fitter:
         unit = to_unit(parameter, values[name][parameter.symbol])
         step = UNIT_STEP if unit + UNIT_STEP <= 1.0 else -UNIT_STEP
         moved = with_unit(values, name, parameter, unit + step)
-        # Columns that the parameter does not touch come back as the very same arrays.
-        change = sum(
-            amplitudes[c] * (s - here[c])
-            for c, s in self.columns.spectra(moved).items()
-            if s is not here[c]
-        )
+        change = self.columns.change(values, moved, amplitudes)
         if parameter.linear:
-            change = (
-                change
-                + (moved[name][parameter.symbol] - amplitudes[name, parameter.symbol])
-                * here[name, parameter.symbol]
-            )
+            grown = moved[name][parameter.symbol] - amplitudes[name, parameter.symbol]
+            own = grown * here[name, parameter.symbol]
+            change = own if change is None else change + own
         still = np.zeros(self.rows.count)
         # Beside a place where the model runs away, the difference tells nothing.
-        if isinstance(change, int) or not np.abs(change).max() < RUN_AWAY * self.rows.count:
+        if change is None or not np.abs(change).max() < RUN_AWAY * self.rows.count:
             return still
         rows = self.rows.plain if plain else self.rows.whitened
         return rows(change) / step

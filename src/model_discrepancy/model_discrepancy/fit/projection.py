@@ -10,6 +10,7 @@ import numpy as np
 
 from ankle_physics.term import Parameter
 from model_discrepancy.fit.least_squares import orthonormal
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit
 
 if TYPE_CHECKING:
@@ -62,7 +63,9 @@ class Projection:
         spectra = self._fitter.columns.spectra(values)
         amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}
         slopes = np.column_stack(
-            [self._fitter.slope(values, name, p, amplitudes, spectra) for name, p in self._free]
+            in_parallel(
+                lambda one: self._fitter.slope(values, *one, amplitudes, spectra), self._free
+            )
         )[self._mask]
         # Columns at a bound do not follow, so they are not projected out.
         own = {(name, p.symbol) for name, p in self._free}

@@ -10,6 +10,7 @@ from dataclasses import replace
 from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import nonlinear
 from model_discrepancy.search.found import Progress, Trial
 from model_discrepancy.search.grids import Grids
@@ -93,11 +94,13 @@ class Candidates:
         scored on unseen rows. Where none of them is accepted, those behind them are.
         """
         promised = {s.name: s.share for s in few}
-        behind = []
-        for s in few:
-            self._progress(f"refitting with {s.name}")
+
+        def begun(s: Screened) -> Trial:
             start = {**current.values, s.name: s.start}
-            behind.append(refitted(self._fitter, current, s.name, start, evaluations=5))
+            return refitted(self._fitter, current, s.name, start, evaluations=5)
+
+        self._progress(f"refitting with {', '.join(promised)}")
+        behind = in_parallel(begun, few)
         tried: list[Trial] = []
         while behind and not any(t.accepted for t in tried):
             near, behind = _near_best(behind, by_chance)
@@ -117,7 +120,9 @@ class Candidates:
         """Return trials refitted to the end, and the best of them scored on unseen rows; those
         behind an accepted one need not be.
         """
-        final = [self._refitted_to_the_end(current, t, promised[t.name]) for t in trials]
+        final = in_parallel(
+            lambda t: self._refitted_to_the_end(current, t, promised[t.name]), trials
+        )
         leading, scored = 0.0, 0
         for place, t in sorted(enumerate(final), key=lambda entry: -entry[1].gain):
             by = by_chance[t.name]

@@ -11,6 +11,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
@@ -140,18 +141,16 @@ def _rivals(
         if s.share > RIVAL_PROMISE * effect.trial.gain
         or (_is_simpler(s.name, name) and place_of(s.name) is place_of(name))
     ]
-    trials = [
-        refitted(
-            fitter,
-            without,
-            s.name,
-            {**without.values, s.name: s.start},
-            evaluations=8,
-            limit=(1.0 + RIVAL_EXCESS) * final.score,
-        )
-        for rank, s in enumerate(promising)
-        if rank < RIVALS_REFITTED or _is_simpler(s.name, name)
+    tried = [
+        s for rank, s in enumerate(promising) if rank < RIVALS_REFITTED or _is_simpler(s.name, name)
     ]
+    limit = (1.0 + RIVAL_EXCESS) * final.score
+
+    def in_its_place(s: Screened) -> Trial:
+        start = {**without.values, s.name: s.start}
+        return refitted(fitter, without, s.name, start, evaluations=8, limit=limit)
+
+    trials = in_parallel(in_its_place, tried)
     effect.rivals = sorted(
         (
             replace(
@@ -160,7 +159,7 @@ def _rivals(
                 preceding_gain=preceding_gain(fitter, t),
             )
             for t in trials
-            if t.fit.score < (1.0 + RIVAL_EXCESS) * final.score
+            if t.fit.score < limit
         ),
         key=lambda t: -t.gain,
     )

@@ -21,6 +21,7 @@ from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES, acting_in
 from model_discrepancy.search.null import Null
@@ -87,8 +88,9 @@ def screen(
     slopes = derivatives[
         :, [k for k, (n, s) in enumerate(labels) if not term_library()[n].parameter(s).linear]
     ][used]
-    found = []
-    for name, tried in points.items():
+
+    def screened(name: str) -> Screened:
+        tried = points[name]
         if any(p.linear for p in term_library()[name].parameters):
             results = [
                 _additive(fitter, fit, name, point, basis, residual, null) for point in tried
@@ -99,8 +101,9 @@ def screen(
                 _observe_shaping(fitter, fit, name, tried, basis, null)
         best = max(range(len(tried)), key=lambda k: results[k][0])
         shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
-        found.append(Screened(name, results[best][1], results[best][0], shares))
-    return sorted(found, key=lambda s: -s.share)
+        return Screened(name, results[best][1], results[best][0], shares)
+
+    return sorted(in_parallel(screened, list(points)), key=lambda s: -s.share)
 
 
 def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:

@@ -1,0 +1,53 @@
+"""Fits of a search that do not depend on each other run at the same time, one on each core.
+
+They run in threads: Fourier transforms and linear algebra let other threads go on meanwhile. The
+results do not depend on the number of cores.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar, copy_context
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+# What each step refits at the same time; further threads would only wait for Python.
+MOST_THREADS = 4
+
+_in_a_thread: ContextVar[bool] = ContextVar("in_a_thread", default=False)
+
+
+def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """Return the result of a function for each item, in their order.
+
+    Parameters
+    ----------
+    function
+        Called in the context of the caller (the joint profile in force), in any thread. What it
+        raises is raised here.
+    items
+        Of any number.
+    """
+    threads = min(cores(), len(items), MOST_THREADS)
+    if threads < 2 or _in_a_thread.get():
+        return [function(item) for item in items]
+    with ThreadPoolExecutor(threads) as pool:
+        waiting = [pool.submit(copy_context().run, _marked, function, item) for item in items]
+        return [one.result() for one in waiting]
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _marked(function: Callable[[Item], Result], item: Item) -> Result:
+    """Call a function so that it starts no further threads."""
+    _in_a_thread.set(True)
+    return function(item)

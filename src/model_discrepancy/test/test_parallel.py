@@ -1,0 +1,82 @@
+"""Fits side by side give what they give one after the other."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from ankle_physics.joint_profile import PROFILES, joint_in_force
+from model_discrepancy.fit import parallel
+from model_discrepancy.fit.parallel import in_parallel
+from model_discrepancy.fit.recent_results import RecentResults
+
+
+@pytest.fixture
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
+
+
+def test_results_keep_the_order_of_the_items(two_cores: None) -> None:
+    def slow_at_first(item: int) -> int:
+        time.sleep(0.05 if item == 0 else 0.0)
+        return item
+
+    assert in_parallel(slow_at_first, range(5)) == [0, 1, 2, 3, 4]
+    assert in_parallel(slow_at_first, []) == []
+
+
+def test_two_items_run_at_the_same_time(two_cores: None) -> None:
+    meeting = threading.Barrier(2, timeout=10.0)
+    in_parallel(lambda _: meeting.wait(), [0, 1])
+
+
+def test_what_a_thread_does_starts_no_further_threads(two_cores: None) -> None:
+    def within(_: int) -> set[int]:
+        own = threading.get_ident()
+        return set(in_parallel(lambda _: threading.get_ident(), [0, 1])) | {own}
+
+    assert [len(threads) for threads in in_parallel(within, [0, 1])] == [1, 1]
+
+
+def test_an_error_in_a_thread_is_an_error_here(two_cores: None) -> None:
+    def fails(item: int) -> int:
+        if item == 1:
+            raise ValueError("the second one")
+        return item
+
+    with pytest.raises(ValueError, match="the second one"):
+        in_parallel(fails, [0, 1, 2])
+
+
+def test_the_joint_profile_holds_in_all_threads(two_cores: None) -> None:
+    with PROFILES["knee"].in_force():
+        assert in_parallel(lambda _: joint_in_force(), [0, 1]) == [PROFILES["knee"]] * 2
+
+
+def test_the_latest_results_are_remembered() -> None:
+    made: list[int] = []
+
+    def result(key: int) -> int:
+        return results.of(key, lambda: made.append(key) or 10 * key)
+
+    results: RecentResults[int] = RecentResults(2)
+    assert [result(key) for key in (1, 2, 1, 3, 1, 2)] == [10, 20, 10, 30, 10, 20]
+    assert made == [1, 2, 3, 2]
+
+
+def test_many_threads_may_ask_for_results() -> None:
+    results: RecentResults[float] = RecentResults(3)
+    generator = np.random.default_rng(0)
+    asked = [generator.integers(0, 8, 2000).tolist() for _ in range(4)]
+    wrong: list[int] = []
+
+    def ask(keys: list[int]) -> None:
+        wrong.extend(key for key in keys if results.of(key, lambda key=key: key + 0.5) != key + 0.5)
+
+    threads = [threading.Thread(target=ask, args=(keys,)) for keys in asked]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
