@@ -6,7 +6,8 @@ An effect that merely looks like a little more stiffness, or like a slightly lat
 mismatch: nobody could see it. Its strength is therefore what remains after inertia, viscosity,
 stiffness and reflex, with its delay and dynamics, have been fitted again: (unexplained variance
 with the effect - without it) / variance of the torque without it, in 0.1-80 Hz, without sensor
-noise, the voluntary torque known.
+noise, the voluntary torque known, and all stretches answered alike. (A reflex that an effect makes
+larger varies more from stretch to stretch. That is no sign of the effect.)
 """
 
 from __future__ import annotations
@@ -172,6 +173,7 @@ def scale(
     target
         Share [1].
     """
+    trial = trial._replace(setup=trial.setup.replaced({"courses.stretch_variation": 0.0}))
     seconds = None if effect.slow else min(STRETCH, trial.protocol.duration)
     without = run(trial, seconds)
     plain = unexplained_variance(without, trial)
