@@ -44,3 +44,22 @@ def test_straps_on_a_servo_that_gives_way_are_found_as_they_are():
     found = problem.fitter.fit(terms, start).values["fixation_compliance"]
     assert found["k_s"] == pytest.approx(STRAPS["k_s"], rel=0.03)
     assert found["b_s"] == pytest.approx(STRAPS["b_s"], rel=0.06)
+
+
+@pytest.mark.parametrize(("stiffness", "moves"), [(2000.0, True), (50_000.0, False)])
+def test_only_a_soft_servo_is_a_loop_that_hides_what_moved_the_plate(stiffness: float, moves: bool):
+    """A stiff one gives way measurably, too, but not so far that it could be taken for physics."""
+    model = Model.of(
+        {
+            **{name: {} for name in PAPER_TERMS},
+            "servo_compliance": {"k_a": stiffness},
+            "voluntary_torque": {},
+        }
+    )
+    reference = PulseStep(Settings(rate=RATE, seed=5)).next(int(40 * RATE))
+    made = simulate(reference, RATE, model, seed=5)
+    problem = prepare(Recording(RATE, made.position, made.torque, name="servo"))
+    assert problem.compliance is not None
+    assert problem.compliance.significant
+    assert 1.0 / problem.compliance.at_rest[0] == pytest.approx(stiffness, rel=0.2)
+    assert (problem.gives_way, problem.in_a_loop) == (moves, moves)

@@ -22,9 +22,9 @@ KEY = "K[N.m/rad]"
 STATED_IMPEDANCE = {KEY: (100.0, 1.0), "B[N.m.s/rad]": (1.0, None)}
 
 
-def fit(stiffness, score=1.0):
+def fit(stiffness, score=1.0, at_bounds=()):
     values = {"stiffness": {"K": stiffness}}
-    return SimpleNamespace(values=values, terms=tuple(values), score=score)
+    return SimpleNamespace(values=values, terms=tuple(values), score=score, at_bounds=at_bounds)
 
 
 def error_of(found):
@@ -90,6 +90,28 @@ def test_something_missing_widens_the_error():
     assert with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), True)[KEY][1] > (
         100.0 * UNEXPLAINED_SHARE["K"]
     )
+
+
+@pytest.mark.parametrize(
+    ("at_bounds", "doubted"),
+    [
+        ((), False),
+        (("reflex.delay",), True),
+        (("reflex.z",), True),
+        # What a reflex without torque looks like says nothing.
+        (("reflex.delay", "reflex.G"), False),
+        (("torque_sensor_lag.T",), False),
+    ],
+)
+def test_a_reflex_that_ends_at_a_bound_makes_its_gain_doubtful(at_bounds, doubted):
+    stated = {KEY: (100.0, 0.0), "G[N.m.s/rad]": (10.0, 0.0)}
+    inside, at_bound = (
+        with_model_error(stated, Found(final, final), OperatingPoint())
+        for final in (fit(100.0), fit(100.0, at_bounds=at_bounds))
+    )
+    added = at_bound["G[N.m.s/rad]"][1] ** 2 - inside["G[N.m.s/rad]"][1] ** 2
+    assert added == pytest.approx((10.0 * UNEXPLAINED_SHARE["G"]) ** 2 if doubted else 0.0)
+    assert at_bound[KEY] == inside[KEY]
 
 
 def test_what_refinements_changed_widens_the_error():

@@ -88,8 +88,8 @@ def criticise(
     fitter, final = problem.fitter, found.final
     before = _most_predicted(problem, problem.base, null.drawn)
     after = _most_predicted(problem, final, null.noise)
-    gives_way = problem.compliance is not None and problem.compliance.significant
-    after = replace(after, judged=not problem.in_a_loop, held=not (gives_way or problem.in_a_loop))
+    held = not (problem.gives_way or problem.in_a_loop)
+    after = replace(after, judged=not problem.in_a_loop, held=held)
     base_scored, final_scored = found.base_held_out, found.final_held_out
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)

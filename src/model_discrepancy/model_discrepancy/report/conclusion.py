@@ -22,6 +22,7 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.effect_size import size_of
 from model_discrepancy.report.operating_point import (
     operating_point,
+    reflex_at_bound,
     stated_impedance,
     with_model_error,
 )
@@ -50,6 +51,10 @@ UNKNOWN_LOOP_SENTENCE = (
 PLAIN_SENTENCE = (
     "much is missing: the values follow from a fit to the plain torque, which large movements "
     "decide, and not from the whitened one"
+)
+REFLEX_SENTENCE = (
+    "doubt G: the reflex's delay, frequency or damping ended at the bound of its range, so that "
+    "the reflex stands in for something else"
 )
 EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
 
@@ -118,6 +123,8 @@ def _verdict(
     effects += [finding_entry(finding) for finding in findings]
     reasons = separating_measurements(effects)
     reasons += [f"{name} ended at the bound of its range" for name in held.final.at_bounds]
+    if reflex_at_bound(held.final):
+        reasons.append(REFLEX_SENTENCE)
     reasons += [
         f"base model: {name} ran into its bound, a sign that it hides something else"
         for name in found.base.at_bounds

@@ -43,7 +43,8 @@ EFFECT_SHARE = {"K": 0.02, "G": 0.04}
 # engines agree in the torque and differ in what they call its mean gain.
 REFLEX_SHAPE_SHARE = 0.08
 # Of K and of G, where something significant is missing: in half of 17 such recordings they were
-# wrong by less, and in some by any amount.
+# wrong by less, and in some by any amount. Of G also where the reflex's delay, frequency or damping
+# ends at the bound of its range: the reflex stands in for something else then.
 UNEXPLAINED_SHARE = {"K": 0.15, "G": 0.25}
 # Probability that a refinement stands in for something else.
 _REFINEMENT_ODDS = 0.5
@@ -171,10 +172,19 @@ def _model_shares(found: Found, unexplained: bool) -> dict[str, float]:
             squares.append(EFFECT_SHARE[name])
         if name == "G" and any(term_library()[one].place in shaping for one in added):
             squares.append(REFLEX_SHAPE_SHARE)
-        if unexplained:
+        if unexplained or (name == "G" and reflex_at_bound(found.final)):
             squares.append(UNEXPLAINED_SHARE[name])
         shares.append((name, float(np.linalg.norm(squares))))
     return dict(shares)
+
+
+def reflex_at_bound(fit: Fit) -> bool:
+    """Tell whether the reflex's delay, frequency or damping ends at the bound of its range, of a
+    reflex that makes torque.
+    """
+    bounds = set(fit.at_bounds)
+    shape = {f"reflex.{p.symbol}" for p in term_library()["reflex"].parameters if not p.linear}
+    return bool(bounds & shape) and "reflex.G" not in bounds
 
 
 def _rest_torque(fit: Fit) -> float:
