@@ -63,6 +63,9 @@ class Problem:
         Generic regressors of the same movement.
     bank_over_time
         Those whose responses change slowly.
+    bank_over_torque
+        Those whose responses follow what the muscles held before each movement; None where this is
+        not known.
     parts
         Two interleaved halves of the rows, each bool, shape (rows.count,).
     noise
@@ -78,6 +81,7 @@ class Problem:
     base: Fit
     bank: GenericBank
     bank_over_time: GenericBank
+    bank_over_torque: GenericBank | None
     parts: tuple[np.ndarray, np.ndarray]
     noise: np.ndarray
     activation_by_emg: bool = False
@@ -161,6 +165,12 @@ def prepare(
     base = fitter.fit(terms, base.values, evaluations=15)
     fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
     base = align(fitter, fitter.fit(terms, base.values))
+    # A reflex that varies shows in the EMG of its response, which EMG would then predict.
+    bank_over_torque = (
+        GenericBank(fitter.columns, over="preceding torque")
+        if by_emg is None and motion.preceding is not None
+        else None
+    )
     noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())
     return Problem(
         recording,
@@ -169,7 +179,8 @@ def prepare(
         fitter,
         base,
         bank,
-        GenericBank(fitter.columns, over_time=True),
+        GenericBank(fitter.columns, over="time"),
+        bank_over_torque,
         parts,
         noise,
         by_emg is not None,

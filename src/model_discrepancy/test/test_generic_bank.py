@@ -12,21 +12,48 @@ from simulation_study.planted_trials import simulate_trial
 
 
 @pytest.mark.parametrize(
-    ("planted", "seen"), [({"stiffness_drift": {"kt": -0.6}}, (True, False)), ({}, (False, False))]
+    ("planted", "seen"),
+    [
+        ({"stiffness_drift": {"kt": -0.6}}, (True, False, False)),
+        ({"activation_stiffness": {"ka": 20.0}}, (False, True, False)),
+        ({}, (False, False, False)),
+    ],
 )
-def test_a_joint_that_tires_is_predictable_over_time_only(planted, seen):
-    problem = prepare(simulate_trial(planted, seed=6, duration=40.0))
+def test_a_joint_that_changes_is_predictable_over_what_it_changes_with_only(planted, seen):
+    problem = prepare(simulate_trial(planted, seed=6, duration=60.0))
     fitter, base = problem.fitter, problem.base
     null = Null.of(problem.noise, fitter.rows.time, fitter.rows.used)
     found = tuple(
         remainder(bank, fitter, base.residual, base.plain, problem.parts, null.drawn).criticises
-        for bank in (problem.bank_over_time, problem.bank)
+        for bank in (problem.bank_over_time, problem.bank_over_torque, problem.bank)
     )
     assert found == seen
 
 
+def test_what_a_bank_predicts_does_not_raise_what_it_predicts_by_chance():
+    for planted, lower in (({"activation_stiffness": {"ka": 20.0}}, True), ({}, False)):
+        problem = prepare(simulate_trial(planted, seed=6, duration=60.0))
+        fitter, base, bank = problem.fitter, problem.base, problem.bank_over_torque
+        used = fitter.rows.used
+        null = Null.of(problem.noise, fitter.rows.time, used)
+        rest = null.drawn_from(bank.unpredicted(problem.noise, problem.parts)[used])
+        whole, without = (
+            remainder(bank, fitter, base.residual, base.plain, problem.parts, noise).by_chance
+            for noise in (null.drawn, rest)
+        )
+        assert (without < 0.5 * whole) == lower
+        assert without <= whole
+
+
 def test_each_regressor_states_what_it_is_made_of():
     fitter = Fitter.of(motion_of(simulate_trial({}, seed=6, duration=10.0)))
-    constant, changing = (GenericBank(fitter.columns, over_time=over) for over in (False, True))
+    constant, changing = (GenericBank(fitter.columns, over=over) for over in (None, "time"))
     assert changing.whitened().shape == (fitter.rows.count, len(changing.inputs))
     assert not set(constant.inputs) & set(changing.inputs)
+
+
+def test_without_rests_nobody_knows_the_preceding_torque():
+    fitter = Fitter.of(motion_of(simulate_trial({}, seed=6, duration=10.0)))
+    assert fitter.motion.preceding is None
+    with pytest.raises(ValueError, match="held before each movement"):
+        GenericBank(fitter.columns, over="preceding torque")

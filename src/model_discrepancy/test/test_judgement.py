@@ -107,8 +107,17 @@ def test_the_first_name_or_half_of_them_at_a_bound_say_that_the_names_are_wrong(
     names = ("tendon", "backlash", "thixotropy")
     labels = tuple(f"{names[k]}.x" for k in bounded)
     effects = [effect_of(name, labels) for name in names]
-    assert Found(None, None, effects=effects).ends_at_bounds == ends
-    assert not Found(None, None).ends_at_bounds
+    fit = SimpleNamespace(at_bounds=())
+    assert Found(fit, fit, effects=effects).ends_at_bounds == ends
+    assert not Found(fit, fit).ends_at_bounds
+
+
+def test_names_that_leave_no_plausible_inertia_took_the_foots_place():
+    inside, at_bound = (SimpleNamespace(at_bounds=labels) for labels in ((), ("inertia.I",)))
+    effects = [effect_of("plate_appendage", ())]
+    assert Found(inside, at_bound, effects=effects).ends_at_bounds
+    # A joint that is at the end of the range without them stays there.
+    assert not Found(at_bound, at_bound, effects=effects).ends_at_bounds
 
 
 def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ankle_physics.term import term_library
 from model_discrepancy.criticism.ceiling import ceiling_vaf
 from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.locate import ResidualMap, residual_map
@@ -15,6 +16,7 @@ from model_discrepancy.criticism.remainder import Remainder, remainder
 from model_discrepancy.criticism.stated_fit import stated_fit
 from model_discrepancy.criticism.variability import Variability, variability
 from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
@@ -86,10 +88,8 @@ def criticise(
     """
     progress("asking what is still predictable")
     fitter, final = problem.fitter, found.final
-    before = _most_predicted(problem, problem.base, null.drawn)
-    after = _most_predicted(problem, final, null.noise)
-    held = not (problem.gives_way or problem.in_a_loop)
-    after = replace(after, judged=not problem.in_a_loop, held=held)
+    before = _most_predicted(problem, problem.base, null, null.drawn)
+    after = _most_predicted(problem, final, null, null.noise)
     base_scored, final_scored = found.base_held_out, found.final_held_out
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
@@ -121,14 +121,28 @@ def criticise(
     )
 
 
-def _most_predicted(problem: Problem, fit: Fit, surrogates: np.ndarray) -> Remainder:
-    """Return what generic regressors predict of a residual: those of constant responses or those of
-    changing ones, whichever exceed chance by more.
+def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarray) -> Remainder:
+    """Return what generic regressors predict of a residual: those of constant responses, of
+    responses that change slowly, or of those that follow the muscles' torque.
+
+    What is missing physics comes first, then what exceeds chance by most.
     """
-    return max(
-        (
-            remainder(bank, problem.fitter, fit.residual, fit.plain, problem.parts, surrogates)
-            for bank in (problem.bank, problem.bank_over_time)
-        ),
-        key=lambda found: found.share - max(found.by_chance, 0.0),
-    )
+    held = not (problem.gives_way or problem.in_a_loop)
+
+    def predicted(bank: GenericBank, noise: np.ndarray, judged: bool) -> Remainder:
+        found = remainder(bank, problem.fitter, fit.residual, fit.plain, problem.parts, noise)
+        return replace(found, judged=judged, held=held)
+
+    found = [predicted(problem.bank, surrogates, not problem.in_a_loop)]
+    changing = [(problem.bank_over_time, not problem.in_a_loop)]
+    # A term that follows torque takes its course from the whole slow torque, and does not reach
+    # what the bank makes of the torque before each movement.
+    follows = any(term_library()[name].follows_torque for name in fit.terms)
+    if problem.bank_over_torque is not None and not follows:
+        # Torque that moved the plate follows itself, not its product with what was held before.
+        changing.append((problem.bank_over_torque, True))
+    for bank, judged in changing:
+        # What the bank predicts of the noise is none, and would raise what it predicts by chance.
+        noise = bank.unpredicted(problem.noise, problem.parts)[problem.fitter.rows.used]
+        found.append(predicted(bank, null.drawn_from(noise), judged))
+    return max(found, key=lambda one: (one.significant, one.share - max(one.by_chance, 0.0)))

@@ -5,18 +5,22 @@ It is trained on one part of the recording and scored on the other.
 The regressors know no physics: products of position, velocity and their rectified versions, each
 through a set of overlapping lag windows. What they predict of a residual on data that they were
 not trained on is structure that the model lacks, whatever its name. A bank over time (position and
-velocity times a slow course) predicts what a joint that drifts or tires does. It is one of its own,
-because regressors that have nothing to tell make the others predict less.
+velocity times a slow course) predicts what a joint that drifts or tires does. A bank over preceding
+torque (position and velocity times what the muscles held before each movement) predicts what a
+joint does whose stiffness or reflex follows its activation. They are banks of their own, because
+regressors that have nothing to tell make the others predict less.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from model_discrepancy.fit.columns import Columns
 
+# What responses may change with.
+Over = Literal["time", "preceding torque"]
 # Lag windows: from just before the movement (a torque channel that runs ahead) to beyond the
 # reflex.
 LAGS_S = (-0.01, 0.0, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.14, 0.19, 0.26, 0.36, 0.5)
@@ -34,9 +38,15 @@ class GenericBank:
     like
         A bank of another recording whose weights are to be used here; None scales by this
         recording.
-    over_time
-        Whether the bank holds responses that change slowly within the recording, and these alone.
-        What such a bank learns holds for this recording only.
+    over
+        What the responses change with: slowly with time, or with the torque that the muscles held
+        before each movement. The bank holds such responses alone. What it learns holds for this
+        recording only. None for responses that stay the same.
+
+    Raises
+    ------
+    ValueError
+        Where preceding torque is asked for and not known.
 
     Attributes
     ----------
@@ -48,7 +58,7 @@ class GenericBank:
     """
 
     def __init__(
-        self, columns: Columns, like: GenericBank | None = None, over_time: bool = False
+        self, columns: Columns, like: GenericBank | None = None, over: Over | None = None
     ) -> None:
         m = columns.motion
         own = (
@@ -66,7 +76,14 @@ class GenericBank:
                 (m.position - middle, m.velocity, m.acceleration), sizes, strict=True
             )
         )
-        inputs = _changing(x, v) if over_time else _constant(x, v, a)
+        if over == "time":
+            inputs = _changing(x, v)
+        elif over == "preceding torque":
+            if m.preceding is None:
+                raise ValueError("nobody knows what the muscles held before each movement")
+            inputs = _following(x, v, m.preceding)
+        else:
+            inputs = _constant(x, v, a)
         self._rows = columns.rows
         self._spectra: list[np.ndarray] = []
         self.inputs: list[str] = []
@@ -123,6 +140,21 @@ class GenericBank:
         first, second = parts
         return np.where(first, predicted[1], np.where(second, predicted[0], 0.5 * sum(predicted)))
 
+    def unpredicted(self, noise: np.ndarray, parts: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Return whitened noise without what the bank predicts of it, shape (rows.count,); as it is
+        where either half predicts nothing of the other.
+
+        Parameters
+        ----------
+        noise
+            Shape (rows.count,).
+        parts
+            Two masks of rows.
+        """
+        matrix = self.whitened()
+        shares = [cross_score(matrix, noise, train, test) for train, test in (parts, parts[::-1])]
+        return noise if min(shares) <= 0.0 else noise - self.cross_predicted(noise, parts, matrix)
+
     def learn(self, plain: np.ndarray) -> np.ndarray:
         """Return the weights with which the bank predicts this plain residual [N.m], shape
         (rows.count,); the ridge as in `cross_score`.
@@ -164,6 +196,19 @@ def _changing(x: np.ndarray, v: np.ndarray) -> dict[str, list[np.ndarray]]:
         "time and position": [course * x for course in courses],
         "time and velocity": [straight * v],
         "time and rectified velocity": [c * np.maximum(v, 0.0) for c in courses],
+    }
+
+
+def _following(x: np.ndarray, v: np.ndarray, preceding: np.ndarray) -> dict[str, list[np.ndarray]]:
+    """Return the inputs of responses that follow what the muscles held before each movement
+    [N.m].
+    """
+    held = preceding - preceding.mean()
+    held = held / max(float(held.std()), 1e-12)
+    return {
+        "position times the torque held before": [held * x],
+        "velocity times the torque held before": [held * v],
+        "rectified velocity times the torque held before": [held * np.maximum(v, 0.0)],
     }
 
 

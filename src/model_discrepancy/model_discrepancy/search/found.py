@@ -27,6 +27,7 @@ CONTRADICTING_GAIN = 0.2
 # as the joint's viscosity: it would only stand in for it. Of one that follows torque, that part is
 # the value at zero torque, which may vanish.
 DISPLACING_GAIN = 0.1
+_INERTIA = "inertia.I"
 # Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
 # equation of a larger one, it seems.
 REFINEMENT = 0.05
@@ -214,11 +215,14 @@ class Found:
 
     @property
     def ends_at_bounds(self) -> bool:
-        """Say whether the first effect, or half of them, end at a bound of their range: they stand
-        in for something else.
+        """Say whether the first effect, or half of them, end at a bound of their range, or leave
+        the joint the least inertia that is plausible: they stand in for something else.
         """
         bounded = [effect.trial.at_bound for effect in self.effects]
-        return bool(bounded) and (bounded[0] or 2 * sum(bounded) >= len(bounded))
+        if not bounded:
+            return False
+        takes_foot = _INERTIA in self.final.at_bounds and _INERTIA not in self.base.at_bounds
+        return bounded[0] or 2 * sum(bounded) >= len(bounded) or takes_foot
 
 
 def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: float) -> bool:

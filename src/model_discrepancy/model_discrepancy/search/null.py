@@ -93,7 +93,13 @@ class Null:
     @property
     def drawn(self) -> np.ndarray:
         """Return the surrogates as they were drawn, nothing projected out, shape (rows, DRAWS)."""
-        return self.own.astype(np.float32)[:, None] * self.signs[self.stretch]
+        return self.drawn_from(self.own)
+
+    def drawn_from(self, noise: np.ndarray) -> np.ndarray:
+        """Return surrogates of other whitened noise in these rows, shape (rows,), with the same
+        signs, shape (rows, DRAWS).
+        """
+        return noise.astype(np.float32)[:, None] * self.signs[self.stretch]
 
     def project_out(self, basis: np.ndarray) -> None:
         """Take out what the base model imitates: the span of this orthonormal basis (rows, p)."""
