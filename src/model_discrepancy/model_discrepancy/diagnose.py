@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.criticism import Criticism, criticise
+from model_discrepancy.fit.parallel import linear_algebra_alone
 from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.reading import Reading, check, open_recording
 from model_discrepancy.recording.recording import Recording
@@ -87,8 +86,7 @@ def diagnose(
     ModelError
         The model cannot be read.
     """
-    # Threads of the linear algebra wait for each other on matrices of this size.
-    with (joint or joint_in_force()).in_force(), threadpool_limits(1, "blas"):
+    with (joint or joint_in_force()).in_force(), linear_algebra_alone():
         known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
         return _diagnose_and_write(source, out, model, library, progress, known)
 

@@ -16,6 +16,7 @@ from model_discrepancy.fit.least_squares import bounded
 from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
 from model_discrepancy.fit.rows import autoregression
 from model_discrepancy.recording.motion import motion_of
+from model_discrepancy.search.screening import grid, screen
 from simulation_study.planted_trials import simulate_trial
 
 JOINT = {
@@ -142,3 +143,18 @@ def test_a_model_that_runs_away_is_avoided_and_never_chosen(monkeypatch):
     assert found.values["reflex"]["delay"] <= delay + 1e-5
     late = {**best.values, "reflex": {**best.values["reflex"], "delay": delay + 0.004}}
     assert fitter.fit(best.terms, late).score == np.inf
+
+
+@pytest.mark.parametrize("name", ["tendon", "maxwell_relaxation"])
+@pytest.mark.parametrize("beyond", [1e200, np.nan])
+def test_a_candidate_that_runs_away_promises_nothing(monkeypatch, name, beyond):
+    fitter = Fitter.of(motion_of(simulate_trial({}, seed=4, duration=20.0)))
+    best = fit_base(fitter)
+    spectra = fitter.columns.spectra
+
+    def running_away(values):
+        return {c: s * beyond if name in values else s for c, s in spectra(values).items()}
+
+    monkeypatch.setattr(fitter.columns, "spectra", running_away)
+    (screened,) = screen(fitter, best, {name: grid(name, 20.0)})
+    assert screened.share <= 0.0

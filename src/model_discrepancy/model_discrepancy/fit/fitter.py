@@ -16,7 +16,7 @@ from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import Column, Columns
 from model_discrepancy.fit.fit_result import Fit
-from model_discrepancy.fit.least_squares import bounded
+from model_discrepancy.fit.least_squares import RUN_AWAY, bounded, runs_away
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import (
     UNIT_STEP,
@@ -45,9 +45,6 @@ _DERIVATIVES_KEPT = 4
 # like a geometric series, by a third and more from stage to stage.
 STAGE_EVALUATIONS = 4
 STAGES_AHEAD = 2.0
-# Torque per unit of a parameter that no joint makes [N.m]: a foot behind straps that do not hold it
-# has run away there. Its square is still a number.
-RUN_AWAY = 1e12
 # The tolerance of a single fit.
 _CONVERGED_SHARE = 1e-4
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
@@ -231,7 +228,7 @@ class Fitter:
         spectra = self.columns.spectra(values)
         order = list(spectra)
         matrix = self.whitened(spectra.values())
-        if not np.abs(matrix).max() < RUN_AWAY:
+        if runs_away(matrix):
             return self._run_away(values)
         amplitudes = np.array([float(values[name][symbol]) for name, symbol in order])
         given = {(name, p.symbol) for name, p in self.searched(list(values))}

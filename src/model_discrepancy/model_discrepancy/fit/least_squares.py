@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import lsq_linear
 
+# Torque per unit of a parameter that no joint makes [N.m]: a foot behind straps that do not hold it
+# has run away there. Its square is still a number.
+RUN_AWAY = 1e12
+
 
 def orthonormal(matrix: np.ndarray) -> np.ndarray:
     """Return the orthonormal basis of the columns' span, shape (n, rank)."""
@@ -31,3 +35,10 @@ def bounded(
     if np.all((free >= lower) & (free <= upper)):
         return free / scale
     return lsq_linear(factor, right, (lower, upper), method="bvls").x / scale
+
+
+def runs_away(columns: np.ndarray) -> bool:
+    """Say whether a model runs away: columns per unit of its parameters that no joint makes, or
+    that are no numbers.
+    """
+    return not np.abs(columns).max() < RUN_AWAY

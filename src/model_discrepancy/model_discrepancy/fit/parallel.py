@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
 from typing import TypeVar
 
+from threadpoolctl import threadpool_limits
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -38,6 +40,13 @@ def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> li
     with ThreadPoolExecutor(threads) as pool:
         waiting = [pool.submit(copy_context().run, _marked, function, item) for item in items]
         return [one.result() for one in waiting]
+
+
+def linear_algebra_alone() -> threadpool_limits:
+    """Return a context in which the linear algebra starts no threads of its own: on matrices of
+    this size they only wait for each other.
+    """
+    return threadpool_limits(1, "blas")
 
 
 def cores() -> int:

@@ -20,7 +20,7 @@ from ankle_physics.term import Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.least_squares import bounded, orthonormal
+from model_discrepancy.fit.least_squares import bounded, orthonormal, runs_away
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES, acting_in
@@ -186,6 +186,8 @@ def _additive(
     values = _with(columns, fit, name, point)
     spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
     matrix = fitter.whitened(spectra.values())[rows.used]
+    if runs_away(matrix):
+        return 0.0, values[name]
     norm = np.linalg.norm(matrix, axis=0)
     matrix = matrix - basis @ (basis.T @ matrix)
     if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _MIN_NEW_SHARE:
@@ -238,7 +240,7 @@ def _left(
     fitter: Fitter, values: dict[str, dict[str, float]]
 ) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Return the residual rows with all amplitudes solved for but those of held terms, and the
-    values with these amplitudes.
+    values with these amplitudes; a model that runs away explains nothing.
     """
     used = fitter.rows.used
     spectra = fitter.columns.spectra(values)
@@ -249,6 +251,8 @@ def _left(
         target = target - fitter.whitened(fixed.values())[used] @ amplitudes
     free = {c: s for c, s in spectra.items() if c not in fixed}
     matrix = fitter.whitened(free.values())[used]
+    if runs_away(matrix):
+        return target, values
     amplitudes = bounded(matrix, target, *ranges(free))
     filled = {n: dict(v) for n, v in values.items()}
     for (n, symbol), amplitude in zip(free, amplitudes, strict=True):
