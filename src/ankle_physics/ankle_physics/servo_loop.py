@@ -21,7 +21,8 @@ from ankle_physics.actuator import Servo
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import SecondOrder
-from ankle_physics.model import Entry, ModelRun
+from ankle_physics.model import Entry
+from ankle_physics.model_run import ModelRun
 from ankle_physics.signals import Signals
 
 # Shorter than the shortest reflex delay, so that a window's reflex is known when it begins.

@@ -8,7 +8,8 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.linear_dynamics import FirstOrder
-from ankle_physics.model import PLATE, Entry, Model, ModelRun
+from ankle_physics.model import Entry, Model
+from ankle_physics.model_run import PLATE, ModelRun
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place
 from impedance_estimator.known_physics import (
