@@ -1,5 +1,6 @@
 """The verdict follows from what the named effects close and from what is still predictable."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -81,6 +82,27 @@ def test_names_that_end_at_the_bounds_of_their_ranges_explain_nothing():
     assert judge(found(0.3), little, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
     bounded = found(0.3, at_bounds=True)
     assert judge(bounded, little, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("names", "left", "judged", "expected"),
+    [
+        (3, 0.04, True, "unexplained"),
+        (2, 0.04, True, "explained"),
+        (3, 0.02, True, "explained"),  # nothing stands against them
+        (3, 0.04, False, "explained"),  # what is left may have moved the plate itself
+    ],
+)
+def test_many_names_with_something_against_them_stand_in_for_another(names, left, judged, expected):
+    named = found(0.3, effects=("a term",) * names)
+    assert judge(named, remainder(left, judged), [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
+def test_what_changing_responses_predict_must_exceed_chance_both_ways():
+    mean_alone = replace(remainder(0.05, True), worst=0.02)
+    assert mean_alone.criticises
+    assert not replace(mean_alone, both_ways=True).criticises
+    assert replace(mean_alone, worst=0.04, both_ways=True).criticises
 
 
 @pytest.mark.parametrize(

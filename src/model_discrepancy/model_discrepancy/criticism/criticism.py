@@ -144,5 +144,6 @@ def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarr
     for bank, judged in changing:
         # What the bank predicts of the noise is none, and would raise what it predicts by chance.
         noise = bank.unpredicted(problem.noise, problem.parts)[problem.fitter.rows.used]
-        found.append(predicted(bank, null.drawn_from(noise), judged))
+        # That lowers chance, so that both halves have to exceed it.
+        found.append(replace(predicted(bank, null.drawn_from(noise), judged), both_ways=True))
     return max(found, key=lambda one: (one.significant, one.share - max(one.by_chance, 0.0)))

@@ -34,6 +34,8 @@ class Remainder:
         Whether what is predicted is missing physics; not where torque may have moved the plate.
     held
         Whether the servo holds the plate against torque, so that none moves it.
+    both_ways
+        Whether each half must predict more of the other than chance does, not their mean alone.
     """
 
     share: float
@@ -44,11 +46,13 @@ class Remainder:
     by_chance: float = 0.0
     judged: bool = True
     held: bool = True
+    both_ways: bool = False
 
     @property
     def criticises(self) -> bool:
         """Tell whether more is predicted than chance does, in both directions, however little."""
-        return self.share > max(self.by_chance, 0.0) and self.worst > 0.0
+        least = max(self.by_chance, 0.0)
+        return self.share > least and self.worst > (least if self.both_ways else 0.0)
 
     @property
     def exceeds_chance(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ankle_physics.model import Model
 from model_discrepancy.criticism.criticism import Criticism
-from model_discrepancy.criticism.judgement import LEAST_CUT
+from model_discrepancy.criticism.judgement import criticised
 from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.criticism.stated_fit import stated_fit
@@ -207,9 +207,7 @@ def standing_of(word: str, found: Found, after: Remainder) -> Standing:
         return Standing.UNEXPLAINED
     if after.exceeds_chance:
         return Standing.INCOMPLETE
-    if found.shape_corrected or after.criticises or found.cut < LEAST_CUT:
-        return Standing.CRITICISED
-    return Standing.COMPLETE
+    return Standing.CRITICISED if criticised(found, after) else Standing.COMPLETE
 
 
 def _likely_place(after: Remainder) -> str:
