@@ -18,7 +18,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
-from model_discrepancy.fit.preceding_torque import preceding_torque
+from model_discrepancy.fit.preceding_torque import begins_from_rest, preceding_torque
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
@@ -168,7 +168,7 @@ def prepare(
     # A reflex that varies shows in the EMG of its response, which EMG would then predict.
     bank_over_torque = (
         GenericBank(fitter.columns, over="preceding torque")
-        if by_emg is None and motion.preceding is not None
+        if by_emg is None and motion.preceding is not None and begins_from_rest(fitter.columns)
         else None
     )
     noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())

@@ -8,7 +8,11 @@ import pytest
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import find_onsets
-from model_discrepancy.fit.preceding_torque import MIN_MOVEMENTS, preceding_torque
+from model_discrepancy.fit.preceding_torque import (
+    MIN_MOVEMENTS,
+    begins_from_rest,
+    preceding_torque,
+)
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.null import Null
@@ -45,6 +49,14 @@ def test_a_continuous_movement_has_nothing_before_it(columns):
 
 
 @pytest.mark.slow
+def test_movements_that_follow_each_other_fast_do_not_begin_from_rest(columns):
+    assert begins_from_rest(columns)
+    motion = columns.motion
+    # The same movements in half the time.
+    hurried = replace(motion, **{n: getattr(motion, n)[::2] for n in ("position", "velocity")})
+    assert not begins_from_rest(Columns(hurried, columns.rows))
+
+
 def test_a_reflex_that_varies_does_not_follow_torque():
     """The independent rig without a mismatch: slow torque holds a part of each response."""
     *_, plan = plans({"null": 12}, 555)

@@ -17,8 +17,24 @@ from model_discrepancy.fit.movements import find_onsets
 WINDOW_S = 0.25
 # Smoothing of position and torque lets a movement begin a few milliseconds too early.
 GUARD_S = 0.01
+# Movements that follow each other faster, half of them at least, leave no rest for the window: what
+# was held before one is the response to the one before. Binary sequences (0.2 s) and the human
+# trials (0.25 s) do; random levels (0.35 s), steps (0.4 s) and pulses (0.6 s) do not.
+SHORTEST_REST_S = WINDOW_S + 0.05
 # Of a continuous movement only a few moments come after a rest.
 MIN_MOVEMENTS = 20
+
+
+def begins_from_rest(columns: Columns) -> bool:
+    """Say whether what was held before the movements holds little of the responses to earlier ones.
+
+    Parameters
+    ----------
+    columns
+        Of the recording.
+    """
+    onsets = find_onsets(columns).time
+    return len(onsets) >= MIN_MOVEMENTS and float(np.median(np.diff(onsets))) > SHORTEST_REST_S
 
 
 def preceding_torque(columns: Columns, left: np.ndarray) -> np.ndarray | None:
