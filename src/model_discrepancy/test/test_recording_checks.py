@@ -118,3 +118,22 @@ def test_torque_that_moves_a_compliant_plate_is_no_wrong_sign():
     recording = made(plan).recording
     assert faults(recording) == []
     assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
+
+
+def test_a_late_reflex_behind_late_torque_is_no_wrong_sign():
+    """At the best skew the mirrored torque is explained better, and as it stands the torque is."""
+    plan = Plan(
+        "pair",
+        37,
+        3214818253382174084,
+        ("late_reflex", "torque_delay"),
+        "compliant",
+        "random_levels",
+        1000.0,
+        velocity=True,
+        reference=True,
+        noise="quiet",
+        variability="small",
+        scaled=True,
+    )
+    assert faults(made(plan).recording) == []

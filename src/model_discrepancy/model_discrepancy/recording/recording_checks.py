@@ -220,7 +220,8 @@ def _relation_faults(recording: Recording) -> list[str]:
         for skew in (0.0, _SHIFTS_S[inside])
     ]
     right, mirrored = signs[0] if max(signs[0]) > UNSKEWED_VAF_RATIO * vafs[inside] else signs[1]
-    if mirrored > right + 0.05:
+    # A late reflex behind late torque looks mirrored at the best skew and upright as it stands.
+    if mirrored > right + 0.05 and signs[0][1] >= signs[0][0]:
         return [
             "torque or position has the wrong sign: torque falls as the foot is moved upwards; "
             "positive is dorsiflexion for both"
