@@ -81,14 +81,16 @@ def test_the_movement_that_is_fitted_with_holds_no_torque_that_no_movement_cause
 
 
 @pytest.mark.parametrize(
-    ("servo", "compliance", "expected"),
+    ("servo", "compliance", "gives_way", "expected"),
     [
-        (None, SimpleNamespace(significant=True), True),
-        (None, SimpleNamespace(significant=False), False),
-        (None, None, True),  # never held still: nobody knows
-        ("its command was recorded", None, False),
+        (None, "from the holds", True, True),
+        (None, "from the holds", False, False),
+        (None, None, False, True),  # never held still: nobody knows
+        ("its command was recorded", None, False, False),
     ],
 )
-def test_the_movement_may_hold_torque_unless_command_or_holds_tell(servo, compliance, expected):
-    problem = SimpleNamespace(servo=servo, compliance=compliance)
+def test_the_movement_may_hold_torque_unless_command_or_holds_tell(
+    servo, compliance, gives_way, expected
+):
+    problem = SimpleNamespace(servo=servo, compliance=compliance, gives_way=gives_way)
     assert Problem.in_a_loop.fget(problem) is expected
