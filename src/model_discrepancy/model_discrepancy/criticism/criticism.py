@@ -145,5 +145,7 @@ def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarr
         # What the bank predicts of the noise is none, and would raise what it predicts by chance.
         noise = bank.unpredicted(problem.noise, problem.parts)[problem.fitter.rows.used]
         # That lowers chance, so that both halves have to exceed it.
-        found.append(replace(predicted(bank, null.drawn_from(noise), judged), both_ways=True))
+        one = replace(predicted(bank, null.drawn_from(noise), judged), both_ways=True)
+        # Where it shows nothing, names remain in doubt behind a servo that gives way.
+        found.append(one if one.significant else replace(one, judged=not problem.in_a_loop))
     return max(found, key=lambda one: (one.significant, one.share - max(one.by_chance, 0.0)))
