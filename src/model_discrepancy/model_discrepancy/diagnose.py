@@ -14,7 +14,7 @@ from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.criticism import Criticism, criticise
 from model_discrepancy.fit.parallel import linear_algebra_alone
-from model_discrepancy.problem import Problem, prepare
+from model_discrepancy.problem import Problem, prepare, with_better_course
 from model_discrepancy.recording.reading import Reading, check, open_recording
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.conclusion import conclude
@@ -121,6 +121,15 @@ def _diagnose_and_write(
     return diagnosis
 
 
+def _searched(
+    problem: Problem, library: Sequence[str] | None, progress: Progress
+) -> tuple[Found, Null]:
+    """Return what a search finds, and the null distribution that it was judged by."""
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    progress("asking what chance finds in this recording's noise")
+    return search(problem.fitter, problem.base, null, library, progress), null
+
+
 def _diagnose(
     reading: Reading,
     baseline: Model | None,
@@ -135,9 +144,12 @@ def _diagnose(
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )
     problem = prepare(reading.trusted, terms, progress, rig)
-    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
-    progress("asking what chance finds in this recording's noise")
-    found = search(problem.fitter, problem.base, null, library, progress)
+    found, null = _searched(problem, library, progress)
+    better = with_better_course(problem, found.final) if found.effects else None
+    if better is not None:
+        progress("the torque that the muscles hold is known better now: searching again")
+        problem = better
+        found, null = _searched(problem, library, progress)
     criticism = criticise(problem, found, null, reading.findings, progress)
     verdict = conclude(reading.recording, problem, found, criticism, reading.findings, baseline)
     return Diagnosis(reading.recording, verdict, problem, found, criticism)

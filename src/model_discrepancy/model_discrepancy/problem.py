@@ -18,7 +18,8 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
-from model_discrepancy.fit.preceding_torque import begins_from_rest, preceding_torque
+from model_discrepancy.fit.held_torque import following
+from model_discrepancy.fit.preceding_torque import begins_from_rest
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
@@ -39,6 +40,9 @@ LOWEST_LIMIT_HZ = 25.0
 # the plate. Servos of 2 to 3 kN.m/rad have 0.14 to 0.5, and such torque is named now and then. One
 # of 150 kN.m/rad, which gives way measurably, has 0.004 to 0.008; none was named in 42 recordings.
 LEAST_LOOP_GAIN = 0.03
+# Of the whitened residual, that a stiffness gains by following another course of torque: a search
+# takes a minute, and a named term gains several per cent.
+BETTER_COURSE = 0.02
 # Resolution of the coherence: 2 Hz, so that a minute gives more than a hundred averages.
 _SEGMENT_S = 0.5
 
@@ -146,7 +150,7 @@ def prepare(
     activation = float(np.mean(motion.torque)) + fitter.rows.slow(base.left, ACTIVATION_HZ)
     by_emg = emg_activation(recording, motion.velocity, activation, motion.rate, ACTIVATION_HZ)
     motion = (
-        replace(motion, activation=activation, preceding=preceding_torque(fitter.columns, left))
+        replace(motion, activation=activation)
         if by_emg is None
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
@@ -165,12 +169,8 @@ def prepare(
     base = fitter.fit(terms, base.values, evaluations=15)
     fitter.whiten_by(base.plain - bank.cross_predicted(base.plain, parts))
     base = align(fitter, fitter.fit(terms, base.values))
-    # A reflex that varies shows in the EMG of its response, which EMG would then predict.
-    bank_over_torque = (
-        GenericBank(fitter.columns, over="preceding torque")
-        if by_emg is None and motion.preceding is not None and begins_from_rest(fitter.columns)
-        else None
-    )
+    if by_emg is None:
+        fitter = fitter.along(following(fitter, base)[0])
     noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())
     return Problem(
         recording,
@@ -180,11 +180,43 @@ def prepare(
         base,
         bank,
         GenericBank(fitter.columns, over="time"),
-        bank_over_torque,
+        # A reflex that varies shows in the EMG of its response, which EMG would then predict.
+        _bank_over_torque(fitter) if by_emg is None else None,
         parts,
         noise,
         by_emg is not None,
     )
+
+
+def with_better_course(problem: Problem, final: Fit) -> Problem | None:
+    """Return the problem with the torque that the muscles hold as it is known beside a model; None
+    where the present course is about as good, or follows from EMG.
+
+    Friction, say, makes slow torque too, which the base model leaves to the muscles.
+
+    Parameters
+    ----------
+    problem
+        The present one.
+    final
+        The model that was found.
+    """
+    if problem.activation_by_emg:
+        return None
+    motion, gain = following(problem.fitter, final)
+    if gain < BETTER_COURSE:
+        return None
+    fitter = problem.fitter.along(motion)
+    return replace(problem, fitter=fitter, bank_over_torque=_bank_over_torque(fitter))
+
+
+def _bank_over_torque(fitter: Fitter) -> GenericBank | None:
+    """Return generic regressors of what the muscles held before each movement; None where
+    movements do not begin from rest.
+    """
+    if fitter.motion.preceding is None or not begins_from_rest(fitter.columns):
+        return None
+    return GenericBank(fitter.columns, over="preceding torque")
 
 
 def uncaused(recording: Recording, servo: Servo, fitter: Fitter, base: Fit) -> np.ndarray:

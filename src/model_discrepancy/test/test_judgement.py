@@ -3,8 +3,10 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from model_discrepancy.criticism import criticism
 from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.report.conclusion import standing_of
@@ -115,6 +117,32 @@ def test_names_that_take_off_little_are_none_where_torque_may_have_moved_the_pla
     left = remainder(0.02, judged, held=False)
     named = found(score, at_bounds=expected == "no_mismatch")
     assert judge(named, left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
+@pytest.mark.parametrize(("torque_share", "judged"), [(0.0, False), (0.02, True)])
+def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_judges(
+    monkeypatch, torque_share, judged
+):
+    """Without a command nothing else tells physics from torque that moved the plate."""
+    bank = SimpleNamespace(unpredicted=lambda noise, parts: noise)
+    before = SimpleNamespace(unpredicted=lambda noise, parts: noise)
+    left = {id(bank): remainder(0.05, True), id(before): remainder(0.2, True, torque_share)}
+    monkeypatch.setattr(
+        criticism, "remainder", lambda one, *_: replace(left[id(one)], by_chance=0.01)
+    )
+    problem = SimpleNamespace(
+        gives_way=True,
+        in_a_loop=True,
+        bank=bank,
+        bank_over_time=bank,
+        bank_over_torque=before,
+        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None))),
+        parts=None,
+        noise=np.zeros(4),
+    )
+    null = SimpleNamespace(drawn_from=lambda noise: noise)
+    fit = SimpleNamespace(terms=["stiffness"], residual=None, plain=None)
+    assert criticism._most_predicted(problem, fit, null, None).judged is judged
 
 
 def effect_of(name, at_bounds):

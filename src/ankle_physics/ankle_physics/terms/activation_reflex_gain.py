@@ -1,11 +1,12 @@
-"""Reflex gain that follows activation: ``torque = Gn * w^2/(s^2 + 1.6 w s + w^2) * activation *
-max(drive, 0)``, delayed.
+"""Reflex gain that follows activation: ``torque = Gn * w^2/(s^2 + 1.6 w s + w^2) * (activation -
+Tc) * max(drive, 0)``, delayed.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from ankle_physics.operating_parameters import operating_torque
 from ankle_physics.reflex_arc import MUSCLE_FREQUENCY, SHORT_LATENCY, ReflexArc
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Turn, Values
@@ -13,7 +14,8 @@ from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 class ActivationReflexGain(ReflexArc):
     """Models automatic gain compensation: the reflex grows with the background activity of its
-    muscle (Matthews 1986, J. Physiol. 374, 73). G is then the gain at zero torque.
+    muscle (Matthews 1986, J. Physiol. 374, 73). G is then the gain at the
+    torque ``Tc``.
     """
 
     name = "activation_reflex_gain"
@@ -45,8 +47,9 @@ class ActivationReflexGain(ReflexArc):
         ),
         SHORT_LATENCY,
         MUSCLE_FREQUENCY,
+        operating_torque("It is the torque at which the reflex has the gain of the model."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        drive = signals.activation * np.maximum(signals.drive, 0.0)
+        drive = (signals.activation - values["Tc"]) * np.maximum(signals.drive, 0.0)
         return {"Gn": self.response_to(drive, values, state)}

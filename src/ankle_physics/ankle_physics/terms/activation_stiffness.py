@@ -1,22 +1,23 @@
-"""Stiffness and damping that follow muscle activation: ``torque = activation * (ka * (x - xc) + ba
-* v)``.
+"""Stiffness and damping that follow muscle activation: ``torque = (activation - Tc) * (ka * (x -
+xc) + ba * v)``.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.operating_angle import operating_angle
+from ankle_physics.operating_parameters import operating_angle, operating_torque
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 
 class ActivationStiffness(Term):
     """Models that intrinsic stiffness and viscosity grow with the background torque that the
-    muscles hold; K and B are what is left at zero torque.
+    muscles hold; K and B of the model are those at the torque ``Tc``.
 
     Weiss, Hunter & Kearney 1988 (J. Biomech. 21, 539): stiffness rises linearly with torque, by 1
-    to 8 N.m/rad per N.m.
+    to 8 N.m/rad per N.m. Written about a torque of the recording, it needs no stiffness at zero
+    torque, which nobody measured.
     """
 
     name = "activation_stiffness"
@@ -35,10 +36,11 @@ class ActivationStiffness(Term):
         Parameter(
             "ka",
             "1/rad",
-            -30.0,
-            30.0,
+            -200.0,
+            200.0,
             4.0,
-            "Weiss et al. 1988: 1 to 8 N.m/rad per N.m; negative: the flexors stiffen",
+            "Weiss et al. 1988: 1 to 8 N.m/rad per N.m; more where calf and shin muscles contract "
+            "together, which adds stiffness and little torque; negative: the flexors stiffen",
             description=(
                 "It says how much the stiffness grows for each newton metre that the muscles hold."
             ),
@@ -47,8 +49,8 @@ class ActivationStiffness(Term):
         Parameter(
             "ba",
             "s/rad",
-            -0.5,
-            0.5,
+            -2.0,
+            2.0,
             0.0,
             "Weiss et al. 1988: the damping ratio is kept, so B rises too",
             description=(
@@ -57,10 +59,11 @@ class ActivationStiffness(Term):
             linear=True,
         ),
         operating_angle("It is the angle about which the spring acts."),
+        operating_torque("It is the torque at which the joint has the stiffness of the model."),
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        activation = signals.activation
+        activation = signals.activation - values["Tc"]
         return {
             "ka": activation * (signals.foot_position - values["xc"]),
             "ba": activation * signals.foot_velocity,

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ankle_physics.operating_angle import operating_angle
+from ankle_physics.operating_parameters import operating_angle
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 from ankle_physics.terms.position_dependent_stiffness import STIFFNESS_SLOPE

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.operating_angle import operating_angle
+from ankle_physics.operating_parameters import operating_angle
 from ankle_physics.run_time import REFERENCE_TIME, RunTime
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Turn, Values

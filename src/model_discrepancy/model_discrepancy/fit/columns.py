@@ -84,17 +84,20 @@ class Columns:
         self.motion = motion
         self.rows = rows
         self.mean_angle = float(np.mean(motion.position))
+        self.mean_activation = float(np.mean(motion.activation))
         self.target = rows.spectrum(motion.torque)
         self._known: defaultdict[str, RecentResults[Any]] = defaultdict(
             lambda: RecentResults(_CACHE_SIZE)
         )
 
     def convention(self, name: str) -> dict[str, float]:
-        """Return the values of the parameters that are not fitted: angles at the recording's mean,
-        all else typical.
+        """Return the values of the parameters that are not fitted: angles and the torque of the
+        muscles at the recording's mean, all else typical.
         """
+        joint = joint_in_force()
+        means = {joint.position_unit: self.mean_angle, joint.torque_unit: self.mean_activation}
         return {
-            p.symbol: self.mean_angle if p.unit == joint_in_force().position_unit else p.default
+            p.symbol: means.get(p.unit, p.default)
             for p in term_library()[name].parameters
             if not p.fitted and not p.linear
         }

@@ -21,6 +21,8 @@ GUARD_S = 0.01
 # was held before one is the response to the one before. Binary sequences (0.2 s) and the human
 # trials (0.25 s) do; random levels (0.35 s), steps (0.4 s) and pulses (0.6 s) do not.
 SHORTEST_REST_S = WINDOW_S + 0.05
+# Of the mean power of the share of the torque that is shown: a window with less tells nothing.
+LEAST_POWER = 0.25
 # Of a continuous movement only a few moments come after a rest.
 MIN_MOVEMENTS = 20
 
@@ -37,7 +39,9 @@ def begins_from_rest(columns: Columns) -> bool:
     return len(onsets) >= MIN_MOVEMENTS and float(np.median(np.diff(onsets))) > SHORTEST_REST_S
 
 
-def preceding_torque(columns: Columns, left: np.ndarray) -> np.ndarray | None:
+def preceding_torque(
+    columns: Columns, left: np.ndarray, shown: np.ndarray | None = None
+) -> np.ndarray | None:
     """Return the torque that the muscles held before the movement under way.
 
     Parameters
@@ -46,6 +50,8 @@ def preceding_torque(columns: Columns, left: np.ndarray) -> np.ndarray | None:
         Of the recording.
     left
         What the base model leaves of the torque [N.m], shape (n,), at the motion's rate.
+    shown
+        Share of the torque that the joint shows [1], shape (n,); None: all of it.
 
     Returns
     -------
@@ -58,10 +64,18 @@ def preceding_torque(columns: Columns, left: np.ndarray) -> np.ndarray | None:
     if len(onsets) < MIN_MOVEMENTS:
         return None
     window, guard = round(WINDOW_S * motion.rate), round(GUARD_S * motion.rate)
-    summed = np.concatenate([[0.0], np.cumsum(left)])
     ends = np.maximum(onsets - guard, 1)
     begins = np.maximum(ends - window, 0)
-    before = (summed[ends] - summed[begins]) / (ends - begins)
+
+    def mean(signal: np.ndarray) -> np.ndarray:
+        summed = np.concatenate([[0.0], np.cumsum(signal)])
+        return np.asarray((summed[ends] - summed[begins]) / (ends - begins))
+
+    if shown is None:
+        before = mean(left)
+    else:
+        power = mean(shown**2)
+        before = mean(left * shown) / np.maximum(power, LEAST_POWER * np.mean(power))
     under_way = np.searchsorted(onsets, np.arange(len(left)), side="right")
     held = np.concatenate([[0.0], before])[under_way]
     return np.asarray(float(np.mean(motion.torque)) + held)

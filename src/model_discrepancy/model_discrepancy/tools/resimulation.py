@@ -21,6 +21,7 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.held_out import vaf
+from model_discrepancy.fit.held_torque import slow_torque
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.emg_activation import emg_activation
@@ -106,8 +107,9 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
     rows = Rows(len(motion.position), motion.rate)
     recorded = rows.spectrum(motion.torque)
     # Activation is EMG, or the slow torque that movement does not make, as in the diagnosis.
-    left = recorded - rows.spectrum(simulated_torque(base, motion))
-    slow = float(np.mean(motion.torque)) + rows.slow(left, ACTIVATION_HZ)
+    steady = Model([e for e in augmented.entries if not e.term.follows_torque])
+    left = rows.torque(recorded - rows.spectrum(simulated_torque(steady, motion)))
+    slow = float(np.mean(motion.torque)) + slow_torque(rows, left, _shown(augmented, motion))
     by_emg = emg_activation(corrected, motion.velocity, slow, motion.rate, ACTIVATION_HZ)
     motion = replace(motion, activation=slow if by_emg is None else by_emg)
     plain, torque, shares = {"recorded": rows.plain(recorded)}, {}, {}
@@ -120,6 +122,14 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
         )
         torque[name] = resample_poly(made, step, 1, padtype="line")[: len(recording.torque)]
     return Resimulation(recording, torque, shares, rows.time, plain)
+
+
+def _shown(model: Model, motion: Motion) -> np.ndarray:
+    """Return the share of the muscles' torque that a model's joint shows, shape (n,)."""
+    if not model.has("activation_stiffness"):
+        return np.ones(len(motion.position))
+    values = model.entry("activation_stiffness").values
+    return np.asarray(1.0 + values["ka"] * (motion.position - values["xc"]))
 
 
 def simulated_torque(model: Model, motion: Motion) -> np.ndarray:

@@ -1,0 +1,120 @@
+"""The torque that the muscles hold, where no EMG tells.
+
+It is what the base model leaves of the torque, below a cut-off. A joint whose stiffness follows
+that torque, by ``ka`` for each newton metre, shows ``w = 1 + ka * (x - xc)`` of it at the angle x.
+Where ka is large, as in a joint whose muscles contract together, the movement makes more slow
+torque than the muscles do. The course that fits best, ``sum(w * left) / sum(w ** 2)`` over a window
+about each moment, gives a better ka, and so on: alternating least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ankle_physics.term import term_library
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.least_squares import bounded, orthonormal
+from model_discrepancy.fit.preceding_torque import LEAST_POWER, preceding_torque
+from model_discrepancy.fit.rows import Rows
+from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion
+
+# Three give the last digit where the stiffness follows torque, one where it does not.
+ROUNDS = 4
+# Of the whitened residual, that the stiffness takes off. What gains less is no better course.
+LEAST_IMPROVEMENT = 0.005
+
+
+def slow_torque(rows: Rows, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Return the slow torque of which so much is shown at each moment.
+
+    Parameters
+    ----------
+    rows
+        Of the recording.
+    left
+        What the base model leaves of the torque [N.m], shape (n,), at the columns' rate.
+    shown
+        Share of the torque that the joint shows [1], shape (n,).
+
+    Returns
+    -------
+    np.ndarray
+        [N.m], shape (n,).
+    """
+    power = shown**2
+    mean = float(np.mean(power))
+    slow = mean + rows.slow(rows.spectrum(power), ACTIVATION_HZ)
+    weighted = left * shown
+    return np.asarray(
+        (float(np.mean(weighted)) + rows.slow(rows.spectrum(weighted), ACTIVATION_HZ))
+        / np.maximum(slow, LEAST_POWER * mean)
+    )
+
+
+def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
+    """Return the motion with the torque that the muscles hold, and what they held before each
+    movement; and the share of the whitened residual that this course gains beyond the present one,
+    where the stiffness follows it.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    fit
+        The model so far. What its terms explain that follow torque themselves counts as left.
+    """
+    motion, rows = fitter.motion, fitter.rows
+    fit = fitter.evaluate(
+        {name: v for name, v in fit.values.items() if not term_library()[name].follows_torque}
+    )
+    left, mean = rows.torque(fit.left), float(np.mean(motion.torque))
+    basis = orthonormal(fitter.derivatives(fit)[0][rows.used])
+    away = motion.position - motion.position.mean()
+    shown = np.ones(len(left))
+    held, gained, ka = slow_torque(rows, left, shown), -np.inf, 0.0
+    for _ in range(ROUNDS):
+        next_shown = 1.0 + ka * away
+        course = slow_torque(rows, left, next_shown)
+        ka, gain = _stiffness_that_follows(fitter, fit, course, basis)
+        if gain < gained + LEAST_IMPROVEMENT:
+            break
+        held, shown, gained = course, next_shown, gain
+    _, known = _stiffness_that_follows(fitter, fit, motion.activation - mean, basis)
+    better = replace(
+        motion,
+        activation=mean + held,
+        preceding=preceding_torque(fitter.columns, left, shown),
+    )
+    return better, gained - known
+
+
+def _stiffness_that_follows(
+    fitter: Fitter, fit: Fit, held: np.ndarray, basis: np.ndarray
+) -> tuple[float, float]:
+    """Return by how much the stiffness follows a course of torque [1/rad], and the share of the
+    whitened residual that it takes off.
+
+    Parameters
+    ----------
+    fitter, fit
+        As `following` takes them.
+    held
+        Torque about its mean [N.m], shape (n,).
+    basis
+        What the model imitates, orthonormal, shape (rows that are used, p).
+    """
+    rows, motion = fitter.rows, fitter.motion
+    away = motion.position - motion.position.mean()
+    columns = [rows.whitened(rows.spectrum(held * s))[rows.used] for s in (away, motion.velocity)]
+    matrix = np.column_stack(columns)
+    matrix = matrix - basis @ (basis.T @ matrix)
+    ranges = [term_library()["activation_stiffness"].parameter(symbol) for symbol in ("ka", "ba")]
+    lower, upper = (np.array([getattr(p, end) for p in ranges]) for end in ("lower", "upper"))
+    residual = fit.residual[rows.used]
+    residual = residual - basis @ (basis.T @ residual)
+    amplitudes = bounded(matrix, residual, lower, upper)
+    left = residual - matrix @ amplitudes
+    return float(amplitudes[0]), 1.0 - float(left @ left) / float(residual @ residual)
