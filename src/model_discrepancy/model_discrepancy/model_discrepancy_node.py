@@ -20,15 +20,13 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.topics import ANKLE_SAMPLES
 from ankle_node.node import OK, WARN, AnkleNode, run
+from model_discrepancy.fit.parallel import NICENESS
 from model_discrepancy.live_parameters import PARAMETERS, PERIOD, SHARE_RISE, VAF_FALL, WINDOW
 from model_discrepancy.session_watch import Indicators, RecentSamples, SessionWatch
 
 REQUIRED_COLUMNS, OPTIONAL = ("position[rad]", "torque[N.m]"), ("velocity[rad/s]",)
 # A hole of this length [s] cannot be bridged: a reflex response lasts about as long.
 LONGEST_GAP = 0.4
-# Lower priority of the fitting thread, so that estimator and recorder on the same machine come
-# first.
-NICENESS = 10
 # `health` shows a warning for ten seconds, and a fit may come minutes later.
 WARNING_PERIOD = 5.0  # s
 

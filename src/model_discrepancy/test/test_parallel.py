@@ -1,5 +1,6 @@
 """Fits side by side give what they give one after the other."""
 
+import os
 import threading
 import time
 
@@ -8,7 +9,7 @@ import pytest
 
 from ankle_physics.joint_profile import PROFILES, joint_in_force
 from model_discrepancy.fit import parallel
-from model_discrepancy.fit.parallel import in_parallel
+from model_discrepancy.fit.parallel import NICENESS, in_background, in_parallel
 from model_discrepancy.fit.recent_results import RecentResults
 
 
@@ -52,6 +53,28 @@ def test_an_error_in_a_thread_is_an_error_here(two_cores: None) -> None:
 def test_the_joint_profile_holds_in_all_threads(two_cores: None) -> None:
     with PROFILES["knee"].in_force():
         assert in_parallel(lambda _: joint_in_force(), [0, 1]) == [PROFILES["knee"]] * 2
+
+
+def niceness() -> int:
+    return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+
+def test_work_in_the_background_gives_way_and_the_caller_does_not(two_cores: None) -> None:
+    own = niceness()
+    found = in_background(lambda: [niceness(), *in_parallel(lambda _: niceness(), [0, 1])])
+    assert found == [max(own, NICENESS)] * 3
+    assert niceness() == own
+
+
+def test_work_in_the_background_has_the_context_and_the_errors_of_the_caller() -> None:
+    with PROFILES["knee"].in_force():
+        assert in_background(joint_in_force) == PROFILES["knee"]
+
+    def fails() -> None:
+        raise ValueError("in the background")
+
+    with pytest.raises(ValueError, match="in the background"):
+        in_background(fails)
 
 
 def test_the_latest_results_are_remembered() -> None:

@@ -1,5 +1,7 @@
 """The robustness study: its plan, its reduction to numbers, its tables, one small run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from simulation_study.robustness.conditions import (
     in_drawn_order,
 )
 from simulation_study.robustness.estimation import OFFLINE, ONLINE, arrival, estimate_condition
+from simulation_study.robustness.recordings import recording
 from simulation_study.robustness.report import write_report
 from simulation_study.robustness.summary import arrivals, doubt, earlier, errors, select
 
@@ -55,7 +58,7 @@ def result(effect, name, K, G, errors_of=(2.0, 0.3), doubtful=0.0, jump=(1.0, 1.
         "value": [K, G],
         "spread": [3.0, 0.2],
         "invalid": 0.0,
-        "snapshots": [[K, G, *errors_of, doubtful]],
+        "snapshots": [[K, G, *errors_of, doubtful, 100.0, 10.0]],
         "arrival": arrived or [None, None],
     }
     return {
@@ -77,6 +80,24 @@ def test_errors_coverage_and_doubt_are_counted():
     assert errors(select(results, NO_MISMATCH), "CE", "G").covered == 100.0
     said = doubt(select(results, None), "CE")
     assert (said.large, said.flagged, said.called) == (2, 50.0, 50.0)
+
+
+def test_a_single_estimate_is_compared_with_the_joint_over_its_own_memory():
+    drifting = result("fatigue", "f", 70.0, 10.0)
+    for found in drifting["estimates"].values():
+        found["snapshots"] = [[70.0, 10.0, 2.0, 0.3, 0.0, 71.0, 10.0]]
+    assert errors([drifting], "CE", "K").covered == 100.0
+    assert errors([drifting], "CE", "K").worst == pytest.approx(30.0)
+    assert doubt([drifting], "CE").large == 0
+
+
+def test_the_truth_of_a_single_estimate_follows_a_joint_that_tires(tmp_path):
+    condition = next(c for c in conditions(FULL_SIZE, 3) if c.name == "fatigue_strong")
+    made = recording(replace(condition, seconds=60.0), tmp_path)
+    assert made.momentary.shape == (1, 2, 2)
+    (K, _), (K_before, _) = made.momentary[0]
+    # Over the last 10 s it is softer than over the last 18 s, and than in the judged stretch.
+    assert K < 0.98 * K_before < 0.97 * made.truth[0]
 
 
 def test_arrival_needs_to_stay():

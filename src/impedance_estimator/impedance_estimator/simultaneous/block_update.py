@@ -11,6 +11,7 @@ from impedance_estimator import validity
 from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous import reflex_shapes
 from impedance_estimator.simultaneous.change_detection import (
+    LONG_WINDOW_PERIOD,
     MIN_OLDER_BLOCKS,
     OVERLAP_BLOCKS,
     find_change,
@@ -236,12 +237,13 @@ def response(s: State, solution: np.ndarray, coordinates: np.ndarray) -> None:
 def detect_change(p: Plan, s: State) -> None:
     """Look for a change of the joint in the memory, and shorten the memory to what came after."""
     c = s.counters[0]
+    all_windows = c.blocks % LONG_WINDOW_PERIOD == 0
     window, d, noise = find_change(
         s.ring[c.detection],
         c.newest,
         c.since,
-        c.left_over if c.since < p.memory_blocks else 0,
-        p.windows,
+        c.left_over if c.since < p.memory_blocks and all_windows else 0,
+        p.windows if all_windows else p.windows[: p.short_windows],
         normal_matrix(s, c.detection, c.since, 0),
         _CHANGE_PRECISIONS,
         p.block_samples,

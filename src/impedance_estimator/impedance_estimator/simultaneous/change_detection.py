@@ -41,6 +41,13 @@ part would otherwise pull the estimate for as long as the memory lasts.
 """
 WINDOW_RATIO = 1.4
 """The length of a window is this ratio times that of the one before."""
+SHORT_WINDOW_PERIOD, LONG_WINDOW_PERIOD = 2, 4
+"""Windows of up to `LONGEST_SHORT_WINDOW` are looked at after so many blocks (1/8 s); longer ones,
+and what a change may have left over, after so many (1/4 s). After every block it would be twice the
+work, and the shortest window is 0.4 s long.
+"""
+LONGEST_SHORT_WINDOW = 32
+"""A short window has at most so many blocks: 2 s."""
 
 
 def candidate_windows(longest: int) -> np.ndarray:

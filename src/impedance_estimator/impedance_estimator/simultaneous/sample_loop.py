@@ -36,6 +36,7 @@ from impedance_estimator.simultaneous.block_update import (
     response,
     solve_memory,
 )
+from impedance_estimator.simultaneous.change_detection import SHORT_WINDOW_PERIOD
 from impedance_estimator.simultaneous.memory import normal_matrix, store_block
 from impedance_estimator.simultaneous.memory_length import ask_memory, choose_memory
 from impedance_estimator.simultaneous.memory_review import clean_motion
@@ -191,7 +192,7 @@ def _finish_block(p: Plan, s: State) -> None:
     store_block(p, s)
     if c.blocks % (p.second // 2) == 1:
         linearise(p, s)
-    if p.windows.shape[0] > 0 and np.isfinite(c.variance):
+    if p.windows.shape[0] > 0 and np.isfinite(c.variance) and c.blocks % SHORT_WINDOW_PERIOD == 0:
         detect_change(p, s)
     if c.blocks % p.second == 0:
         forget_shape(s)

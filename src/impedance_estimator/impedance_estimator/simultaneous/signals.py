@@ -98,14 +98,21 @@ def weighted(
     histories: np.ndarray, row: int, at: int, delay: int, kernels: np.ndarray, kernel: int
 ) -> float:
     """Return Σ weights of one of the kernels times the stretch of a history that ends `delay`
-    samples before the newest one, which is `at`.
+    samples before the newest one, which is `at`; four sums beside each other, since one would wait
+    for each of its additions.
     """
     length = kernels.shape[1]
     start = at + histories.shape[1] // 2 - delay - length + 1
-    total = 0.0
-    for k in range(length):
-        total += kernels[kernel, k] * histories[row, start + k]
-    return total
+    fours = length - length % 4
+    a = b = c = d = 0.0
+    for k in range(0, fours, 4):
+        a += kernels[kernel, k] * histories[row, start + k]
+        b += kernels[kernel, k + 1] * histories[row, start + k + 1]
+        c += kernels[kernel, k + 2] * histories[row, start + k + 2]
+        d += kernels[kernel, k + 3] * histories[row, start + k + 3]
+    for k in range(fours, length):
+        a += kernels[kernel, k] * histories[row, start + k]
+    return (a + b) + (c + d)
 
 
 @sample_part

@@ -18,7 +18,10 @@ from impedance_estimator.estimator import (
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
 from impedance_estimator.simultaneous.block_update import BATCH_DURATION, INITIAL_DEVIATIONS
-from impedance_estimator.simultaneous.change_detection import candidate_windows
+from impedance_estimator.simultaneous.change_detection import (
+    LONGEST_SHORT_WINDOW,
+    candidate_windows,
+)
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
 from impedance_estimator.simultaneous.memory_length import PREDICTION_TIME, memory_lengths
 from impedance_estimator.simultaneous.reflex_deviation import reflex_deviation
@@ -112,6 +115,11 @@ class Simultaneous(Estimator):
         whitening = voluntary_torque_noise.whitening_filters(slow)
         block_samples = round(BLOCK * slow)
         lengths = memory_lengths(s.memory, block_samples / slow, s.change_detection == "on")
+        windows = (
+            candidate_windows(int(lengths[0]))
+            if s.change_detection == "on"
+            else np.zeros(0, dtype=np.int64)
+        )
         # After half the length of the basis 98 % of every reflex has come.
         settled = reflex_shapes.LENGTH / 2.0 + kernels.shape[1] / rate
         return Plan(
@@ -132,9 +140,8 @@ class Simultaneous(Estimator):
             memory_blocks=int(lengths[0]),
             lengths=lengths,
             horizon=round(PREDICTION_TIME * slow / block_samples),
-            windows=candidate_windows(int(lengths[0]))
-            if s.change_detection == "on"
-            else np.zeros(0, dtype=np.int64),
+            windows=windows,
+            short_windows=int(np.sum(windows <= LONGEST_SHORT_WINDOW)),
             threshold=s.change_threshold,
             second=round(slow / block_samples),
             settling_samples=round(s.settling_time * rate),

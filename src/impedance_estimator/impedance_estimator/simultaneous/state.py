@@ -103,6 +103,8 @@ class Plan(NamedTuple):
     """Blocks that every memory predicts before it is asked anew."""
     windows: np.ndarray
     """Candidates for a change; none: no detection."""
+    short_windows: int
+    """How many of them, the first ones, are looked at most often."""
     threshold: float
     second: int
     """Blocks in a second."""

@@ -1,4 +1,5 @@
-"""Fits of a search that do not depend on each other run at the same time, one on each core.
+"""Fits of a search that do not depend on each other run at the same time, one on each core, and
+leave the cores to whatever else needs them.
 
 They run in threads: Fourier transforms and linear algebra let other threads go on meanwhile. The
 results do not depend on the number of cores.
@@ -7,6 +8,7 @@ results do not depend on the number of cores.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
@@ -19,6 +21,9 @@ Result = TypeVar("Result")
 
 # What each step refits at the same time; further threads would only wait for Python.
 MOST_THREADS = 4
+
+# A graph that moves a subject may run on the same computer; 10 is what `nice` gives.
+NICENESS = 10
 
 _in_a_thread: ContextVar[bool] = ContextVar("in_a_thread", default=False)
 
@@ -40,6 +45,39 @@ def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> li
     with ThreadPoolExecutor(threads) as pool:
         waiting = [pool.submit(copy_context().run, _marked, function, item) for item in items]
         return [one.result() for one in waiting]
+
+
+def in_background(function: Callable[[], Result]) -> Result:
+    """Return the result of a function that gives way to the other work of this computer.
+
+    On Linux a thread has a niceness of its own, which those that it starts inherit; the calling
+    thread keeps its own. The function runs in the caller's context.
+
+    Parameters
+    ----------
+    function
+        What it raises is raised here.
+    """
+    done: list[Result] = []
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        if hasattr(os, "setpriority"):
+            thread = threading.get_native_id()
+            present = os.getpriority(os.PRIO_PROCESS, thread)
+            os.setpriority(os.PRIO_PROCESS, thread, max(present, NICENESS))
+        try:
+            done.append(function())
+        except BaseException as error:
+            failed.append(error)
+
+    # An interrupted caller ends, and with it the thread.
+    thread = threading.Thread(target=copy_context().run, args=(work,), daemon=True)
+    thread.start()
+    thread.join()
+    if failed:
+        raise failed[0]
+    return done[0]
 
 
 def linear_algebra_alone() -> threadpool_limits:

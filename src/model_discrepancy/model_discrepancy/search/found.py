@@ -24,8 +24,7 @@ CRITICISING_RATIO = 3.0
 # names none took off more than 13 %, beside those that stood in for another up to 40 %.
 CONTRADICTING_GAIN = 0.2
 # Of the whitened error. A term that gains less may not do away with a part of the base model, such
-# as the joint's viscosity: it would only stand in for it. Of one that follows torque, that part is
-# the value at zero torque, which may vanish.
+# as the joint's viscosity: it would only stand in for it.
 DISPLACING_GAIN = 0.1
 _INERTIA = "inertia.I"
 # Share of the mismatch, whitened and plain. A term that takes off less of both corrects the
@@ -36,7 +35,8 @@ REFINEMENT = 0.05
 # that seemed to, in five recordings with a reflex that varies, 0.12 and less.
 MIN_PRECEDING_RATIO = 0.2
 # Where the movement is continuous and no EMG was recorded, nothing tells what the muscles held
-# before it, and such a term must exceed chance by this ratio. On the independent rig three
+# before it. A reflex that follows torque is no candidate then, and a stiffness that does must
+# exceed chance by this ratio. On the independent rig three
 # recordings without an effect exceeded it 1.6 to 2.1 times, three with one 2.9 to 16 times.
 FOLLOWING_MARGIN = 2.2
 
@@ -94,15 +94,11 @@ class Trial:
         return any(label.startswith(f"{self.name}.") for label in self.fit.at_bounds)
 
     @property
-    def _follows_torque(self) -> bool:
-        return term_library()[self.name].follows_torque
-
-    @property
     def exceeds_chance(self) -> bool:
         """Tell whether the gain exceeds chance."""
-        if self.gain <= self.by_chance or not self._follows_torque:
+        if self.gain <= self.by_chance or not term_library()[self.name].follows_torque:
             return self.gain > self.by_chance
-        return follows_beyond_chance(self.gain, self.preceding_gain, self.by_chance)
+        return follows_beyond_chance(self.name, self.gain, self.preceding_gain, self.by_chance)
 
     @property
     def accepted(self) -> bool:
@@ -116,7 +112,7 @@ class Trial:
             and self.torque_share > LEAST_TERM_SHARE
             and not self.takes_joint
             and self.stretches >= FEWEST_STRETCHES
-            and (not self.displaced or self.gain > DISPLACING_GAIN or self._follows_torque)
+            and (not self.displaced or self.gain > DISPLACING_GAIN)
         )
 
     @property
@@ -225,11 +221,15 @@ class Found:
         return bounded[0] or 2 * sum(bounded) >= len(bounded) or takes_foot
 
 
-def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: float) -> bool:
+def follows_beyond_chance(
+    name: str, gain: float, preceding_gain: float | None, by_chance: float
+) -> bool:
     """Say whether a term that follows slow torque follows more than its own response.
 
     Parameters
     ----------
+    name
+        Of the term.
     gain
         Share of the whitened error that it takes off.
     preceding_gain
@@ -239,7 +239,9 @@ def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: 
         Gain that it would exceed by chance.
     """
     if preceding_gain is None:
-        return gain > FOLLOWING_MARGIN * by_chance
+        # Every reflex varies from stretch to stretch, which makes slow torque that follows it.
+        varies = term_library()[name].place is Place.REFLEX_DYNAMICS
+        return not varies and gain > FOLLOWING_MARGIN * by_chance
     return preceding_gain > max(by_chance, MIN_PRECEDING_RATIO * gain)
 
 

@@ -125,6 +125,8 @@ class Hypotheses:
         self._fitter, self._base, self._null = fitter, base, null
         self._candidates = Candidates(fitter, null, grids, progress)
         self._yardstick, self._progress = yardstick, progress
+        # Followed to the end from the base model, by their first term.
+        self._followed_from: dict[str, Hypothesis] = {}
 
     def followed(self, found: Found) -> Hypothesis:
         """Return what was found with as many further terms as are worth it, and the near misses
@@ -146,7 +148,8 @@ class Hypotheses:
             found = Found(self._base, self._base, effects=list(fork.effects))
             other = Hypothesis(found, fork.current)
             self._add(other, fork.trial)
-            self._follow(other, leading=best)
+            if self._follow(other, leading=best) and not fork.effects:
+                self._followed_from[fork.trial.name] = other
             forks = [*(one for one in forks if one is not fork), *other.forks]
             if self._preferred(other, best):
                 best = other
@@ -174,9 +177,7 @@ class Hypotheses:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
         self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
-        other = Hypothesis(Found(self._base, self._base), self._base)
-        self._add(other, trial)
-        self._follow(other)
+        other = self._beginning_with(trial)
         near = other.current.score < BEHIND_RATIO * best.current.score
         return other if near or self._preferred(other, best) else best
 
@@ -192,13 +193,23 @@ class Hypotheses:
         if open_by_it > REFINEMENT * cut or trial.name == best.found.effects[0].trial.name:
             return None
         self._progress(f"{trial.name} explains as much alone")
+        return self._beginning_with(trial)
+
+    def _beginning_with(self, trial: Trial) -> Hypothesis:
+        """Return the hypothesis that begins with this first term, followed to its end once."""
+        known = self._followed_from.get(trial.name)
+        if known is not None:
+            return known
         other = Hypothesis(Found(self._base, self._base), self._base)
         self._add(other, trial)
         self._follow(other)
+        self._followed_from[trial.name] = other
         return other
 
-    def _follow(self, hypothesis: Hypothesis, leading: Hypothesis | None = None) -> None:
-        """Add as many terms as are worth it; stop where the leading hypothesis is well ahead."""
+    def _follow(self, hypothesis: Hypothesis, leading: Hypothesis | None = None) -> bool:
+        """Add as many terms as are worth it; stop, and return False, where the leading hypothesis
+        is well ahead.
+        """
         found, begun = hypothesis.found, len(hypothesis.found.effects)
         for _ in range(MOST_STEPS):
             count = len(found.effects)
@@ -208,13 +219,13 @@ class Hypotheses:
                 and hypothesis.current.score
                 > BEHIND_RATIO * leading.scores.get(count, leading.current.score)
             ):
-                return
+                return count >= MOST_TERMS
             self._progress(f"looking for term {count + 1}: screening")
             trials, found.by_chance = self._step(hypothesis.current)
             good = [t for t in trials if t.accepted]
             if not good:
                 found.near = trials[:3]
-                return
+                return True
             if not found.effects:
                 hypothesis.first = good
             chosen = _chosen(self._fitter, good)
@@ -224,6 +235,7 @@ class Hypotheses:
                 if other is not chosen
             ]
             self._add(hypothesis, chosen)
+        return True
 
     def _add(self, hypothesis: Hypothesis, trial: Trial) -> None:
         """Add a term and remove what it makes superfluous."""

@@ -22,7 +22,7 @@ from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
-from model_discrepancy.fit.parallel import linear_algebra_alone
+from model_discrepancy.fit.parallel import in_background, linear_algebra_alone
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
@@ -77,13 +77,22 @@ def diagnose_together(
     """
     known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
     with (joint or joint_in_force()).in_force(), linear_algebra_alone():
-        recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
-        _require_usable(recordings)
-        members = [_member(r, known, progress) for r in recordings]
-        found = Together(members)
-        gains = _search(found, library, progress)
-        _settle(found, gains, progress)
-        return found
+        return in_background(lambda: _diagnosed_together(sources, library, progress, known))
+
+
+def _diagnosed_together(
+    sources: Sequence[Recording | str | Path],
+    library: Sequence[str] | None,
+    progress: Progress,
+    known: RigFile | None,
+) -> Together:
+    recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
+    _require_usable(recordings)
+    members = [_member(r, known, progress) for r in recordings]
+    found = Together(members)
+    gains = _search(found, library, progress)
+    _settle(found, gains, progress)
+    return found
 
 
 def _require_usable(recordings: Sequence[Recording]) -> None:
@@ -210,7 +219,7 @@ def _accepted(
     if gain <= by_chance:
         return False
     if term_library()[name].follows_torque and not follows_beyond_chance(
-        gain, _preceding_gain(members, fits), by_chance
+        name, gain, _preceding_gain(members, fits), by_chance
     ):
         return False
     old, new = np.zeros(2), np.zeros(2)

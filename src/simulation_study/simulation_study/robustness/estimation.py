@@ -15,9 +15,14 @@ from impedance_estimator.offline.parallel_cascade import parallel_cascade
 from impedance_estimator.offline.recorded_estimates import estimate_signal
 from impedance_estimator.settings import EstimatorSettings, Settings
 from impedance_estimator.simultaneous.settings import SimultaneousSettings
-from simulation_study.estimates import ARRIVAL_DURATION, IGNORED_DURATION, SNAPSHOT
+from simulation_study.estimates import ARRIVAL_DURATION, IGNORED_DURATION
 from simulation_study.robustness.conditions import JUMP, Condition
-from simulation_study.robustness.recordings import Recorded, recording
+from simulation_study.robustness.recordings import (
+    Recorded,
+    first_judged,
+    recording,
+    snapshot_times,
+)
 
 ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
     "simultaneous": ("simultaneous", SimultaneousSettings()),
@@ -25,6 +30,8 @@ ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
     "CE": ("CE", Settings()),
 }
 """Algorithm and settings of the online estimators by the name that the tables use."""
+MEMORY_OF = {"simultaneous": 0, "CE all": 1, "CE": 1}
+"""Which of `recordings.MEMORIES` a single estimate stands for."""
 OFFLINE = "parallel cascade"
 """Over the whole judged stretch; without standard errors."""
 ARRIVED_OF_JUMP, ARRIVED_OF_VALUE = 0.1, 0.05
@@ -57,7 +64,9 @@ class _Estimation:
 
     def __call__(self, condition: Condition) -> dict[str, Any]:
         made = recording(condition, self._folder)
-        found = {name: summarise(online(name, made), made, condition) for name in ONLINE}
+        found = {
+            name: summarise(online(name, made), made, condition, MEMORY_OF[name]) for name in ONLINE
+        }
         if condition.effect != JUMP:
             found[OFFLINE] = _offline(made, condition)
         return {
@@ -81,7 +90,7 @@ def _column(rows: np.ndarray, name: str) -> np.ndarray:
 
 
 def _offline(made: Recorded, condition: Condition) -> dict[str, Any]:
-    first = round(_first(condition) * made.rate)
+    first = round(first_judged(condition) * made.rate)
     try:
         cascade = parallel_cascade(
             made.rate, made.position[first:], made.torque[first:], made.velocity[first:]
@@ -92,23 +101,29 @@ def _offline(made: Recorded, condition: Condition) -> dict[str, Any]:
     return {"value": value, "spread": None, "snapshots": None, "invalid": 0.0}
 
 
-def _first(condition: Condition) -> float:
-    """Return the beginning of the stretch that is judged [s]."""
-    return min(IGNORED_DURATION, 0.5 * condition.seconds)
-
-
-def summarise(rows: np.ndarray, made: Recorded, condition: Condition) -> dict[str, Any]:
+def summarise(
+    rows: np.ndarray, made: Recorded, condition: Condition, memory: int
+) -> dict[str, Any]:
     """Return numbers of one online estimator on one recording.
+
+    Parameters
+    ----------
+    rows
+        Of all estimates, columns `ESTIMATE_COLUMNS`.
+    made, condition
+        What was recorded.
+    memory
+        Which of `recordings.MEMORIES` a single estimate stands for.
 
     Returns
     -------
     dict[str, Any]
         ``value`` and ``spread``: median and standard deviation of K and G over the judged stretch;
         ``invalid``: share of the time without a valid estimate; ``snapshots``: K, G, their standard
-        errors and doubt every `SNAPSHOT`; after a jump ``arrival`` of K and G [s], None where it
-        does not arrive.
+        errors, doubt, and the true K and G over its memory at each of `snapshot_times`; after a
+        jump ``arrival`` of K and G [s], None where it does not arrive.
     """
-    rows = rows[_column(rows, "t[s]") > _first(condition)]
+    rows = rows[_column(rows, "t[s]") > first_judged(condition)]
     valid = rows[_column(rows, "valid[1]") > 0.0]
     out: dict[str, Any] = {"invalid": 1.0 - len(valid) / max(len(rows), 1)}
     if not len(valid):
@@ -130,12 +145,14 @@ def summarise(rows: np.ndarray, made: Recorded, condition: Condition) -> dict[st
         return out
     errors = np.column_stack([_column(valid, "se_K[N.m/rad]"), _column(valid, "se_G[N.m.s/rad]")])
     doubt = _column(valid, "doubt[1]") if "doubt[1]" in ESTIMATE_COLUMNS else np.zeros(len(valid))
-    ends = np.arange(_first(condition) + SNAPSHOT, condition.seconds + 1e-6, SNAPSHOT)
-    kept = np.searchsorted(time, ends - 0.1)
-    kept = np.unique(np.minimum(kept, len(time) - 1))
+    kept = np.searchsorted(time, snapshot_times(condition) - 0.1)
+    kept = np.minimum(kept, len(time) - 1)
     out["value"] = np.median(values, axis=0).tolist()
     out["spread"] = values.std(axis=0).tolist()
-    out["snapshots"] = [[*values[k], *errors[k], float(doubt[k])] for k in kept]
+    out["snapshots"] = [
+        [*values[k], *errors[k], float(doubt[k]), *true[memory]]
+        for k, true in zip(kept, made.momentary, strict=True)
+    ]
     return out
 
 

@@ -72,7 +72,8 @@ def write_report(results: Results, out: Path, command: str) -> str:
 def _overview(results: Results) -> list[str]:
     lines = [
         "Absolute error in % of the truth: median (90 % of the recordings within; largest). "
-        "Covered: truth within 1.96 stated standard errors, % of snapshots. Doubtful: share of "
+        "Covered: truth within 1.96 stated standard errors, % of snapshots; theirs is the truth "
+        "over the estimator's own memory (10 s, CE 18 s). Doubtful: share of "
         "snapshots with `doubt` of 0.5 or more; flagged: the same among those with an error above "
         "15 % (K) or 25 % (G).",
         "",

@@ -33,8 +33,8 @@ class Errors:
     median, ninety, worst
         Of the absolute error [%]: median, 90 % of the recordings within, largest.
     covered
-        Share of snapshots whose truth lies within `WIDTH` stated standard errors [%]; NaN where
-        none is stated.
+        Share of snapshots for which the truth over their memory lies within `WIDTH` stated standard
+        errors [%]; NaN where none is stated.
     """
 
     bias: float
@@ -115,7 +115,8 @@ def errors(chosen: Iterable[dict[str, Any]], estimator: str, gain: str) -> Error
         if found["spread"] is not None:
             spreads.append(100.0 * found["spread"][index] / abs(truth))
         for snapshot in found["snapshots"] or ():
-            covered.append(abs(snapshot[index] - truth) <= WIDTH * snapshot[2 + index])
+            momentary = snapshot[5 + index]
+            covered.append(abs(snapshot[index] - momentary) <= WIDTH * snapshot[2 + index])
     size = np.abs(np.nan_to_num(signed, nan=100.0))
     if not len(size):
         return Errors(*[float("nan")] * 6)
@@ -133,8 +134,8 @@ def doubt(chosen: Iterable[dict[str, Any]], estimator: str) -> Doubt:
     """Return how often an estimator called its estimates doubtful, and how often rightly."""
     called, large = [], []
     for result in chosen:
-        K, G = result["truth"]
         for snapshot in result["estimates"][estimator]["snapshots"] or ():
+            K, G = snapshot[5:]
             off = [100.0 * abs(snapshot[i] / true - 1.0) for i, true in ((0, K), (1, G))]
             large.append(off[0] > LARGE_ERROR["K"] or off[1] > LARGE_ERROR["G"])
             called.append(snapshot[4] >= DOUBT_THRESHOLD)
