@@ -33,7 +33,7 @@ from simulation_study.robustness.conditions import (
     Condition,
     blind_trial,
 )
-from simulation_study.robustness.recordings import MEAN_ESTIMATE_LAG
+from simulation_study.robustness.recordings import MEMORIES
 
 STREAM = 59
 """Labels the seeds of this study, so that they are not those of any other."""
@@ -41,6 +41,9 @@ CALIBRATION_DURATION = 60.0
 """[s] Of the session calibration, and of the online estimate behind it."""
 JUDGED_AFTER = 30.0
 """[s] Estimates of the first seconds are ignored, as in the robustness study."""
+MEAN_LAG = 0.5 * MEMORIES[0]
+"""[s] An estimate lies so far behind on average; the truth is that of the samples which it stands
+for."""
 CALIBRATION_AMPLITUDE = 0.04
 """[rad] The command of `ankle calibrate rig` unless another one is given."""
 CALIBRATION_DATE = datetime(2026, 1, 1, tzinfo=timezone.utc)
@@ -177,8 +180,8 @@ def _simulate(condition: Condition) -> Session:
     trial = blind_trial(condition)
     done = run(trial)
     samples = record(trial, done)
-    first = CALIBRATION_DURATION + JUDGED_AFTER - MEAN_ESTIMATE_LAG
-    truth = true_impedance(trial, done, first, condition.seconds - MEAN_ESTIMATE_LAG)
+    first = CALIBRATION_DURATION + JUDGED_AFTER - MEAN_LAG
+    truth = true_impedance(trial, done, first, condition.seconds - MEAN_LAG)
     plate = record_empty_plate(trial, _calibration_command(trial))
     reference = plate.reference[:, 0]
     return Session(

@@ -32,10 +32,11 @@ independent rig gave up to 9 and 7 %; a reflex with a threshold or one that satu
 from stretch to stretch than one that is proportional to velocity."""
 DOUBT_THRESHOLD = 0.5
 """From this doubt on, a sign at its limit, an estimate is called doubtful."""
-MODEL_ERROR = np.array([0.012, 0.03, 0.02, 0.025])
+MODEL_ERROR = np.array([0.02, 0.03, 0.02, 0.025])
 """K, B, I and G have this relative error beyond the scatter within a recording: a joint is never
-exactly the model. The size is what was left on the independent rig without a mismatch."""
-DOUBTED_ERROR = np.array([0.2, 0.3, 0.1, 0.2])
+exactly the model. The size is what was left on the independent rig in recordings that are not
+doubted; in those without a mismatch K has half of it."""
+DOUBTED_ERROR = np.array([0.3, 0.3, 0.1, 0.2])
 """At full doubt the relative error beyond the scatter is this much larger: the root mean square
 error of doubted recordings of the independent rig, but for a few that are off by their own size."""
 

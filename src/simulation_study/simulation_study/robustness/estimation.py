@@ -30,10 +30,10 @@ ONLINE: dict[str, tuple[str, EstimatorSettings]] = {
     "CE": ("CE", Settings()),
 }
 """Algorithm and settings of the online estimators by the name that the tables use."""
-MEMORY_OF = {"simultaneous": 0, "CE all": 1, "CE": 1}
-"""Which of `recordings.MEMORIES` a single estimate stands for."""
 OFFLINE = "parallel cascade"
 """Over the whole judged stretch; without standard errors."""
+MEMORY_OF = {"simultaneous": 0, "CE all": 1, "CE": 1, OFFLINE: 2}
+"""Which of `recordings.MEMORIES` an estimate stands for."""
 ARRIVED_OF_JUMP, ARRIVED_OF_VALUE = 0.1, 0.05
 """Tolerance about the new value: the larger of these shares of the jump and of the value. A tenth
 of a small jump lies inside the scatter of any estimator.
@@ -69,9 +69,10 @@ class _Estimation:
         }
         if condition.effect != JUMP:
             found[OFFLINE] = _offline(made, condition)
+        for name, estimate in found.items():
+            estimate["truth"] = made.truth[MEMORY_OF[name]].tolist()
         return {
             "condition": condition.as_content(),
-            "truth": list(made.truth),
             "before": list(made.before),
             "estimates": found,
         }
@@ -133,7 +134,7 @@ def summarise(
     values = np.column_stack([_column(valid, "K[N.m/rad]"), _column(valid, "G[N.m.s/rad]")])
     if condition.effect == JUMP:
         out["arrival"] = [
-            arrival(time, values[:, i], made.before[i], made.truth[i], condition.jump_time)
+            arrival(time, values[:, i], made.before[i], made.truth[memory, i], condition.jump_time)
             if condition.jump[i] != 1.0
             else None
             for i in range(2)

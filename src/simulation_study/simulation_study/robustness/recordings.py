@@ -14,14 +14,13 @@ from blind_rig.trial import record, run
 from simulation_study.estimates import IGNORED_DURATION, SNAPSHOT
 from simulation_study.robustness.conditions import JUMP, Condition, blind_trial
 
-MEAN_ESTIMATE_LAG = 10.0
-"""An estimate lies so far behind [s] on average: half of the longest memory. The truth is that of
-the samples which the estimates stand for.
+MEMORIES = (10.0, 18.0, 0.0)
+"""An estimate stands for so many seconds before it: one of the default estimator, and one of the
+paper's algorithm, whose averages of K, B and I are so long (11 s for G). An offline method, the
+last one, stands for just what it is given.
 """
-MEMORIES = (10.0, 18.0)
-"""A single estimate stands for so many seconds before it: those of the default estimator, and the
-averaging of the paper's algorithm for K, B and I (11 s for G).
-"""
+SINGLE_ESTIMATES = 2
+"""The first so many of `MEMORIES` belong to methods that state single estimates."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +34,13 @@ class Recorded:
     position, velocity, torque, reference
         [rad], [rad/s], [N.m], commanded angle [rad]; shape (n,).
     truth
-        K [N.m/rad] and G [N.m.s/rad] of the stretch that is judged; after a jump: behind it.
+        K [N.m/rad] and G [N.m.s/rad] of the joint in the stretch that is judged, earlier by half of
+        each of `MEMORIES`; after a jump: behind it; shape (memories, 2).
     before
-        The same before a jump; equal to `truth` without one.
+        K and G before a jump; those of the first memory without one.
     momentary
-        K and G of the joint over each of `MEMORIES` before each of `snapshot_times`, shape
-        (snapshots, memories, 2).
+        K and G of the joint over the memory before each of `snapshot_times`, of `SINGLE_ESTIMATES`,
+        shape (snapshots, 2, 2).
     """
 
     rate: float
@@ -48,7 +48,7 @@ class Recorded:
     velocity: np.ndarray
     torque: np.ndarray
     reference: np.ndarray
-    truth: tuple[float, float]
+    truth: np.ndarray
     before: tuple[float, float]
     momentary: np.ndarray
 
@@ -89,13 +89,13 @@ def recording(condition: Condition, folder: Path) -> Recorded:
     if not file.exists():
         _write(file, _simulate(condition))
     with np.load(file) as kept:
-        rate, K, G, K_before, G_before = json.loads(str(kept["numbers"]))
+        rate, *before = json.loads(str(kept["numbers"]))
         position, velocity, torque, reference = (
             kept[key].astype(float) for key in ("position", "velocity", "torque", "reference")
         )
-        momentary = kept["momentary"]
+        truth, momentary = kept["truth"], kept["momentary"]
     return Recorded(
-        rate, position, velocity, torque, reference, (K, G), (K_before, G_before), momentary
+        rate, position, velocity, torque, reference, truth, (before[0], before[1]), momentary
     )
 
 
@@ -105,23 +105,29 @@ def _simulate(condition: Condition) -> Recorded:
     samples = record(trial, done)
     if condition.effect == JUMP:
         at = condition.jump_time
-        spans = ((at, condition.seconds), (0.0, at))
+        spans = [(at, condition.seconds)] * len(MEMORIES)
+        before = true_impedance(trial, done, 0.0, at)
     else:
-        first = first_judged(condition)
-        spans = ((first - MEAN_ESTIMATE_LAG, condition.seconds - MEAN_ESTIMATE_LAG),) * 2
-    after, before = (true_impedance(trial, done, *span) for span in spans)
+        lags = [0.5 * memory for memory in MEMORIES]
+        spans = [(first_judged(condition) - lag, condition.seconds - lag) for lag in lags]
+        before = true_impedance(trial, done, *spans[0])
+    truth = [true_impedance(trial, done, *span) for span in spans]
     times = snapshot_times(condition)
-    over = [[true_impedance(trial, done, t - memory, t) for memory in MEMORIES] for t in times]
-    momentary = [[[one.K, one.G] for one in memories] for memories in over]
+    momentary = [
+        [true_impedance(trial, done, t - memory, t) for memory in MEMORIES[:SINGLE_ESTIMATES]]
+        for t in times
+    ]
     return Recorded(
         trial.rate,
         samples.position,
         samples.velocity,
         samples.torque,
         samples.reference[:, 0],
-        (after.K, after.G),
+        np.array([[one.K, one.G] for one in truth]),
         (before.K, before.G),
-        np.reshape(momentary, (len(times), len(MEMORIES), 2)),
+        np.array([[[one.K, one.G] for one in each] for each in momentary]).reshape(
+            len(times), SINGLE_ESTIMATES, 2
+        ),
     )
 
 
@@ -132,7 +138,8 @@ def _write(file: Path, made: Recorded) -> None:
     with unfinished.open("wb") as stream:
         np.savez(
             stream,
-            numbers=json.dumps([made.rate, *made.truth, *made.before]),
+            numbers=json.dumps([made.rate, *made.before]),
+            truth=made.truth,
             position=made.position.astype(np.float32),
             velocity=made.velocity.astype(np.float32),
             torque=made.torque.astype(np.float32),

@@ -71,9 +71,9 @@ def write_report(results: Results, out: Path, command: str) -> str:
 
 def _overview(results: Results) -> list[str]:
     lines = [
-        "Absolute error in % of the truth: median (90 % of the recordings within; largest). "
-        "Covered: truth within 1.96 stated standard errors, % of snapshots; theirs is the truth "
-        "over the estimator's own memory (10 s, CE 18 s). Doubtful: share of "
+        "Absolute error in % of the truth: median (90 % of the recordings within; largest). Truth "
+        "is what the joint was over the memory of an estimate (10 s, CE 18 s). "
+        "Covered: truth within 1.96 stated standard errors, % of snapshots. Doubtful: share of "
         "snapshots with `doubt` of 0.5 or more; flagged: the same among those with an error above "
         "15 % (K) or 25 % (G).",
         "",
@@ -171,7 +171,11 @@ def _errors_panel(axis: Axes, results: Results, effects: Sequence[str], gain: st
         for row, effect in zip(rows, effects, strict=True):
             index = GAINS.index(gain)
             values = [
-                100.0 * (r["estimates"][name]["value"][index] / r["truth"][index] - 1.0)
+                100.0
+                * (
+                    r["estimates"][name]["value"][index] / r["estimates"][name]["truth"][index]
+                    - 1.0
+                )
                 for r in select(results, effect)
             ]
             shown = np.clip(values, -LARGEST_SHOWN_ERROR, LARGEST_SHOWN_ERROR)

@@ -109,8 +109,8 @@ def errors(chosen: Iterable[dict[str, Any]], estimator: str, gain: str) -> Error
     index = GAINS.index(gain)
     signed, spreads, covered = [], [], []
     for result in chosen:
-        truth = result["truth"][index]
         found = result["estimates"][estimator]
+        truth = found["truth"][index]
         signed.append(100.0 * (found["value"][index] / truth - 1.0))
         if found["spread"] is not None:
             spreads.append(100.0 * found["spread"][index] / abs(truth))
