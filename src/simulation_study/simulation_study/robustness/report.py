@@ -160,7 +160,8 @@ def _picture(results: Results, path: Path) -> None:
     for axis, gain in zip(axes, GAINS, strict=False):
         _errors_panel(axis, results, effects, gain)
     axes[1].set_yticklabels([])
-    axes[0].legend(loc="lower left", fontsize=8)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     _arrival_panel(axes[2], results)
     figure.savefig(path, dpi=110)
 
@@ -170,14 +171,8 @@ def _errors_panel(axis: Axes, results: Results, effects: Sequence[str], gain: st
     for offset, name in zip((0.27, 0.09, -0.09, -0.27), ESTIMATORS, strict=True):
         for row, effect in zip(rows, effects, strict=True):
             index = GAINS.index(gain)
-            values = [
-                100.0
-                * (
-                    r["estimates"][name]["value"][index] / r["estimates"][name]["truth"][index]
-                    - 1.0
-                )
-                for r in select(results, effect)
-            ]
+            found = [r["estimates"][name] for r in select(results, effect)]
+            values = [100.0 * (one["value"][index] / one["truth"][index] - 1.0) for one in found]
             shown = np.clip(values, -LARGEST_SHOWN_ERROR, LARGEST_SHOWN_ERROR)
             axis.plot(
                 shown,
@@ -191,6 +186,7 @@ def _errors_panel(axis: Axes, results: Results, effects: Sequence[str], gain: st
     axis.set_xscale("symlog", linthresh=10.0)
     axis.set_xticks([-100, -30, -10, 0, 10, 30, 100])
     axis.set_xticklabels(["-100", "-30", "-10", "0", "10", "30", "100"])
+    axis.set_ylim(-0.7, len(effects) - 0.3)
     axis.set_yticks(rows, [effect.replace("_", " ") for effect in effects])
     axis.grid(axis="y", color="0.92")
     axis.set_xlabel(f"error of {gain} [% of the truth]")

@@ -99,9 +99,9 @@ def select(results: Results, effect: str | None) -> list[dict[str, Any]]:
 
 
 def effects_of(results: Results) -> list[str]:
-    """Return effects of a study in the order in which they were planned; no mismatch first."""
-    names = dict.fromkeys(r["condition"]["effect"] for r in results.values())
-    return [name for name in names if name != JUMP]
+    """Return the effects of a study by name; no mismatch first."""
+    names = {r["condition"]["effect"] for r in results.values()} - {JUMP}
+    return sorted(names, key=lambda name: (name != NO_MISMATCH, name))
 
 
 def errors(chosen: Iterable[dict[str, Any]], estimator: str, gain: str) -> Errors:
