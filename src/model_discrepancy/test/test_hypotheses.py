@@ -36,8 +36,10 @@ class Scripted(Hypotheses):
         fitter = SimpleNamespace(rows=SimpleNamespace(independent=1000))
         super().__init__(fitter, fit_of(()), None, None, None, lambda line: self.said.append(line))
         self.said = []
+        self.steps = []
 
     def _step(self, current):
+        self.steps.append(current.terms)
         longer = [t for t in SCORES if t[:-1] == current.terms and len(t) > len(current.terms)]
         trials = [
             Trial(t[-1], fit_of(t), gain, (gain, gain), -1.0, torque_share=1.0)
@@ -102,6 +104,17 @@ def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, n
     assert len(found) == names
     first = "short_range_stiffness" if names == 1 else "maxwell_relaxation"
     assert found[0].trial.name == first
+
+
+def test_a_hypothesis_that_a_fork_followed_to_its_end_is_not_followed_again(monkeypatch):
+    monkeypatch.setitem(SCORES, ("fixation_compliance",), 44.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 34.0)
+    monkeypatch.delitem(SCORES, ("short_range_stiffness",))
+    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    search = Scripted()
+    assert search.best().found.effects[0].trial.name == "fixation_compliance"
+    assert any("what is usual: fixation_compliance" in line for line in search.said)
+    assert len(search.steps) == len(set(search.steps))
 
 
 @pytest.mark.parametrize(
