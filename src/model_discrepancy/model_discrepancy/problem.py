@@ -19,7 +19,6 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_torque import following
-from model_discrepancy.fit.preceding_torque import begins_from_rest
 from model_discrepancy.fit.rows import LOW_PASS_HZ
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
@@ -190,7 +189,7 @@ def prepare(
 
 def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     """Return the problem with the torque that the muscles hold as it is known beside a model; None
-    where the present course is about as good, or follows from EMG.
+    where the present course is about as good, follows from EMG, or lets no term follow it.
 
     Friction, say, makes slow torque too, which the base model leaves to the muscles.
 
@@ -201,7 +200,7 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     final
         The model that was found.
     """
-    if problem.activation_by_emg:
+    if problem.activation_by_emg or problem.fitter.motion.preceding is None:
         return None
     motion, gain = following(problem.fitter, final)
     if gain < BETTER_COURSE:
@@ -214,7 +213,7 @@ def _bank_over_torque(fitter: Fitter) -> GenericBank | None:
     """Return generic regressors of what the muscles held before each movement; None where
     movements do not begin from rest.
     """
-    if fitter.motion.preceding is None or not begins_from_rest(fitter.columns):
+    if fitter.motion.preceding is None:
         return None
     return GenericBank(fitter.columns, over="preceding torque")
 

@@ -56,13 +56,13 @@ def preceding_torque(
     Returns
     -------
     np.ndarray | None
-        [N.m], shape (n,), constant from one movement to the next; None where fewer than
-        `MIN_MOVEMENTS` begin from rest.
+        [N.m], shape (n,), constant from one movement to the next; None where the movements do not
+        begin from rest.
     """
+    if not begins_from_rest(columns):
+        return None
     motion = columns.motion
     onsets = np.round(find_onsets(columns).time * motion.rate).astype(int)
-    if len(onsets) < MIN_MOVEMENTS:
-        return None
     window, guard = round(WINDOW_S * motion.rate), round(GUARD_S * motion.rate)
     ends = np.maximum(onsets - guard, 1)
     begins = np.maximum(ends - window, 0)

@@ -219,7 +219,7 @@ def _accepted(
     if gain <= by_chance:
         return False
     if term_library()[name].follows_torque and not follows_beyond_chance(
-        name, gain, _preceding_gain(members, fits), by_chance
+        gain, _preceding_gain(members, fits), by_chance
     ):
         return False
     old, new = np.zeros(2), np.zeros(2)
