@@ -13,6 +13,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO
 
@@ -27,6 +28,7 @@ from session_recorder.errors import BagError
 
 Progress = Callable[[float], None]
 Record = tuple[int, int, int, bytes]
+_log_time = itemgetter(0)
 # What the mcap library and its decompressors raise on bytes that are not what they should be;
 # OSError is a seek to where a damaged offset points.
 DAMAGE = (
@@ -304,7 +306,7 @@ class McapFile:
         offsets: list[int] = []
         for channel in wanted.intersection(piece.index):
             offsets += self._message_offsets(stream, piece.index[channel])
-        return [_message_at(content, offset) for offset in sorted(offsets)]
+        return _messages_at(content, sorted(offsets))
 
     def _message_offsets(self, stream: BinaryIO, offset: int) -> list[int]:
         """Return where in a chunk the messages of a channel are, from its message index."""
@@ -334,18 +336,18 @@ class McapFile:
                 yield from sorted(records, key=_log_time)
 
 
-def _message_at(content: bytes, offset: int) -> Record:
-    """Return the message at a place in the content of a chunk."""
-    length, channel, _, log_time, publish_time = MESSAGE_HEAD.unpack_from(content, offset)
-    start = offset + MESSAGE_HEAD.size
-    data = content[start : max(start + length - MESSAGE_FIELDS, 0)]
-    if not data and length != MESSAGE_FIELDS:
-        raise EOFError("a message lies behind the end of its chunk")
-    return log_time, publish_time, channel, data
-
-
-def _log_time(record: Record) -> int:
-    return record[0]
+def _messages_at(content: bytes, offsets: list[int]) -> list[Record]:
+    """Return the messages at these places in the content of a chunk."""
+    head, read = MESSAGE_HEAD.size, MESSAGE_HEAD.unpack_from
+    messages = []
+    for offset in offsets:
+        length, channel, _, log_time, publish_time = read(content, offset)
+        start = offset + head
+        data = content[start : max(start + length - MESSAGE_FIELDS, 0)]
+        if not data and length != MESSAGE_FIELDS:
+            raise EOFError("a message lies behind the end of its chunk")
+        messages.append((log_time, publish_time, channel, data))
+    return messages
 
 
 def _reason(error: BaseException) -> str:

@@ -61,8 +61,9 @@ def store_block(p: Plan, s: State) -> None:
         c.length += 1
     c.filled = 0
     c.blocks += 1
-    # Adding and subtracting gathers rounding errors; one model after the other is summed anew.
-    again = c.blocks % (8 * s.ring.shape[0])
+    # Adding and subtracting gathers rounding errors: one model after the other is summed anew, each
+    # about once in 6 s.
+    again = c.blocks % (32 * s.ring.shape[0])
     if again < s.ring.shape[0]:
         sum_memory(s, again)
 
