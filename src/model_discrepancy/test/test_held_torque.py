@@ -1,36 +1,11 @@
-"""The torque that the muscles hold, where the joint's stiffness follows it."""
+"""The torque that the muscles hold, where the joint shows more or less of it."""
 
 import numpy as np
-import pytest
 
-from blind_rig.trial import run
-from model_discrepancy.diagnose import diagnose
-from model_discrepancy.fit.held_torque import following, slow_torque
+from model_discrepancy.fit.held_torque import slow_torque
 from model_discrepancy.fit.rows import Rows
-from model_discrepancy.problem import prepare, with_better_course
-from simulation_study.verdict_cases import plans, recorded, trial_of
 
 RATE = 500.0
-COUNTS = {"effect": 54, "pair": 60}
-SEED = 24754327
-
-
-def _plan(kind, number):
-    return next(p for p in plans(COUNTS, SEED) if (p.kind, p.number) == (kind, number))
-
-
-def _made(kind, number):
-    """Return a recording of the independent rig, and the torque that its muscles held."""
-    plan = _plan(kind, number)
-    trial, _ = trial_of(plan)
-    done = run(trial)
-    return recorded(plan, trial, done), done
-
-
-def _correlation(course, done, rate):
-    time = np.arange(len(course)) / rate
-    true = np.interp(time, np.arange(len(done.course.steady)) / done.rate, done.course.steady)
-    return np.corrcoef(course, true)[0, 1]
 
 
 def test_torque_is_found_of_which_the_joint_shows_more_or_less():
@@ -45,31 +20,3 @@ def test_torque_is_found_of_which_the_joint_shows_more_or_less():
     assert np.corrcoef(found[inner], held[inner])[0, 1] > 0.95
     as_it_is = slow_torque(rows, left, np.ones(n))
     assert np.corrcoef(as_it_is[inner], held[inner])[0, 1] < 0.9
-
-
-def test_the_course_of_a_stiffness_that_follows_torque_is_found_on_the_independent_rig():
-    recording, done = _made("effect", 37)
-    problem = prepare(recording)
-    motion = problem.fitter.motion
-    plain = problem.fitter.rows.slow(problem.base.left, 0.7)
-    assert _correlation(motion.activation, done, motion.rate) > 0.7
-    assert _correlation(plain, done, motion.rate) < 0.5
-    # Another round finds no better one.
-    _, gain = following(problem.fitter, problem.base)
-    assert gain == pytest.approx(0.0, abs=1e-6)
-    assert with_better_course(problem, problem.base) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "number", "names"),
-    [
-        ("effect", 37, {"activation_stiffness"}),
-        # Torque that lags makes slow torque of its own, until it is found.
-        ("pair", 27, {"activation_stiffness", "torque_sensor_lag"}),
-    ],
-)
-def test_a_stiffness_that_follows_torque_is_named_on_the_independent_rig(kind, number, names):
-    found = diagnose(_made(kind, number)[0])
-    assert found.verdict.verdict == "explained"
-    assert {effect["name"] for effect in found.verdict.effects} == names
