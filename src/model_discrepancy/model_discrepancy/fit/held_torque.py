@@ -65,6 +65,12 @@ def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
         Whitened by the recording's noise.
     fit
         The model so far. What its terms explain that follow torque themselves counts as left.
+
+    Returns
+    -------
+    tuple[Motion, float]
+        The motion with ``activation`` and ``preceding`` [N.m], each of shape (n,), and the share of
+        the whitened residual, 0...1; negative where the present course is better.
     """
     motion, rows = fitter.motion, fitter.rows
     fit = fitter.evaluate(
