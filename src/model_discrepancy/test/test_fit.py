@@ -10,10 +10,12 @@ import pytest
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
+from model_discrepancy.fit import projection
 from model_discrepancy.fit.base_model import fit_base, has_joint
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded
 from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
+from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.rows import autoregression
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.screening import grid, screen
@@ -46,6 +48,43 @@ def test_base_parameters_come_back(rate, velocity):
         assert fit.values[name][symbol] == pytest.approx(JOINT[name][symbol], rel=tolerance)
         assert 0 < fit.errors[name][symbol] < 2.5 * tolerance * JOINT[name][symbol]
     assert fit.at_bounds == ()
+
+
+def test_a_fit_differentiates_once_in_a_while_and_ends_where_it_would_otherwise(monkeypatch):
+    fitter = fitter_of(simulate_trial(JOINT, seed=3, duration=40.0))
+    computed = []
+    plain = Projection._differentiated
+    monkeypatch.setattr(
+        Projection, "_differentiated", lambda self, x: computed.append(x) or plain(self, x)
+    )
+    start = {"reflex": {"delay": 0.07, "omega": 12.0, "z": 1.2}}
+    terms = tuple(JOINT)
+    found, counts = [], []
+    for updates in (0, projection.UPDATES):
+        monkeypatch.setattr(projection, "UPDATES", updates)
+        computed.clear()
+        found.append(fitter.fit(terms, start, tolerance=1e-8))
+        counts.append(len(computed))
+    assert counts[1] < 0.6 * counts[0]
+    assert found[1].score == pytest.approx(found[0].score, rel=1e-6)
+    for symbol in ("delay", "omega", "z"):
+        values = [fit.values["reflex"][symbol] for fit in found]
+        assert values[1] == pytest.approx(values[0], rel=1e-3)
+
+
+def test_a_corrected_jacobian_agrees_with_what_the_residual_did():
+    fitter = fitter_of(simulate_trial(JOINT, seed=3, duration=40.0))
+    values = fitter.start_values(tuple(JOINT), JOINT)
+    free = fitter.searched(tuple(JOINT))
+    problem = Projection(fitter, values, free, fitter.rows.used)
+    first = np.array([to_unit(p, values[name][p.symbol]) for name, p in free])
+    before = problem.residual(first)
+    problem.jacobian(first)
+    step = np.array([0.02, -0.01, 0.015])
+    after = problem.residual(first + step)
+    corrected = problem.jacobian(first + step)
+    assert corrected @ step == pytest.approx(after - before, abs=1e-9 * np.abs(after).max())
+    assert np.array_equal(problem.jacobian(first + step), corrected)
 
 
 def test_a_fit_leaves_the_joint_a_plausible_inertia():

@@ -42,6 +42,58 @@ _CACHE_SIZE = 16
 
 
 @dataclass(frozen=True)
+class _Stage:
+    """Holds a term of a model, and what of it does not depend on the values.
+
+    Attributes
+    ----------
+    term
+        The term.
+    symbols
+        Of its nonlinear parameters; of a compliant fixation: of all.
+    moves_foot
+        Whether it is a compliant fixation, which the foot's impedance acts on.
+    place
+        Where it acts.
+    transforms
+        Whether it changes a signal.
+    has_columns
+        Whether it adds torque.
+    past_straps
+        Whether its torque has passed the straps already.
+    """
+
+    term: Term
+    symbols: tuple[str, ...]
+    moves_foot: bool
+    place: Place
+    transforms: bool
+    has_columns: bool
+    past_straps: bool
+
+    @classmethod
+    def of(cls, term: Term) -> _Stage:
+        """Describe a term."""
+        moves_foot = isinstance(term, CompliantCoupling)
+        return cls(
+            term,
+            tuple(p.symbol for p in term.parameters if moves_foot or not p.linear),
+            moves_foot,
+            term.place,
+            _transforms(term),
+            term.place is not Place.TORQUE_SENSOR and any(p.linear for p in term.parameters),
+            _past_straps(term),
+        )
+
+    def key(self, values: Values) -> tuple[Any, ...]:
+        """Return all of these values that what the term does to a signal depends on."""
+        name = self.term.name
+        given = values[name]
+        own = (name, *(given[symbol] for symbol in self.symbols))
+        return (*own, *_foot_impedance(values)) if self.moves_foot else own
+
+
+@dataclass(frozen=True)
 class _Owner:
     """Holds a term that has columns, in its model, and what these depend on.
 
@@ -49,7 +101,7 @@ class _Owner:
     ----------
     term
         The owner of the columns.
-    terms, values
+    stages, values
         Of the whole model, in the order of the signal path.
     key
         All that its torque depends on.
@@ -60,7 +112,7 @@ class _Owner:
     """
 
     term: Term
-    terms: Sequence[Term]
+    stages: Sequence[_Stage]
     values: Values
     key: Hashable
     behind: Hashable
@@ -131,7 +183,12 @@ class Columns:
         np.ndarray | None
             None where no column changes.
         """
-        parts: list[np.ndarray] = []
+        total: np.ndarray | None = None
+
+        def add(part: np.ndarray) -> None:
+            nonlocal total
+            total = part if total is None else np.add(total, part, out=total)
+
         # Torque behind the same filter, and the one whose filter it is.
         sums: dict[Any, tuple[_Owner, np.ndarray]] = {}
         for old, new in zip(self._owners(values), self._owners(moved), strict=True):
@@ -140,53 +197,61 @@ class Columns:
                 continue
             before = self._sensed(old)
             if old.key == new.key:
-                parts += [
-                    amplitudes[name, s] * (c - before[s]) for s, c in self._sensed(new).items()
-                ]
+                for symbol, column in self._sensed(new).items():
+                    add(amplitudes[name, symbol] * (column - before[symbol]))
                 continue
-            parts += [-amplitudes[name, symbol] * column for symbol, column in before.items()]
-            torque = np.sum(
-                [amplitudes[name, s] * column for s, column in self._torques(new).items()], axis=0
-            )
-            known = sums.get(new.behind)
-            sums[new.behind] = (new, torque if known is None else known[1] + torque)
+            for symbol, column in before.items():
+                add(-amplitudes[name, symbol] * column)
+            for symbol, column in self._torques(new).items():
+                torque = amplitudes[name, symbol] * column
+                if new.behind in sums:
+                    torque += sums[new.behind][1]
+                sums[new.behind] = (new, torque)
         for owner, torque in sums.values():
             gain, spectrum = self._gain(owner), self.rows.spectrum(torque)
-            parts.append(spectrum if gain is None else gain * spectrum)
-        return np.sum(parts, axis=0) if parts else None
+            add(spectrum if gain is None else gain * spectrum)
+        return total
 
     def _owners(self, values: Values) -> list[_Owner]:
         """Return the terms that have columns, in the order of the signal path."""
-        terms = sorted(
-            (term_library()[name]() for name in values), key=lambda term: PATH.index(term.place)
-        )
-        coupling = tuple(
-            _key(t, values) for t in terms if t.place is Place.COUPLING and _transforms(t)
-        )
-        shaping = tuple(
-            _key(t, values) for t in terms if t.place is Place.REFLEX_INPUT and _transforms(t)
+        stages = self._stages(tuple(values))
+        keys = [stage.key(values) for stage in stages]
+        coupling, shaping = (
+            tuple(
+                key
+                for stage, key in zip(stages, keys, strict=True)
+                if stage.place is place and stage.transforms
+            )
+            for place in (Place.COUPLING, Place.REFLEX_INPUT)
         )
         filters = tuple(
-            _key(t, values)
-            for t in terms
-            if t.place is Place.TORQUE_SENSOR or isinstance(t, CompliantCoupling)
+            key
+            for stage, key in zip(stages, keys, strict=True)
+            if stage.place is Place.TORQUE_SENSOR or stage.moves_foot
         )
         return [
             _Owner(
-                term,
-                terms,
+                stage.term,
+                stages,
                 values,
-                (
-                    _key(term, values),
-                    coupling,
-                    shaping if term.place is Place.REFLEX_DYNAMICS else (),
-                ),
-                (term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE, filters),
+                (key, coupling, shaping if stage.place is Place.REFLEX_DYNAMICS else ()),
+                (stage.past_straps, filters),
                 (coupling, shaping),
             )
-            for term in terms
-            if term.place is not Place.TORQUE_SENSOR and any(p.linear for p in term.parameters)
+            for stage, key in zip(stages, keys, strict=True)
+            if stage.has_columns
         ]
+
+    def _stages(self, names: tuple[str, ...]) -> list[_Stage]:
+        """Return these terms in the order of the signal path, remembered."""
+        stages: list[_Stage] = self._known["stages"].of(
+            names,
+            lambda: sorted(
+                (_Stage.of(term_library()[name]()) for name in names),
+                key=lambda stage: PATH.index(stage.place),
+            ),
+        )
+        return stages
 
     def _sensed(self, own: _Owner) -> Mapping[str, np.ndarray]:
         """Return the columns of one term as the torque sensor reports them."""
@@ -207,32 +272,27 @@ class Columns:
 
     def _gain(self, own: _Owner) -> np.ndarray | None:
         """Return the filter behind a term, remembered."""
-        gain: np.ndarray | None = self._known["filter"].of(
-            own.behind, lambda: self._filter(own.term, own.terms, own.values)
-        )
+        gain: np.ndarray | None = self._known["filter"].of(own.behind, lambda: self._filter(own))
         return gain
 
     def _torques(self, own: _Owner) -> dict[str, np.ndarray]:
         """Return the torque per unit of each linear parameter of one term, each of shape (n,)."""
-        signals = self._known["path"].of(own.path, lambda: self._path(own.terms, own.values))
+        signals = self._known["path"].of(own.path, lambda: self._path(own.stages, own.values))
         state = own.term.start(self.motion.rate)
         return own.term.torque(copy(signals), own.values[own.term.name], state)
 
-    def _filter(self, term: Term, terms: Sequence[Term], values: Values) -> np.ndarray | None:
+    def _filter(self, own: _Owner) -> np.ndarray | None:
         """Return the filter between a term's torque and the reading; None for nothing.
 
         It holds the straps, for what acts on the foot, and the sensor.
         """
         filters = []
-        for other in terms:
-            if (
-                isinstance(other, CompliantCoupling)
-                and term.place is not Place.COUPLING
-                and term.name not in FOOT_IMPEDANCE
-            ):
-                filters.append(transmission(self.rows.frequency, other, values))
-            elif other.place is Place.TORQUE_SENSOR:
-                response = other.response(self.rows.frequency, values[other.name])
+        for stage in own.stages:
+            other = stage.term
+            if isinstance(other, CompliantCoupling) and not _past_straps(own.term):
+                filters.append(transmission(self.rows.frequency, other, own.values))
+            elif stage.place is Place.TORQUE_SENSOR:
+                response = other.response(self.rows.frequency, own.values[other.name])
                 if response is None:
                     raise DiagnosisError(
                         f"{other.name} acts at the torque sensor and states no frequency response"
@@ -240,13 +300,14 @@ class Columns:
                 filters.append(response)
         return np.prod(filters, axis=0) if filters else None
 
-    def _path(self, terms: Sequence[Term], values: Values) -> Signals:
+    def _path(self, stages: Sequence[_Stage], values: Values) -> Signals:
         m = self.motion
         signals = Signals(m.rate, m.position, m.velocity, m.acceleration, m.activation)
-        for term in terms:
+        for stage in stages:
+            term = stage.term
             if isinstance(term, CompliantCoupling):
                 self._move_foot(signals, term, values)
-            elif term.place in (Place.COUPLING, Place.REFLEX_INPUT) and _transforms(term):
+            elif stage.place in (Place.COUPLING, Place.REFLEX_INPUT) and stage.transforms:
                 term.transform(signals, values[term.name], term.start(m.rate))
         return signals
 
@@ -300,8 +361,6 @@ def _transforms(term: Term) -> bool:
     return type(term).transform is not Term.transform or isinstance(term, CompliantCoupling)
 
 
-def _key(term: Term, values: Values) -> tuple[Any, ...]:
-    given = values[term.name]
-    if isinstance(term, CompliantCoupling):
-        return (term.name, *given.values(), *_foot_impedance(values))
-    return (term.name, *(given[p.symbol] for p in term.parameters if not p.linear))
+def _past_straps(term: Term) -> bool:
+    """Say whether the torque of a term has passed the straps already."""
+    return term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE

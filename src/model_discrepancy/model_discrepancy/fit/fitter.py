@@ -189,7 +189,7 @@ class Fitter:
                 ftol=tolerance,
                 xtol=10.0 * tolerance,
             )
-            values = problem.values_at(found.x)
+            return problem.fit_at(found.x)
         return self.solve(values, mask)
 
     def fit_below(

@@ -4,6 +4,7 @@ Inverse Problems 19, R1).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,42 @@ from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit
 
 if TYPE_CHECKING:
+    from model_discrepancy.fit.fit_result import Fit
     from model_discrepancy.fit.fitter import Fitter
+
+# Steps between two computations of the Jacobian by differences, each of which takes five times as
+# long as a residual. Steps of a fit shrink, so that what the updates miss shrinks, too.
+UPDATES = 3
+
+
+@dataclass(frozen=True)
+class _Derivatives:
+    """Holds the derivatives at the last place where they were asked for.
+
+    Attributes
+    ----------
+    units
+        The place, shape (p,).
+    residual
+        There, shape (n,).
+    jacobian
+        There, shape (n, p).
+    updates
+        Since the derivatives were computed by differences.
+    """
+
+    units: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    updates: int
+
+    def updated(self, units: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """Return the Jacobian that agrees with what the residual did on the step to a place."""
+        step = units - self.units
+        if not step.any():
+            return self.jacobian
+        missed = residual - self.residual - self.jacobian @ step
+        return self.jacobian + np.outer(missed, step / (step @ step))
 
 
 class Projection:
@@ -41,6 +77,7 @@ class Projection:
     ) -> None:
         self._fitter, self._values, self._free, self._mask = fitter, values, free, mask
         self._at: np.ndarray | None = None
+        self._last: _Derivatives | None = None
 
     def values_at(self, units: np.ndarray) -> dict[str, dict[str, float]]:
         """Return all values, the free ones at these places 0...1 of their ranges, shape (p,)."""
@@ -55,10 +92,28 @@ class Projection:
         self._at = units.copy()
         return self._fit.residual[self._mask]
 
-    def jacobian(self, units: np.ndarray) -> np.ndarray:
-        """Return its derivatives by the free parameters, shape (rows that are fitted, p)."""
+    def fit_at(self, units: np.ndarray) -> Fit:
+        """Return the fit at these places, the linear parameters solved for."""
         if self._at is None or not np.array_equal(units, self._at):
             self.residual(units)
+        return self._fit
+
+    def jacobian(self, units: np.ndarray) -> np.ndarray:
+        """Return its derivatives by the free parameters, shape (rows that are fitted, p).
+
+        It is computed by differences at first and after each `UPDATES` steps. In between, each step
+        corrects it by what the residual did (Broyden 1965, Math. Comput. 19, 577).
+        """
+        residual = self.fit_at(units).residual[self._mask]
+        last = self._last
+        if last is None or last.updates == UPDATES:
+            jacobian, updates = self._differentiated(units), 0
+        else:
+            jacobian, updates = last.updated(units, residual), last.updates + 1
+        self._last = _Derivatives(units.copy(), residual, jacobian, updates)
+        return jacobian
+
+    def _differentiated(self, units: np.ndarray) -> np.ndarray:
         values = self.values_at(units)
         spectra = self._fitter.columns.spectra(values)
         amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}

@@ -14,8 +14,10 @@ import numpy as np
 from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, impedance, shapes_effective_stiffness
 from ankle_physics.term import Place, term_library
+from model_discrepancy.fit.columns import Column
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.movements import Onsets
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.fitted_model import to_model
 from model_discrepancy.search.exchange import ODDS_SCALE
@@ -86,16 +88,20 @@ def stated_impedance(fit: Fit, at: OperatingPoint) -> dict[str, tuple[float, flo
     """
     here = _values(fit.values, at)
     total: dict[str, np.ndarray | float] = dict.fromkeys(UNITS, 0.0)
-    for (term, symbol), drawn in fit.draws.items():
-        step = _STEP * float(np.std(drawn))
-        if step == 0.0:
-            continue
+    steps = {column: _STEP * float(np.std(drawn)) for column, drawn in fit.draws.items()}
+    free = [column for column, step in steps.items() if step != 0.0]
+
+    def moved_by_one(column: Column) -> dict[str, float]:
+        term, symbol = column
         moved = {name: dict(given) for name, given in fit.values.items()}
-        moved[term][symbol] += step
+        moved[term][symbol] += steps[column]
         shaping = shapes_effective_stiffness(term_library()[term]())
-        there = _values(moved, at, None if shaping else here["K_effective"])
+        return _values(moved, at, None if shaping else here["K_effective"])
+
+    for column, there in zip(free, in_parallel(moved_by_one, free), strict=True):
         for name in UNITS:
-            total[name] = total[name] + (there[name] - here[name]) / step * drawn
+            slope = (there[name] - here[name]) / steps[column]
+            total[name] = total[name] + slope * fit.draws[column]
     return {
         f"{name}[{unit}]": (here[name], float(np.std(total[name])) if fit.draws else None)
         for name, unit in UNITS.items()
@@ -139,7 +145,8 @@ def with_model_error(
         for effect in found.effects
         for t in effect.rivals
     ] + [(_REJECTED_TERM_ODDS, t) for t in found.near if t.criticises]
-    moved = [(odds, _values(t.fit.values, at)) for odds, t in others]
+    impedances = in_parallel(lambda other: _values(other[1].fit.values, at), others)
+    moved = [(odds, there) for (odds, _), there in zip(others, impedances, strict=True)]
     total = 1.0 + sum(odds for odds, _ in moved)
     shares = _model_shares(found, unexplained)
     held = _rest_torque(found.final) / (np.sqrt(3.0) * at.step)
