@@ -76,7 +76,7 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
     for model in range(s.filters.shape[0]):
         for j in range(channels):
             w[j] = u[j]
-        filter_step(p.whitening[model], s.filters[model], w, channels)
+        filter_step(p.whitening[model, : p.sections[model]], s.filters[model], w, channels)
         if model == 0:
             intrinsic, reflex = 0.0, 0.0
             for j in range(INTRINSIC):

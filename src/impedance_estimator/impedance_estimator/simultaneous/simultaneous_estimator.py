@@ -135,6 +135,7 @@ class Simultaneous(Estimator):
             lags=np.arange(functions.shape[1]) / slow,
             area=functions.sum(axis=1) / slow,
             whitening=whitening,
+            sections=voluntary_torque_noise.needed_sections(),
             passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
             block_samples=block_samples,
             memory_blocks=int(lengths[0]),

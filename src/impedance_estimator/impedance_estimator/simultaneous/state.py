@@ -94,6 +94,8 @@ class Plan(NamedTuple):
     """Area under each basis function, shape (m,)."""
     whitening: np.ndarray
     """Sections of every noise model, shape (models, 2, 6)."""
+    sections: np.ndarray
+    """How many of them each noise model needs: the others leave a signal as it is."""
     passband: float
     """Factor that brings signals whitened under the first noise model back to their size."""
     block_samples: int
