@@ -24,6 +24,7 @@ from impedance_estimator.simultaneous.explained_motion import (
     combination,
     eliminated,
     explained,
+    signals_of,
 )
 from impedance_estimator.simultaneous.nuisance import (
     EXTRAS,
@@ -130,7 +131,8 @@ def late_joint(response, stiffness, delay):
 @njit
 def without_terms(instruments, cross, square, count, chosen):
     _, projection, sums = explained(Memory(instruments, cross, square, count), True)
-    _, gamma = eliminated(sums, chosen, 1e-12)
+    terms, widths = signals_of(chosen, len(sums))
+    _, gamma = eliminated(sums, terms, widths, 1e-12)
     return sums, gamma, combination(projection, gamma)
 
 

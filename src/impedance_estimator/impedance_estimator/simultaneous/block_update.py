@@ -133,6 +133,9 @@ def forget(s: State) -> None:
     s.solution[:] = 0.0
     s.response[:] = 0.0
     s.tangent[:] = 0.0
+    s.muscle[:] = 0.0
+    s.stretch[:] = 0.0
+    c.mean_stretch = 0.0
     k = s.clock[0]
     k.settled = 0
     k.intrinsic_fit = k.reflex_fit = validity.STILL
@@ -158,6 +161,10 @@ def linearise(p: Plan, s: State) -> None:
         _combine_unknowns(s)
         return
     reflex_shapes.shape_coordinates(s.eta[0], p.basis, p.lags, s.shape_work, s.tangent)
+    s.muscle[:] = 0.0
+    for j in range(s.tangent.shape[0]):
+        for lag in range(s.muscle.shape[0]):
+            s.muscle[lag] += p.functions[lag, j] * s.tangent[j, 0]
     for j in range(s.tangent.shape[0]):
         for k in range(SHAPES):
             s.tangent[j, 1 + k] *= c.gain

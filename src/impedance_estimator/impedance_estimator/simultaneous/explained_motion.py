@@ -22,7 +22,8 @@ eliminated (Frisch & Waugh, Econometrica 1 (1933)): with A = Q̂'Q̂ + prior and
 So the sums over any stretch of data that the rest of the estimator needs are those of fixed linear
 combinations T of the recorded signals, found twice a second from the whole memory.
 
-Relaxation, yielding (Dahl 1968) and stiffness that depends on position are not taken out: a
+Relaxation, a bent and a late reflex are taken out as far as the memory shows them
+(`optional_terms`). Yielding (Dahl 1968) and stiffness that depends on position are not: a
 perturbation of small steps does not tell them from stiffness well enough, and K then is off by
 several times its value. How much more likely they make the memory is a sign of doubt (`doubt`).
 """
@@ -35,13 +36,13 @@ import numpy as np
 
 from impedance_estimator.compilation import part
 from impedance_estimator.simultaneous.cholesky import solve_scaled
-from impedance_estimator.simultaneous.nuisance import EXTRAS, TAPS, reducible_size
+from impedance_estimator.simultaneous.nuisance import BEND, EXTRAS, TAPS, reducible_size
 from impedance_estimator.simultaneous.state import Plan, State
 
 
 def chosen_terms(*terms: int) -> np.ndarray:
-    """Return which nuisance terms are among some, shape (EXTRAS,)."""
-    return np.isin(np.arange(EXTRAS), terms)
+    """Return which nuisance terms of `WIDTHS` are among some, shape (BEND,)."""
+    return np.isin(np.arange(BEND), terms)
 
 
 ALL_TAPS, NO_TERM = chosen_terms(*range(TAPS)), chosen_terms()
@@ -49,8 +50,9 @@ TAP_WIDTH = 0.01
 """[kg.m²] Prior standard deviation of a shifted acceleration's coefficient: as much as the inertia
 itself, which a skew of several milliseconds needs."""
 WIDTHS = np.array([*np.full(TAPS, TAP_WIDTH), 60.0, 2.0, 2000.0, 1e5])
-"""Prior standard deviations of all nuisance terms; behind the shifted accelerations [N.m/rad, N.m,
-N.m/rad², N.m/rad³] of the size of the elastic torque within a perturbation of 30 mrad."""
+"""Prior standard deviations of the nuisance terms before `nuisance.BEND`; behind the shifted
+accelerations [N.m/rad, N.m, N.m/rad², N.m/rad³] of the size of the elastic torque within a
+perturbation of 30 mrad."""
 INSTRUMENT_RIDGE = 1e-9
 """This share of the scaled instruments' own sums is added to them, so that a signal that never
 moves is no error.
@@ -102,37 +104,62 @@ def explained(memory: Memory, referenced: bool) -> tuple[bool, np.ndarray, np.nd
 
 
 @part
-def eliminated(
-    explained_sums: np.ndarray, chosen: np.ndarray, variance: float
-) -> tuple[bool, np.ndarray]:
-    """Return whether the sums tell the chosen terms, and Γ, shape (EXTRAS, n - EXTRAS + 1); rows of
-    terms that are left out are zero.
+def signals_of(chosen: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the chosen nuisance terms as combinations of the recorded signals, shape (n, k), and
+    the standard deviations of their priors, shape (k,).
     """
-    base = explained_sums.shape[0] - EXTRAS
-    terms = np.flatnonzero(chosen)
-    count = terms.shape[0]
-    gamma = np.zeros((EXTRAS, base + 1))
-    normal, right = np.empty((count, count)), np.empty((count, base + 1))
+    picked = np.flatnonzero(chosen)
+    terms = np.zeros((size, picked.shape[0]))
+    for k in range(picked.shape[0]):
+        terms[size - EXTRAS + picked[k], k] = 1.0
+    return terms, WIDTHS[picked]
+
+
+@part
+def eliminated(
+    explained_sums: np.ndarray, terms: np.ndarray, widths: np.ndarray, variance: float
+) -> tuple[bool, np.ndarray]:
+    """Return whether the sums tell some nuisance terms, and Γ per recorded signal.
+
+    Parameters
+    ----------
+    explained_sums
+        X̂'[X̂, τ], shape (n, n + 1).
+    terms
+        Each term as a combination of the recorded signals, shape (n, k).
+    widths
+        Standard deviations of the priors of their coefficients, shape (k,).
+    variance
+        Of the noise [N²m²].
+
+    Returns
+    -------
+    tuple
+        Whether they are determined, and Γ, shape (n, n - EXTRAS + 1): what of each recorded signal
+        is taken off each regressor and, last, the torque.
+    """
+    size = explained_sums.shape[0]
+    base = size - EXTRAS
+    count = terms.shape[1]
+    if count == 0:
+        return True, np.zeros((size, base + 1))
+    along = np.dot(terms.T, explained_sums)
+    normal = np.dot(along[:, :size].copy(), terms)
+    right = np.empty((count, base + 1))
     for i in range(count):
-        row = base + terms[i]
-        for j in range(count):
-            normal[i, j] = explained_sums[row, base + terms[j]]
-        normal[i, i] += variance / WIDTHS[terms[i]] ** 2
-        for j in range(base):
-            right[i, j] = explained_sums[row, j]
-        right[i, base] = explained_sums[row, -1]
+        normal[i, i] += variance / widths[i] ** 2
+        right[i, :base] = along[i, :base]
+        right[i, base] = along[i, size]
     known, _ = solve_scaled(normal, 0.0, right)
-    for i in range(count):
-        gamma[terms[i]] = right[i]
-    return known, gamma
+    return known, np.dot(terms, right)
 
 
 @part
 def combination(projection: np.ndarray, gamma: np.ndarray) -> np.ndarray:
     """Return T, shape (m + 4, n); the last row is what is subtracted from the torque."""
     size = projection.shape[0]
-    base = size - EXTRAS
-    taken = np.dot(np.ascontiguousarray(projection[:, base:]), gamma)
+    base = gamma.shape[1] - 1
+    taken = np.dot(projection, gamma)
     combine = np.empty((base + 1, size))
     for i in range(base):
         for k in range(size):

@@ -48,6 +48,8 @@ def store_block(p: Plan, s: State) -> None:
     c.since = min(c.since + 1, p.memory_blocks)
     c.kept = min(c.kept + 1, p.memory_blocks)
     full = c.length == blocks_of(p, s, c.memory)
+    s.stretches[c.newest] = s.stretch
+    s.stretch[:] = 0.0
     for model in range(s.ring.shape[0]):
         newest, total = s.ring[model, c.newest], s.totals[model]
         if full:

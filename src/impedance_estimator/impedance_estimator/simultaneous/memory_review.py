@@ -1,9 +1,9 @@
 """Twice a second the memory is looked at as a whole.
 
 What the reference explains of the motion is found anew and the nuisance terms are taken out
-(`explained_motion`), the delay of the torque is stated (`torque_delay`), and every `REVIEW_PERIOD`
-the signs of doubt are read (`doubt`): would a wider intrinsic response or another structure make
-the memory more likely, and do its halves agree?
+(`explained_motion`, `optional_terms`), the delay of the torque is stated (`torque_delay`), and
+every `REVIEW_PERIOD` the signs of doubt are read (`doubt`): would a wider intrinsic response or
+another structure make the memory more likely, and do its halves agree?
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from impedance_estimator.simultaneous.explained_motion import (
     explained,
     memory_of,
     reduced_sums,
+    signals_of,
 )
 from impedance_estimator.simultaneous.nuisance import CUBE, RELAXATION, SQUARE, YIELDING
+from impedance_estimator.simultaneous.optional_terms import optional_terms
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.state import Plan, State
 from impedance_estimator.simultaneous.torque_delay import state_delay
@@ -136,10 +138,14 @@ def clean_motion(p: Plan, s: State) -> None:
         # Too few data: what was found before stays in use.
         return
     # What lies between joint and sensors is undone where a calibration tells it.
-    found, gamma = eliminated(sums, NO_TERM if p.modelled_reflex else ALL_TAPS, variance)
+    known = np.isfinite(c.variance)
+    taps, tap_widths = signals_of(NO_TERM if p.modelled_reflex else ALL_TAPS, sums.shape[0])
+    terms, widths = optional_terms(p, s, sums)
+    found, gamma = eliminated(
+        sums, np.hstack((taps, terms)), np.concatenate((tap_widths, widths)), variance
+    )
     if not found:
         return
-    known = np.isfinite(c.variance)
     review = (
         known
         and c.length >= MIN_SCATTER_LENGTH * p.second
@@ -188,7 +194,8 @@ def _with_terms(
 ) -> tuple[bool, Solution]:
     """Return whether the data tell the regression with some nuisance terms, and it."""
     variance = s.counters[0].variance
-    found, gamma = eliminated(sums, terms, variance)
+    signals, widths = signals_of(terms, sums.shape[0])
+    found, gamma = eliminated(sums, signals, widths, variance)
     normal = normal_equations(s, memory, combination(projection, gamma))
     immaterial = IMMATERIAL_SHARE * memory.square
     determined, solution = solve(s, normal, memory.samples, variance, immaterial)

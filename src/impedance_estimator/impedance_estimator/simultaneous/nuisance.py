@@ -17,10 +17,10 @@ TAP_REACH = 4
 """Decimated samples (16 ms) by which acceleration is shifted, both ways: the largest skew between
 channels that laboratories report is about 10 ms; a reflex begins later."""
 TAPS = 2 * TAP_REACH
-RELAXATION, YIELDING, SQUARE, CUBE = TAPS, TAPS + 1, TAPS + 2, TAPS + 3
-EXTRAS = TAPS + 4
-"""Nuisance signals: shifted accelerations, relaxing position, yielding position, and position to
-the second and the third power."""
+RELAXATION, YIELDING, SQUARE, CUBE, BEND = TAPS, TAPS + 1, TAPS + 2, TAPS + 3, TAPS + 4
+EXTRAS = TAPS + 5
+"""Nuisance signals: shifted accelerations, relaxing position, yielding position, position to the
+second and the third power, and the muscle's response to the square of v₊."""
 RELAXATION_TIME = 0.1
 """Tissue relaxes with this time constant [s]: within 0.03 to 0.3 s that short perturbations show
 (Kirsch & Kearney, Exp. Brain Res. 115 (1997)).
@@ -168,16 +168,16 @@ def _multiply(left: np.ndarray, right: np.ndarray, product: np.ndarray) -> None:
 
 @part
 def nuisance_coefficients(p: Plan, s: State) -> None:
-    """Return the coefficients of the nuisance signals under the present solution."""
+    """Return what the nuisance terms add per recorded signal under the present solution."""
     w = s.nuisance
     base = p.functions.shape[1] + INTRINSIC
-    for extra in range(EXTRAS):
-        value = w.gamma[extra, base]
+    for k in range(w.gamma.shape[0]):
+        value = w.gamma[k, base]
         for r in range(INTRINSIC):
-            value -= w.gamma[extra, r] * s.solution[r]
+            value -= w.gamma[k, r] * s.solution[r]
         for r in range(base - INTRINSIC):
-            value -= w.gamma[extra, INTRINSIC + r] * s.response[r]
-        w.coefficients[extra] = value
+            value -= w.gamma[k, INTRINSIC + r] * s.response[r]
+        w.coefficients[k] = value
 
 
 @part

@@ -1,13 +1,16 @@
-"""The reflex response beyond that of a muscle.
+"""The reflex response beyond that of a muscle and its late reflex.
 
-G is the gain of a muscle's response (`reflex_shapes`): it has no freedom that torque of another
-origin could take up. What a free response over the whole basis would add to it is estimated apart,
+G is the gain of a muscle's response (`reflex_shapes`), early and late (`optional_terms`): it has no
+freedom that torque of another origin could take up. What a free response over the whole basis would
+add to it is estimated apart,
 
-    torque = K x + B v + I a + G h(.; η) * v₊ + Σ d_j b_j * v₊ + n,    d_j ~ N(0, width²),
+    torque = K x + B v + I a + G h(.; η) * v₊ + nuisance + Σ d_j b_j * v₊ + n
+
+    d_j ~ N(0, width²)
 
 with K, B, I and the d_j free about the present solution and G h held. The area of Σ d_j b_j is a
-gain [N.m.s/rad] that no muscle's response explains: a later reflex, or intrinsic torque that the
-model leaves out. It is stated with its standard error and is no part of G.
+gain [N.m.s/rad] that no muscle's response explains: a reflex of another delay, or intrinsic torque
+that the model leaves out. It is stated with its standard error and is no part of G.
 """
 
 from __future__ import annotations

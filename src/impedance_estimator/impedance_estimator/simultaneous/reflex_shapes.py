@@ -127,6 +127,17 @@ def _project(functions: np.ndarray, values: np.ndarray, coordinates: np.ndarray)
 
 
 @part
+def coordinates(
+    eta: np.ndarray, functions: np.ndarray, lags: np.ndarray, work: np.ndarray, out: np.ndarray
+) -> None:
+    """Return c(η), shape (m,), without its derivatives; otherwise as `shape_coordinates`, with
+    `work` of shape (n,).
+    """
+    _shape(eta, lags, work)
+    _project(functions, work, out)
+
+
+@part
 def shape_coordinates(
     eta: np.ndarray,
     functions: np.ndarray,

@@ -8,7 +8,8 @@
 6. K, B, I, G and the reflex's shape                    `regression`, `block_update`
 7. every second: noise model, scatter of the scores     `block_update`
 8. twice a second: how long a memory?                   `memory_length`
-9. twice a second: what the reference explains, doubt   `memory_review`
+9. twice a second: what the reference explains, which
+   further terms the memory shows, doubt                `memory_review`
 
 The state is a tuple of arrays that `advance` changes in place.
 """
@@ -40,7 +41,8 @@ from impedance_estimator.simultaneous.change_detection import SHORT_WINDOW_PERIO
 from impedance_estimator.simultaneous.memory import normal_matrix, store_block
 from impedance_estimator.simultaneous.memory_length import ask_memory, choose_memory
 from impedance_estimator.simultaneous.memory_review import clean_motion
-from impedance_estimator.simultaneous.nuisance import EXTRAS, TAP_REACH
+from impedance_estimator.simultaneous.nuisance import BEND, TAP_REACH
+from impedance_estimator.simultaneous.optional_terms import mean_response
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.signals import (
     decimated_signals,
@@ -74,16 +76,18 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
     for model in range(s.filters.shape[0]):
         for j in range(channels):
             w[j] = u[j]
-        filter_step(p.whitening[model], s.filters[model], w, channels)
+        filter_step(p.whitening[model, : p.sections[model]], s.filters[model], w, channels)
         if model == 0:
             intrinsic, reflex = 0.0, 0.0
             for j in range(INTRINSIC):
                 intrinsic += s.solution[j] * w[j]
             base = INTRINSIC + s.response.shape[0]
-            for j in range(EXTRAS):
-                intrinsic += s.nuisance.coefficients[j] * w[base + j]
-            for j in range(s.response.shape[0]):
-                reflex += s.response[j] * w[INTRINSIC + j]
+            added = s.nuisance.coefficients
+            for j in range(base, base + BEND):
+                intrinsic += added[j] * w[j]
+            for j in range(INTRINSIC, base):
+                reflex += (s.response[j - INTRINSIC] + added[j]) * w[j]
+            reflex += added[base + BEND] * w[base + BEND]
             torques[0] = t
             torques[1], torques[2], torques[3] = (
                 p.passband * w[size],
@@ -96,6 +100,11 @@ def _decimated_sample(p: Plan, s: State, learning: bool, torques: np.ndarray, t:
         if c.filled == 0 or c.referenced:
             c.instrumented = c.referenced
         c.filled += 1
+        # v₊ of the decimated sample that the signals belong to.
+        newest = c.index // p.decimation - TAP_REACH
+        stretch = s.slow_rectified[0, newest % (s.slow_rectified.shape[1] // 2)]
+        s.stretch[0] += stretch
+        s.stretch[1] += stretch * stretch
 
 
 @sample_part
@@ -176,7 +185,8 @@ def _write_row(p: Plan, s: State, row: np.ndarray) -> None:
             random = c.variance * max(s.scatter[c.model, i], 1.0) * s.output[1, i]
             e[9 + i] = np.sqrt(random + (s.model_error[i] * s.output[0, i]) ** 2)
         e[5], e[6] = c.vaf_intrinsic, c.vaf_total
-        s.valid_response[:] = s.response
+        for j in range(s.response.shape[0]):
+            s.valid_response[j] = mean_response(s, j)
     e[0] = k.row_time
     e[7] = 1.0 if valid else 0.0
     e[8] = c.doubt

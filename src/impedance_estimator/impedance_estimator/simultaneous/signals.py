@@ -11,6 +11,7 @@ from impedance_estimator import validity
 from impedance_estimator.compilation import part, sample_part
 from impedance_estimator.digital_filters import settle_filter
 from impedance_estimator.simultaneous.nuisance import (
+    BEND,
     CENTRE_TIME,
     EXTRAS,
     REFERENCE_FILTER_DAMPING,
@@ -197,7 +198,7 @@ def decimated_signals(p: Plan, s: State, at: int, rectified_at: int) -> None:
             else:
                 stretch = weighted(s.rectified, motion, rectified_at, 0, p.kernels, 0)
             remember(s.slow_rectified, motion, newest, stretch)
-            _reflex_signals(p, s.slow_rectified, motion, newest, u)
+            _reflex_signals(p, s, motion, newest, u)
         _slow_signals(p, s.slow_states[motion], c.centred, u)
     now[0, -1] = weighted(s.raw, 2, at, n, p.kernels, 0)
     c.centred += 1
@@ -210,13 +211,13 @@ def decimated_signals(p: Plan, s: State, at: int, rectified_at: int) -> None:
 
 
 @sample_part
-def _reflex_signals(
-    p: Plan, stretches: np.ndarray, motion: int, newest: int, u: np.ndarray
-) -> None:
-    """Return the reflex basis' answers to v₊."""
+def _reflex_signals(p: Plan, s: State, motion: int, newest: int, u: np.ndarray) -> None:
+    """Return the reflex basis' answers to v₊, and the present muscle's to the square of v₊."""
     count = p.functions.shape[1]
     for j in range(count):
         u[INTRINSIC + j] = 0.0
+    bend = 0.0
+    stretches = s.slow_rectified
     size = stretches.shape[1] // 2
     for lag in range(size):
         stretch = stretches[motion, newest + size - lag]
@@ -224,6 +225,8 @@ def _reflex_signals(
         if stretch != 0.0:
             for j in range(count):
                 u[INTRINSIC + j] += stretch * p.functions[lag, j]
+            bend += stretch * stretch * s.muscle[lag]
+    u[INTRINSIC + count + BEND - TAPS] = bend
 
 
 @sample_part

@@ -135,6 +135,7 @@ class Simultaneous(Estimator):
             lags=np.arange(functions.shape[1]) / slow,
             area=functions.sum(axis=1) / slow,
             whitening=whitening,
+            sections=voluntary_torque_noise.needed_sections(),
             passband=1.0 / voluntary_torque_noise.passband_gain(whitening[0]),
             block_samples=block_samples,
             memory_blocks=int(lengths[0]),
@@ -158,6 +159,7 @@ class Simultaneous(Estimator):
         kept = nuisance.packed_size(motion)
         memories = len(p.lengths) + 1
         models = len(p.whitening)
+        capacity = max(p.memory_blocks + memories, BATCH_DURATION * p.second) + 1
         n = p.kernels.shape[1] // 2
         estimate = np.full(ESTIMATES, np.nan)
         estimate[ESTIMATE_COLUMNS.index("valid[1]")] = 0.0
@@ -166,14 +168,17 @@ class Simultaneous(Estimator):
             clock=np.zeros(1, dtype=validity.CLOCK),
             counters=np.zeros(1, dtype=COUNTERS),
             nuisance=Nuisance(
-                gamma=np.zeros((nuisance.EXTRAS, size)),
+                gamma=np.zeros((motion, size)),
                 combine=np.eye(size, motion),
                 unknowns=np.zeros((PARAMETERS + 1, motion)),
-                coefficients=np.zeros(nuisance.EXTRAS),
+                coefficients=np.zeros(motion),
             ),
             raw=np.zeros((6, 2 * (3 * n + 1))),
             rectified=np.zeros((2, 2 * (2 * n + 1))),
             slow_rectified=np.zeros((2, 2 * lags)),
+            stretches=np.zeros((capacity, 2)),
+            stretch=np.zeros(2),
+            muscle=np.zeros(lags),
             actuator=np.zeros(2),
             slow_states=np.zeros((2, 3)),
             past=np.zeros((2 * nuisance.TAP_REACH + 1, 2, motion - nuisance.TAPS + 1)),
@@ -181,9 +186,7 @@ class Simultaneous(Estimator):
             whitened=np.zeros(2 * motion + 1),
             filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, 2 * motion + 1)),
             block=np.zeros((models, p.block_samples, 2 * motion + 1)),
-            ring=np.zeros(
-                (models, max(p.memory_blocks + memories, BATCH_DURATION * p.second) + 1, kept)
-            ),
+            ring=np.zeros((models, capacity, kept)),
             totals=np.zeros((models, kept)),
             eta=np.zeros((3, reflex_shapes.SHAPES)),
             tangent=np.zeros((count, 1 + reflex_shapes.SHAPES)),

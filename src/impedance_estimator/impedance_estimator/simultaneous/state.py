@@ -11,13 +11,13 @@ class Nuisance(NamedTuple):
     """Holds what `explained_motion` finds; n signals of the motion, of which e are nuisance."""
 
     gamma: np.ndarray
-    """Γ, shape (e, m + 4)."""
+    """Γ per recorded signal, shape (n, m + 4)."""
     combine: np.ndarray
     """T, shape (m + 4, n); the last row is what is subtracted from the torque."""
     unknowns: np.ndarray
     """The rows of T that belong to the unknowns of `regression`, and its last row, shape (8, n)."""
     coefficients: np.ndarray
-    """Coefficients of the nuisance signals, shape (e,)."""
+    """What the nuisance terms add to the torque per recorded signal, shape (n,)."""
 
 
 COUNTERS = np.dtype(
@@ -57,6 +57,7 @@ COUNTERS = np.dtype(
             "added_damping",
             "added_inertia",
             "doubt",
+            "mean_stretch",
         )
     ]
 )
@@ -68,7 +69,8 @@ the blocks since the last change may be from before it, noise model of the estim
 detection, batches of scores, whether the reference is there, whether it was for any sample of
 the present block, decimated samples since the operating point was begun, whether the whitening
 filters started with full histories. Noise variance now and before the last change [N²m²], G₀
-[N.m.s/rad], VAF [%], mean scatter of the scores [1]."""
+[N.m.s/rad], VAF [%], mean scatter of the scores [1], delay of the torque [s], what it adds to B
+and I, doubt [1], mean velocity of the stretches in the memory [rad/s]."""
 
 
 class Plan(NamedTuple):
@@ -92,6 +94,8 @@ class Plan(NamedTuple):
     """Area under each basis function, shape (m,)."""
     whitening: np.ndarray
     """Sections of every noise model, shape (models, 2, 6)."""
+    sections: np.ndarray
+    """How many of them each noise model needs: the others leave a signal as it is."""
     passband: float
     """Factor that brings signals whitened under the first noise model back to their size."""
     block_samples: int
@@ -130,6 +134,12 @@ class State(NamedTuple):
     likewise.
     """
     slow_rectified: np.ndarray
+    stretches: np.ndarray
+    """Sums of v₊ and of its square in every block of the ring, shape (capacity, 2)."""
+    stretch: np.ndarray
+    """Those of the present block, shape (2,)."""
+    muscle: np.ndarray
+    """Response of a muscle with the shape η₀ times the decimated interval, shape (lags,)."""
     actuator: np.ndarray
     """Filter state of the nominal actuator, shape (2,)."""
     slow_states: np.ndarray

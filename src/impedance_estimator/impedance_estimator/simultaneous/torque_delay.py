@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
-from impedance_estimator.simultaneous.nuisance import TAPS
+from impedance_estimator.simultaneous.nuisance import EXTRAS, TAPS
 from impedance_estimator.simultaneous.state import Plan, State
 
 TAP_SHIFTS = np.repeat(np.arange(1.0, TAPS // 2 + 1.0), 2) * np.tile([1.0, -1.0], TAPS // 2)
@@ -31,9 +31,10 @@ def intrinsic_response(p: Plan, s: State) -> np.ndarray:
     """Return the torque per position of the intrinsic pathway at `FREQUENCIES`, shape (k,)."""
     omega = 2.0 * np.pi * FREQUENCIES
     response = s.solution[0] + 1j * omega * s.solution[1] - omega**2 * s.solution[2]
+    first = s.nuisance.coefficients.shape[0] - EXTRAS
     for tap in range(TAPS):
         turn = omega * TAP_SHIFTS[tap] * p.decimation / p.rate
-        response -= omega**2 * s.nuisance.coefficients[tap] * (np.exp(-1j * turn) - 1.0)
+        response -= omega**2 * s.nuisance.coefficients[first + tap] * (np.exp(-1j * turn) - 1.0)
     return response
 
 

@@ -46,6 +46,13 @@ def whitening_filters(rate: float) -> np.ndarray:
     return filters
 
 
+def needed_sections() -> np.ndarray:
+    """Return how many sections each filter needs, shape (models,); the others leave a signal as it
+    is.
+    """
+    return np.array([(order + 1) // 2 for _, order in NOISE_MODELS])
+
+
 def passband_gain(sections: np.ndarray) -> float:
     """Return the gain of a high-pass at half the sampling rate."""
     return float(np.prod([(b0 - b1 + b2) / (1.0 - a1 + a2) for b0, b1, b2, _, a1, a2 in sections]))
