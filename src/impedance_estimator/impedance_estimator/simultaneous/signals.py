@@ -218,12 +218,24 @@ def _reflex_signals(
     for j in range(count):
         u[INTRINSIC + j] = 0.0
     size = stretches.shape[1] // 2
-    for lag in range(size):
-        stretch = stretches[motion, newest + size - lag]
+    recent = stretches[motion, newest + 1 : newest + 1 + size]
+    fours = size - size % 4
+    for k in range(0, fours, 4):
+        a, b, c, d = recent[k], recent[k + 1], recent[k + 2], recent[k + 3]
         # The ankle is stretched a tenth of the time.
-        if stretch != 0.0:
+        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+            lag = size - 1 - k
             for j in range(count):
-                u[INTRINSIC + j] += stretch * p.functions[lag, j]
+                u[INTRINSIC + j] = (
+                    u[INTRINSIC + j]
+                    + a * p.functions[lag, j]
+                    + b * p.functions[lag - 1, j]
+                    + c * p.functions[lag - 2, j]
+                    + d * p.functions[lag - 3, j]
+                )
+    for k in range(fours, size):
+        for j in range(count):
+            u[INTRINSIC + j] += recent[k] * p.functions[size - 1 - k, j]
 
 
 @sample_part
