@@ -25,8 +25,8 @@ def part(function: Function) -> Function:
 def sample_part(function: Function) -> Function:
     """Compile a function of the path of every sample, which makes no array, as `part` does.
 
-    Without numba's reference counts: handing on the arrays of a state counts each of them up and
-    down, which would take as long as the computation.
+    Without numba's reference counts, and as part of its caller: counting each array of a state up
+    and down, or handing it on, would take as long as the computation.
     """
     return _compiled(function, counting=False)
 
@@ -38,6 +38,7 @@ def _compiled(function: Function, counting: bool) -> Function:
         "no_cfunc_wrapper": True,
         "error_model": "numpy",
         "_nrt": counting,
+        "forceinline": not counting,
     }
     return njit(**options)(function)
 

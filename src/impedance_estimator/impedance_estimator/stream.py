@@ -289,9 +289,8 @@ class EstimateStream:
                 parts.tracked.append(physics.tracked_row(float(parts.rows[-1][-1, 0])))
             newest = float(parts.rows[-1][-1, 0])
             parts.responses.append((newest, estimator.reflex_response))
-            parts.judgements.append(
-                Judgement(newest, self.reason, "" if self.reason else self.doubts)
-            )
+            reason = self.reason
+            parts.judgements.append(Judgement(newest, reason, "" if reason else self.doubts))
         return samples[used:]
 
 

@@ -53,6 +53,17 @@ def test_a_reference_at_another_rate_is_interpolated():
     np.testing.assert_allclose(out[:, -1], 3.0 * out[:, 0], atol=1e-12)
 
 
+def test_a_reference_at_the_samples_own_times_is_taken_as_it_is():
+    """As where they lie between its times, also across a gap and with a repeated sample."""
+    time = np.concatenate([np.arange(0.0, 1.0, 0.001), np.arange(1.5, 2.5, 0.001)])
+    position = np.sin(40.0 * time)
+    for chosen in (np.arange(2000), np.arange(300, 1700), np.append(np.arange(1500), 1499)):
+        track = ReferenceTrack()
+        track.feed_reference(time, position)
+        out = track.join(np.column_stack([time[chosen], time[chosen]]))
+        np.testing.assert_array_equal(out[:, -1], position[chosen])
+
+
 def test_without_a_reference_samples_wait_once_and_then_no_more():
     track = ReferenceTrack()
     given = passed = 0

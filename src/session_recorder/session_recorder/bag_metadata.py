@@ -29,6 +29,8 @@ ROOT = "rosbag2_bagfile_information"
 INFINITE_DURATION = QosTime(9223372036, 854775807)
 # rosbag2's starting time of a bag without messages.
 NO_TIME = 2**63 - 1
+# libyaml's where it is there: the same text in a fifth of the time.
+_DUMPER = yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper
 
 
 def qos(depth: int, reliable: bool = True, latched: bool = False) -> Qos:
@@ -98,7 +100,7 @@ class Contents:
 
 def qos_text(profiles: Iterable[Qos]) -> str:
     """Return QoS profiles as the YAML text that MCAP channels carry."""
-    return yaml.safe_dump(dump_qos_v9(list(profiles)), sort_keys=False).strip()
+    return yaml.dump(dump_qos_v9(list(profiles)), Dumper=_DUMPER, sort_keys=False).strip()
 
 
 def parse_qos_text(text: str) -> tuple[Qos, ...]:
@@ -153,10 +155,9 @@ def information(contents: Contents) -> dict[str, Any]:
 
 def metadata_text(info: Mapping[str, Any]) -> str:
     """Return the YAML text of a mapping, in its order and without aliases."""
-    dumper = yaml.SafeDumper
     return yaml.dump(
         _plain(info),
-        Dumper=type("Plain", (dumper,), {"ignore_aliases": lambda self, data: True}),
+        Dumper=type("Plain", (_DUMPER,), {"ignore_aliases": lambda self, data: True}),
         sort_keys=False,
     )
 

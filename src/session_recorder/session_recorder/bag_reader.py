@@ -16,6 +16,7 @@ from session_recorder.bag_metadata import (
     parse_qos_text,
     read_metadata,
 )
+from session_recorder.chunk_messages import ChunkMessages
 from session_recorder.errors import BagError
 from session_recorder.mcap_file import McapFile, Progress
 
@@ -27,6 +28,14 @@ class BagReader:
     """Reads a bag: a rosbag2 directory, or a single ``.mcap`` file.
 
     A bag whose writer was killed opens as well: `problems` says what is missing.
+
+    Parameters
+    ----------
+    path
+        The directory or the file.
+    kept_bytes
+        Decompressed data of each file of up to so many bytes are kept, so that another pass over
+        the bag, for another topic, does not decompress them again.
 
     Attributes
     ----------
@@ -47,11 +56,11 @@ class BagReader:
         Nothing is there, it is not a bag, or it cannot be read.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, *, kept_bytes: int = 0) -> None:
         self.path = Path(path)
         self.problems: list[str] = []
         stated = self._find_files()
-        self._files = [McapFile(file) for file in self._paths]
+        self._files = [McapFile(file, kept_bytes) for file in self._paths]
         self.custom_data = stated.custom_data if stated else {}
         self.topics = self._topics(stated)
         for file in self._files:
@@ -198,16 +207,19 @@ class BagReader:
         names = set(self.topics if topics is None else topics)
         for name in names:
             self.topic(name)
+        for file, messages in self._messages(names, progress):
+            for log_time, _, channel_id, data in messages.records():
+                yield file.channels[channel_id].topic, log_time, data
+
+    def _messages(
+        self, names: Collection[str], progress: Progress | None
+    ) -> Iterator[tuple[McapFile, ChunkMessages]]:
+        """Yield the messages of some topics, many at a time, with the file that they are in."""
         for number, file in enumerate(self._files):
-            channels = {
-                key: channel.topic
-                for key, channel in file.channels.items()
-                if channel.topic in names
-            }
-            for log_time, _, channel_id, data in file.messages(
-                channels, _share(progress, number, len(self._files))
-            ):
-                yield channels[channel_id], log_time, data
+            channels = [key for key, channel in file.channels.items() if channel.topic in names]
+            share = _share(progress, number, len(self._files))
+            for messages in file.messages(channels, share):
+                yield file, messages
 
     def readable_messages(
         self, topics: Collection[str] | None = None
@@ -290,7 +302,7 @@ class BagReader:
     ) -> Iterator[Block]:
         """Yield the samples of `blocks`, several recorded blocks in one.
 
-        Messages that begin alike have one layout, which is read once.
+        Messages that all begin alike have one layout, and are taken at once.
 
         Parameters
         ----------
@@ -307,28 +319,36 @@ class BagReader:
         self.topic(topic, MESSAGE_TYPE)
         columns: tuple[str, ...] = ()
         head, size, end = b"", -1, 0
-        waiting: list[bytes] = []
-        for _, log_time, message in self.messages((topic,), progress):
-            if len(message) != size or not message.startswith(head):
-                try:
-                    block = unpack(message)
-                except BlockError as error:
-                    self._refuse(topic, log_time, error, refused)
-                    continue
-                if waiting and block.columns != columns:
+        waiting: list[np.ndarray] = []
+        joined = 0
+        for _, messages in self._messages((topic,), progress):
+            place = 0
+            while place < messages.total:
+                group = messages.chosen(slice(place, place + count - joined))
+                place += group.total
+                if group.alike(head, size):
+                    waiting.append(group.cut(len(head), end).view("<f8"))
+                    joined += group.total
+                else:
+                    for log_time, _, _, message in group.records():
+                        try:
+                            block = unpack(message)
+                        except BlockError as error:
+                            self._refuse(topic, log_time, error, refused)
+                            continue
+                        if joined and block.columns != columns:
+                            yield _joined(columns, waiting)
+                            waiting, joined = [], 0
+                        columns, samples, start = find_layout(message)
+                        head, end = message[:start], start + 8 * samples * len(columns)
+                        # Those of a big-endian message have to be turned around.
+                        size = len(message) if message[1] == 1 else -1
+                        waiting.append(block.data.ravel())
+                        joined += 1
+                if joined == count:
                     yield _joined(columns, waiting)
-                    waiting = []
-                columns, samples, start = find_layout(message)
-                head, end = message[:start], start + 8 * samples * len(columns)
-                # Those of a big-endian message have to be turned around.
-                size = len(message) if message[1] == 1 else -1
-                waiting.append(block.data.tobytes())
-            else:
-                waiting.append(message[len(head) : end])
-            if len(waiting) == count:
-                yield _joined(columns, waiting)
-                waiting = []
-        if waiting:
+                    waiting, joined = [], 0
+        if joined:
             yield _joined(columns, waiting)
 
     def signal(
@@ -363,8 +383,8 @@ class BagReader:
         return columns, np.concatenate(parts)
 
 
-def _joined(columns: tuple[str, ...], samples: list[bytes]) -> Block:
-    data = np.frombuffer(b"".join(samples), dtype="<f8")
+def _joined(columns: tuple[str, ...], samples: list[np.ndarray]) -> Block:
+    data = samples[0] if len(samples) == 1 else np.concatenate(samples)
     return Block(columns, data.reshape(-1, len(columns)))
 
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import struct
 import zlib
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
-from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -24,11 +23,15 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, DataEnd, Footer, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk, get_chunk_data_stream
 
+from session_recorder.chunk_messages import (
+    ChunkMessages,
+    Record,
+    from_records,
+    messages_at,
+)
 from session_recorder.errors import BagError
 
 Progress = Callable[[float], None]
-Record = tuple[int, int, int, bytes]
-_log_time = itemgetter(0)
 # What the mcap library and its decompressors raise on bytes that are not what they should be;
 # OSError is a seek to where a damaged offset points.
 DAMAGE = (
@@ -49,12 +52,8 @@ FOOTER_AND_MARK = 9 + 20 + 8  # bytes at the end of a complete file
 CRC_AND_MARK = 4 + 8  # bytes at the end that the footer's checksum leaves out
 INDEX_HEAD = struct.Struct("<HI")
 """A message index begins with its channel and the length of its entries [bytes]."""
-INDEX_ENTRY = struct.Struct("<QQ")
+INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("place", "<u8")])
 """An entry is the log time of a message [ns] and its place in the chunk."""
-MESSAGE_HEAD = struct.Struct("<xQHIQQ")
-"""A message is preceded by its opcode, length, channel, number, log and publish time [ns]."""
-MESSAGE_FIELDS = 22
-"""The length of a message counts so many bytes before its data."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +70,13 @@ class _Piece:
 
 class McapFile:
     """Reads the channels, counts and messages of one MCAP file.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    kept_bytes
+        Decompressed chunks of up to so many bytes in all are kept, for another pass over them.
 
     Attributes
     ----------
@@ -91,8 +97,10 @@ class McapFile:
         The file cannot be opened or is no MCAP file.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kept_bytes: int = 0) -> None:
         self.path = path
+        self._room = kept_bytes
+        self._kept: dict[int, bytes] = {}
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.counts: Counter[int] = Counter()
@@ -236,8 +244,8 @@ class McapFile:
 
     def messages(
         self, channels: Collection[int], progress: Progress | None = None
-    ) -> Iterator[Record]:
-        """Yield messages of some channels in the order of their log time.
+    ) -> Iterator[ChunkMessages]:
+        """Yield messages of some channels in the order of their log time, many at a time.
 
         Parameters
         ----------
@@ -248,9 +256,8 @@ class McapFile:
 
         Yields
         ------
-        Iterator[Record]
-            (log time [ns], publish time [ns], channel id, data); messages of equal time in the
-            file's order.
+        Iterator[ChunkMessages]
+            Messages of equal time are in the file's order.
 
         Raises
         ------
@@ -261,30 +268,32 @@ class McapFile:
         pieces = [
             piece for piece in self._pieces if not piece.index or not wanted.isdisjoint(piece.index)
         ]
-        held: list[Record] = []
+        held = from_records([])
         with self.path.open("rb") as stream:
             for number, piece in enumerate(pieces):
                 try:
-                    held += self._read(stream, piece, wanted)
+                    read = self._read(stream, piece, wanted)
                 except DAMAGE as error:
                     raise BagError(
                         f"{self.path}: the chunk at byte {piece.offset} "
                         f"({piece.start_ns * 1e-9:.3f} to {piece.end_ns * 1e-9:.3f} s)"
                         f" is damaged: {_reason(error)}; `recover` saves the rest"
                     ) from None
-                held.sort(key=_log_time)
-                # Later pieces start at or after the next one: everything before it is in its place.
-                ready = (
-                    bisect_left(held, pieces[number + 1].start_ns, key=_log_time)
-                    if number + 1 < len(pieces)
-                    else len(held)
-                )
-                yield from held[:ready]
-                del held[:ready]
+                held = held.followed_by(read).by_time()
+                ready = held.total
+                if number + 1 < len(pieces):
+                    # Later pieces start at or after the next one: everything before it is in its
+                    # place.
+                    following = np.uint64(pieces[number + 1].start_ns)
+                    ready = int(np.searchsorted(held.log_times, following))
+                if ready:
+                    yield held.chosen(slice(ready))
+                held = held.chosen(slice(ready, None))
                 if progress:
                     progress((number + 1) / len(pieces))
 
-    def _read(self, stream: BinaryIO, piece: _Piece, wanted: frozenset[int]) -> list[Record]:
+    def _read(self, stream: BinaryIO, piece: _Piece, wanted: frozenset[int]) -> ChunkMessages:
+        """Return the wanted messages of a piece in the file's order."""
         if not piece.index:
             stream.seek(piece.offset)
             record = next(
@@ -295,27 +304,40 @@ class McapFile:
             inner = (
                 breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
             )
-            return [
-                (m.log_time, m.publish_time, m.channel_id, m.data)
-                for m in inner
-                if isinstance(m, Message) and m.channel_id in wanted
-            ]
-        stream.seek(piece.offset + RECORD_HEAD)
+            return from_records(
+                [
+                    (m.log_time, m.publish_time, m.channel_id, m.data)
+                    for m in inner
+                    if isinstance(m, Message) and m.channel_id in wanted
+                ]
+            )
+        content = self._content(stream, piece.offset)
+        channels = sorted(wanted.intersection(piece.index))
+        places = [self._message_places(stream, piece.index[channel]) for channel in channels]
+        return messages_at(content, np.sort(np.concatenate(places)), channels)
+
+    def _content(self, stream: BinaryIO, offset: int) -> bytes:
+        """Return the decompressed content of the chunk at a byte of the file."""
+        if offset in self._kept:
+            return self._kept[offset]
+        stream.seek(offset + RECORD_HEAD)
         data, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
         content = data.read(size)
-        offsets: list[int] = []
-        for channel in wanted.intersection(piece.index):
-            offsets += self._message_offsets(stream, piece.index[channel])
-        return _messages_at(content, sorted(offsets))
+        if size <= self._room:
+            self._room -= size
+            self._kept[offset] = content
+        return content
 
-    def _message_offsets(self, stream: BinaryIO, offset: int) -> list[int]:
-        """Return where in a chunk the messages of a channel are, from its message index."""
+    def _message_places(self, stream: BinaryIO, offset: int) -> np.ndarray:
+        """Return where in a chunk the messages of a channel are, from its message index, shape
+        (n,).
+        """
         stream.seek(offset + RECORD_HEAD)
         _, length = INDEX_HEAD.unpack(stream.read(INDEX_HEAD.size))
         entries = stream.read(length) if length <= self.size else b""
         if len(entries) != length:
             raise EOFError("a message index is cut off")
-        return [place for _, place in INDEX_ENTRY.iter_unpack(entries)]
+        return np.frombuffer(entries, INDEX_ENTRY)["place"]
 
     def without_damage(self, channels: Collection[int]) -> Iterator[Record]:
         """Yield messages in the order of the file, without those in damaged chunks.
@@ -333,21 +355,7 @@ class McapFile:
                 except DAMAGE as error:
                     self._report_chunk(piece.offset, piece.start_ns, piece.end_ns, error)
                     continue
-                yield from sorted(records, key=_log_time)
-
-
-def _messages_at(content: bytes, offsets: list[int]) -> list[Record]:
-    """Return the messages at these places in the content of a chunk."""
-    head, read = MESSAGE_HEAD.size, MESSAGE_HEAD.unpack_from
-    messages = []
-    for offset in offsets:
-        length, channel, _, log_time, publish_time = read(content, offset)
-        start = offset + head
-        data = content[start : max(start + length - MESSAGE_FIELDS, 0)]
-        if not data and length != MESSAGE_FIELDS:
-            raise EOFError("a message lies behind the end of its chunk")
-        messages.append((log_time, publish_time, channel, data))
-    return messages
+                yield from records.by_time().records()
 
 
 def _reason(error: BaseException) -> str:

@@ -112,6 +112,33 @@ def test_joined_blocks_hold_what_the_blocks_hold(tmp_path, block):
         )
 
 
+@pytest.mark.parametrize("kept_bytes", [0, 20_000, 10**9])
+def test_topics_are_read_one_after_the_other_whatever_stays_decompressed(make_bag, kept_bytes):
+    bag = make_bag()
+    reader = BagReader(bag, kept_bytes=kept_bytes)
+    for topic in ("/perturbation/reference", "/ankle/samples"):
+        expected = np.concatenate([entry.data for entry in BagReader(bag).blocks(topic)])
+        for count in (7, 256):
+            joined = list(reader.joined_blocks(topic, count))
+            np.testing.assert_array_equal(np.concatenate([b.data for b in joined]), expected)
+            assert {len(entry.data) for entry in joined[:-1]} <= {count * 32}
+
+
+def test_an_index_that_names_a_message_of_another_channel_is_damage(make_bag):
+    bag = make_bag(blocks=20, chunk_blocks=20)
+    file = next(bag.glob("*.mcap"))
+    with file.open("rb") as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+    chunk = next(c for c in summary.chunk_indexes if len(c.message_index_offsets) == 2)
+    content = bytearray(file.read_bytes())
+    first, second = (offset + 9 + 6 for offset in chunk.message_index_offsets.values())
+    content[first : first + 16] = content[second : second + 16]
+    file.write_bytes(content)
+    with pytest.raises(BagError, match="is damaged: the index of a chunk names a place"):
+        list(BagReader(bag).messages(["/ankle/samples"]))
+
+
 def test_messages_written_out_of_order_are_read_in_order(tmp_path):
     times = np.random.default_rng(3).permutation(500) * 1_000_000
     with BagWriter(tmp_path / "bag") as writer:

@@ -23,6 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from impedance_estimator.compilation import part
+from impedance_estimator.simultaneous.memory import add_blocks
 from impedance_estimator.simultaneous.nuisance import reduce_sums, reducible_size
 from impedance_estimator.simultaneous.regression import (
     GAINS,
@@ -152,11 +153,9 @@ def find_change(
             continue
         if window < SHORTEST_WINDOW:
             continue
-        while taken < window:
-            block = ring[(newest - taken) % ring.shape[0]]
-            for k in range(sums.shape[0]):
-                sums[k] += block[k]
-            taken += 1
+        if taken < window:
+            add_blocks(sums, ring, newest, taken, window)
+            taken = window
         reduce_sums(sums, unknowns, recent)
         for i in range(total.shape[0]):
             for j in range(total.shape[0]):

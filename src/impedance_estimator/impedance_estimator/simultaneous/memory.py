@@ -12,15 +12,40 @@ from impedance_estimator.simultaneous.state import Plan, State
 
 
 @part
+def add_blocks(sums: np.ndarray, ring: np.ndarray, newest: int, first: int, last: int) -> None:
+    """Add what is recorded of some blocks, four at a time, one after the other in every sum.
+
+    Parameters
+    ----------
+    sums
+        Shape (k,), added to.
+    ring
+        What is recorded of every block, shape (capacity, k or more).
+    newest
+        Index of the newest block in the ring.
+    first, last
+        The blocks `first` to `last` - 1, counted back from the newest one.
+    """
+    capacity, back = ring.shape[0], first
+    while back + 4 <= last:
+        a, b = ring[(newest - back) % capacity], ring[(newest - back - 1) % capacity]
+        c, d = ring[(newest - back - 2) % capacity], ring[(newest - back - 3) % capacity]
+        for k in range(sums.shape[0]):
+            sums[k] = sums[k] + a[k] + b[k] + c[k] + d[k]
+        back += 4
+    for rest in range(back, last):
+        a = ring[(newest - rest) % capacity]
+        for k in range(sums.shape[0]):
+            sums[k] += a[k]
+
+
+@part
 def sum_memory(s: State, model: int) -> None:
     """Sum the total of one model anew from its blocks."""
     c = s.counters[0]
-    total, ring = s.totals[model], s.ring[model]
+    total = s.totals[model]
     total[:] = 0.0
-    for back in range(c.length):
-        block = ring[(c.newest - back) % ring.shape[0]]
-        for k in range(total.shape[0]):
-            total[k] += block[k]
+    add_blocks(total, s.ring[model], c.newest, 0, c.length)
 
 
 @part
@@ -52,13 +77,14 @@ def store_block(p: Plan, s: State) -> None:
     s.stretch[:] = 0.0
     for model in range(s.ring.shape[0]):
         newest, total = s.ring[model, c.newest], s.totals[model]
+        accumulate(newest, s.block[model], signals, c.instrumented == 1)
         if full:
             oldest = s.ring[model, (c.newest - c.length) % capacity]
             for k in range(total.shape[0]):
-                total[k] -= oldest[k]
-        accumulate(newest, s.block[model], signals, c.instrumented == 1)
-        for k in range(total.shape[0]):
-            total[k] += newest[k]
+                total[k] = total[k] - oldest[k] + newest[k]
+        else:
+            for k in range(total.shape[0]):
+                total[k] += newest[k]
     if not full:
         c.length += 1
     c.filled = 0
@@ -76,15 +102,11 @@ def recent_sums(s: State, model: int, blocks: int, after: int) -> np.ndarray:
     model: Z'Z, Z'τ and τ'τ in the order of `nuisance.accumulate`.
     """
     c = s.counters[0]
-    ring = s.ring[model]
     sums = np.zeros(reducible_size(s.nuisance.unknowns.shape[1]))
     if after == 0 and blocks == c.length:
         sums[:] = s.totals[model, : sums.shape[0]]
     else:
-        for back in range(after, after + blocks):
-            block = ring[(c.newest - back) % ring.shape[0]]
-            for k in range(sums.shape[0]):
-                sums[k] += block[k]
+        add_blocks(sums, s.ring[model], c.newest, after, after + blocks)
     return sums
 
 

@@ -28,6 +28,7 @@ from impedance_estimator.simultaneous.explained_motion import (
     reduced_sums,
     signals_of,
 )
+from impedance_estimator.simultaneous.memory import add_blocks
 from impedance_estimator.simultaneous.nuisance import CUBE, RELAXATION, SQUARE, YIELDING
 from impedance_estimator.simultaneous.optional_terms import optional_terms
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
@@ -231,10 +232,7 @@ def _halves_apart(p: Plan, s: State) -> float:
     values, variances = np.empty((2, 2)), np.empty((2, 2))
     for part_of_memory in range(2):
         sums = np.zeros(ring.shape[1])
-        for back in range(part_of_memory * half, (part_of_memory + 1) * half):
-            block = ring[(c.newest - back) % ring.shape[0]]
-            for k in range(sums.shape[0]):
-                sums[k] += block[k]
+        add_blocks(sums, ring, c.newest, part_of_memory * half, (part_of_memory + 1) * half)
         memory = memory_of(p, s, sums, half)
         normal = normal_equations(s, memory, s.nuisance.combine)
         known, solution = solve(s, normal, memory.samples, c.variance, 0.0)

@@ -51,26 +51,8 @@ def accumulate(sums: np.ndarray, rows: np.ndarray, signals: int, both: bool) -> 
     both
         Whether the motion is there.
     """
-    width = 2 * signals + 1 if both else signals + 1
-    products = np.zeros((signals + 1, width))
-    count = rows.shape[0]
-    fours = count - count % 4
-    for i in range(signals + 1):
-        # Four samples at a time, one after the other in every sum.
-        for n in range(0, fours, 4):
-            a, b, c, d = rows[n, i], rows[n + 1, i], rows[n + 2, i], rows[n + 3, i]
-            for j in range(i, width):
-                products[i, j] = (
-                    products[i, j]
-                    + a * rows[n, j]
-                    + b * rows[n + 1, j]
-                    + c * rows[n + 2, j]
-                    + d * rows[n + 3, j]
-                )
-        for n in range(fours, count):
-            a = rows[n, i]
-            for j in range(i, width):
-                products[i, j] += a * rows[n, j]
+    known = rows if both else np.ascontiguousarray(rows[:, : signals + 1])
+    products = np.dot(np.ascontiguousarray(rows[:, : signals + 1].T), known)
     sums[:] = 0.0
     k = 0
     for i in range(signals):
@@ -82,7 +64,7 @@ def accumulate(sums: np.ndarray, rows: np.ndarray, signals: int, both: bool) -> 
         k += 1
     if both:
         for i in range(signals):
-            for j in range(signals + 1, width):
+            for j in range(signals + 1, 2 * signals + 1):
                 sums[k] = products[i, j]
                 k += 1
 
@@ -114,56 +96,23 @@ def reduce_sums(sums: np.ndarray, combine: np.ndarray, normal: np.ndarray) -> No
         products with the torque.
     """
     count, size = combine.shape
-    full, combined = np.empty((size, size)), np.zeros((count, size))
+    # T' S T = Y + Y' with Y = T' H T, where H is the upper triangle of S with half its diagonal.
+    half = np.zeros((size, size))
     k = 0
     for i in range(size):
-        for j in range(i, size):
-            value = sums[k]
-            full[i, j] = value
-            full[j, i] = value
-            k += 1
-    with_torque, square = sums[k : k + size], sums[k + size]
-    _multiply(combine, full, combined)
-    # The products of all signals, each sum in the order of the instruments.
-    normal[:] = 0.0
-    _multiply(combined, np.ascontiguousarray(combine.T), normal)
-    last = count - 1
+        half[i, i:] = sums[k : k + size - i]
+        half[i, i] *= 0.5
+        k += size - i
+    with_torque, square = np.dot(combine, sums[k : k + size]), sums[k + size]
+    np.dot(np.dot(combine, half), combine.T, normal)
     for i in range(count):
-        # The last signal is the torque less a combination.
-        value = -normal[i, last]
-        for q in range(size):
-            value += combine[i, q] * with_torque[q]
-        if i == last:
-            value = square
-            for q in range(size):
-                value += (combined[i, q] - 2.0 * with_torque[q]) * combine[i, q]
-        normal[i, last] = value
         for j in range(i, count):
-            normal[j, i] = normal[i, j]
-
-
-@part
-def _multiply(left: np.ndarray, right: np.ndarray, product: np.ndarray) -> None:
-    """Add the matrix product to `product`, four terms at a time, one after the other in every
-    sum.
-    """
-    terms, columns = right.shape
-    fours = terms - terms % 4
-    for i in range(left.shape[0]):
-        for q in range(0, fours, 4):
-            a, b, c, d = left[i, q], left[i, q + 1], left[i, q + 2], left[i, q + 3]
-            for j in range(columns):
-                product[i, j] = (
-                    product[i, j]
-                    + a * right[q, j]
-                    + b * right[q + 1, j]
-                    + c * right[q + 2, j]
-                    + d * right[q + 3, j]
-                )
-        for q in range(fours, terms):
-            a = left[i, q]
-            for j in range(columns):
-                product[i, j] += a * right[q, j]
+            normal[i, j] = normal[j, i] = normal[i, j] + normal[j, i]
+    # The last signal is the torque less a combination.
+    last = count - 1
+    normal[last, last] += square - 2.0 * with_torque[last]
+    for i in range(last):
+        normal[i, last] = normal[last, i] = with_torque[i] - normal[i, last]
 
 
 @part

@@ -219,13 +219,31 @@ def _reflex_signals(p: Plan, s: State, motion: int, newest: int, u: np.ndarray) 
     bend = 0.0
     stretches = s.slow_rectified
     size = stretches.shape[1] // 2
-    for lag in range(size):
-        stretch = stretches[motion, newest + size - lag]
+    recent = stretches[motion, newest + 1 : newest + 1 + size]
+    fours = size - size % 4
+    for k in range(0, fours, 4):
+        a, b, c, d = recent[k], recent[k + 1], recent[k + 2], recent[k + 3]
         # The ankle is stretched a tenth of the time.
-        if stretch != 0.0:
+        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+            lag = size - 1 - k
             for j in range(count):
-                u[INTRINSIC + j] += stretch * p.functions[lag, j]
-            bend += stretch * stretch * s.muscle[lag]
+                u[INTRINSIC + j] = (
+                    u[INTRINSIC + j]
+                    + a * p.functions[lag, j]
+                    + b * p.functions[lag - 1, j]
+                    + c * p.functions[lag - 2, j]
+                    + d * p.functions[lag - 3, j]
+                )
+            bend += (
+                a * a * s.muscle[lag]
+                + b * b * s.muscle[lag - 1]
+                + c * c * s.muscle[lag - 2]
+                + d * d * s.muscle[lag - 3]
+            )
+    for k in range(fours, size):
+        for j in range(count):
+            u[INTRINSIC + j] += recent[k] * p.functions[size - 1 - k, j]
+        bend += recent[k] * recent[k] * s.muscle[size - 1 - k]
     u[INTRINSIC + count + BEND - TAPS] = bend
 
 

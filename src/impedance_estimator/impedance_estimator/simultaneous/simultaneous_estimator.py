@@ -184,7 +184,7 @@ class Simultaneous(Estimator):
             past=np.zeros((2 * nuisance.TAP_REACH + 1, 2, motion - nuisance.TAPS + 1)),
             signals=np.zeros(2 * motion + 1),
             whitened=np.zeros(2 * motion + 1),
-            filters=np.zeros((models, voluntary_torque_noise.SECTIONS, 2, 2 * motion + 1)),
+            filters=np.zeros((models, 2, voluntary_torque_noise.SECTIONS, 2 * motion + 1)),
             block=np.zeros((models, p.block_samples, 2 * motion + 1)),
             ring=np.zeros((models, capacity, kept)),
             totals=np.zeros((models, kept)),

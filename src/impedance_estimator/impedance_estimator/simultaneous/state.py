@@ -150,7 +150,7 @@ class State(NamedTuple):
     """Motion (n signals), torque, instruments (n signals), shape (2 n + 1,)."""
     whitened: np.ndarray
     filters: np.ndarray
-    """Shape (models, 2, 2, 2 n + 1)."""
+    """State of the whitening filters, shape (models, 2, sections, 2 n + 1)."""
     block: np.ndarray
     """Whitened instruments, torque and motion of the present block, shape (models, samples of a
     block, 2 n + 1)."""

@@ -56,7 +56,7 @@ def behind_delay(
     damping = inertia = second = fourth = misfit = 0.0
     for k in range(response.shape[0]):
         omega = 2.0 * np.pi * FREQUENCIES[k]
-        weight = 1.0 / (abs(response[k]) ** 2 + 1.0)
+        weight = 1.0 / (response[k].real ** 2 + response[k].imag ** 2 + 1.0)
         aligned = response[k] * turns[k]
         damping += weight * aligned.imag * omega
         inertia += weight * (stiffness - aligned.real) * omega**2
@@ -65,7 +65,7 @@ def behind_delay(
     damping, inertia = damping / second, inertia / fourth
     for k in range(response.shape[0]):
         omega = 2.0 * np.pi * FREQUENCIES[k]
-        weight = 1.0 / (abs(response[k]) ** 2 + 1.0)
+        weight = 1.0 / (response[k].real ** 2 + response[k].imag ** 2 + 1.0)
         aligned = response[k] * turns[k]
         real = aligned.real - stiffness + omega**2 * inertia
         imaginary = aligned.imag - omega * damping
