@@ -37,7 +37,7 @@ from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAME
 from impedance_estimator.simultaneous.state import Plan, State
 
 TERMS = 3
-RELAXING, BENT, LATE = 0, 1, 2
+RELAXING, BENT, LATE_REFLEX = 0, 1, 2
 """Places of the terms."""
 LATE_DELAY = 0.050
 """[s] The late response of the calf begins so long after the early one: medium- and long-latency
@@ -120,7 +120,7 @@ def _describe(p: Plan, s: State, sums: np.ndarray, terms: np.ndarray) -> np.ndar
         early_area += p.area[j] * s.tangent[j, 0]
         late_area += p.area[j] * late[j]
     for j in range(functions):
-        terms[INTRINSIC + j, LATE] = late[j] * early_area / late_area - s.tangent[j, 0]
+        terms[INTRINSIC + j, LATE_REFLEX] = late[j] * early_area / late_area - s.tangent[j, 0]
     return allowed
 
 
