@@ -11,7 +11,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
-from model_discrepancy.fit.parameter_scale import nonlinear
+from model_discrepancy.fit.parameter_scale import Start, nonlinear
 from model_discrepancy.search.found import Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
@@ -167,16 +167,20 @@ def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: N
         What each term gains by chance.
     """
     library = term_library()
-    cases = []
+    starts = []
     for general in trials:
         for name in library[general.name].generalises if general.accepted else ():
             values = general.fit.values[general.name]
             symbols = [parameter.symbol for parameter in library[name].parameters]
             if set(symbols) <= set(values):
                 start = {**general.fit.values, name: {s: values[s] for s in symbols}}
-                case = refitted(fitter, current, name, start)
-                cases.append(judged(fitter, current, case, null.threshold(name)))
-    return cases
+                starts.append((name, start))
+
+    def fitted(case: tuple[str, Start]) -> Trial:
+        name, start = case
+        return judged(fitter, current, refitted(fitter, current, name, start), null.threshold(name))
+
+    return in_parallel(fitted, starts)
 
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:

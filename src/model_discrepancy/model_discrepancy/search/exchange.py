@@ -59,8 +59,7 @@ def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None
         small = bool(np.all(before - effect.errors < REFINEMENT * whole))
         before = np.minimum(before, effect.errors)
         (found.refinements if small else found.effects).append(effect)
-    for effect in found.effects:
-        _try_without(fitter, final, effect, null)
+    in_parallel(lambda effect: _try_without(fitter, final, effect, null), found.effects)
     _name_second_effect(fitter, found, null)
 
 
@@ -70,11 +69,11 @@ def _name_second_effect(fitter: Fitter, found: Found, null: Null) -> Effect | No
     """
     if not found.effects or not 1 <= len(found.refinements) <= MOST_REFINEMENTS:
         return None
-    for effect in found.refinements:
-        _try_without(fitter, found.final, effect, null)
+    final = found.final
+    in_parallel(lambda effect: _try_without(fitter, final, effect, null), found.refinements)
     refinements = {effect.trial.name: effect for effect in found.refinements}
     named = [effect.trial.name for effect in found.effects]
-    name = second_effect(found.final, [e.trial for e in refinements.values()], named)
+    name = second_effect(final, [e.trial for e in refinements.values()], named)
     if name is None:
         return None
     found.refinements.remove(refinements[name])
