@@ -54,7 +54,9 @@ def test_a_reference_at_another_rate_is_interpolated():
 
 
 def test_a_reference_at_the_samples_own_times_is_taken_as_it_is():
-    """As where they lie between its times, also across a gap and with a repeated sample."""
+    """It is the same as where they lie between its times, also across a gap and with a repeated
+    sample.
+    """
     time = np.concatenate([np.arange(0.0, 1.0, 0.001), np.arange(1.5, 2.5, 0.001)])
     position = np.sin(40.0 * time)
     for chosen in (np.arange(2000), np.arange(300, 1700), np.append(np.arange(1500), 1499)):
