@@ -82,8 +82,16 @@ def optional_terms(p: Plan, s: State, explained_sums: np.ndarray) -> tuple[np.nd
 
 @part
 def mean_response(s: State, function: int) -> float:
-    """Return the reflex torque per function of the basis: the muscle's, the late reflex', and that
-    of a bent reflex to stretches of the mean velocity.
+    """Return the coefficient of one function of the basis in the mean reflex response
+    [N.m.s/rad]: the muscle's, the late reflex', and that of a bent reflex to stretches of the mean
+    velocity.
+
+    Parameters
+    ----------
+    s
+        State of the estimator.
+    function
+        Number of the function.
     """
     added = s.nuisance.coefficients
     bend = added[added.shape[0] - EXTRAS + BEND]
