@@ -121,3 +121,18 @@ def test_simultaneous_keeps_its_memory_on_a_real_ankle(trial):
     rows = estimate_signal(t, trial[:, 0], None, trial[:, 1], "simultaneous").valid
     errors = rows[rows[:, 0] > 25.0][:, 9]
     assert errors.max() < 2.0 * np.median(errors)
+
+
+def test_simultaneous_says_the_same_of_both_halves_and_of_torque_a_millisecond_later(trial):
+    """The voluntary torque's noise model must not be chosen by what the model leaves out."""
+    half, later = len(trial) // 2, np.roll(trial[:, 1], 1)
+    t = np.arange(half) / 1000.0
+    values = np.array(
+        [
+            estimate_signal(t, trial[part, 0], None, torque[part], "simultaneous").rows[-1, [1, 4]]
+            for torque in (trial[:, 1], later)
+            for part in (slice(0, half), slice(half, 2 * half))
+        ]
+    )
+    assert np.ptp(values[:, 0]) < 0.1 * values[:, 0].mean()
+    assert np.ptp(values[:, 1]) < 0.15 * values[:, 1].mean()

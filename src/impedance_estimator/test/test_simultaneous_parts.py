@@ -26,6 +26,7 @@ from impedance_estimator.simultaneous.explained_motion import (
     explained,
     signals_of,
 )
+from impedance_estimator.simultaneous.noise_model_choice import lowest_corner
 from impedance_estimator.simultaneous.nuisance import (
     EXTRAS,
     RELAXATION,
@@ -314,3 +315,39 @@ def test_whitening_makes_its_own_noise_white(model):
     # First impulse response sample one: the residual is the one-step prediction error.
     assert signal.sosfilt(sections, np.eye(1, 8)[0])[0] == pytest.approx(1.0)
     assert passband_gain(sections) == pytest.approx(1.0, rel=0.25)
+
+
+@njit
+def chosen_corner(compared, doubt, first, present):
+    return lowest_corner(compared, doubt, first, present, 1)
+
+
+def under_corners(low_error_of_k, low_error_of_g):
+    """K, B, I, G and their variances under three corners; B and I do not count."""
+    compared = np.ones((3, 2, GAINS))
+    compared[:, 0, [0, 3]] = 90.0, 10.0
+    compared[:, 1, [0, 3]] = np.square([(low_error_of_k, low_error_of_g), (1.0, 0.5), (1.0, 0.5)])
+    return compared
+
+
+@pytest.mark.parametrize("low_errors", [(6.0, 0.5), (1.0, 3.0)])
+def test_a_higher_corner_is_chosen_where_the_low_one_costs_much(low_errors):
+    assert chosen_corner(under_corners(*low_errors), 0.0, 0, 0) == 1
+    assert chosen_corner(under_corners(1.0, 0.5), 0.0, 0, 1) == 0
+
+
+@pytest.mark.parametrize("low_errors", [(6.0, 0.5), (1.0, 2.0)])
+def test_where_the_model_does_not_hold_a_smaller_standard_error_is_no_reason(low_errors):
+    """As on a real ankle, whose stress relaxes: behind a higher corner that becomes stiffness."""
+    assert chosen_corner(under_corners(*low_errors), 1.0, 0, 1) == 0
+    assert chosen_corner(under_corners(*low_errors), 0.0, 0, 1) == 1
+    # Right after a change the low corner is not at hand.
+    assert chosen_corner(under_corners(*low_errors), 1.0, 1, 1) == 1
+
+
+def test_voluntary_torque_makes_the_low_corner_useless_in_any_doubt():
+    assert chosen_corner(under_corners(90.0, 10.0), 1.0, 0, 0) == 1
+
+
+def test_before_anything_is_compared_the_corner_stays():
+    assert chosen_corner(np.zeros((3, 2, GAINS)), 0.0, 1, 1) == 1

@@ -1,6 +1,7 @@
 """A complete block updates the estimate.
 
-The steps are: linearise, look for a change, solve, compare the noise models.
+The steps are: linearise, look for a change, solve; `noise_model_choice` then compares the noise
+models.
 """
 
 from __future__ import annotations
@@ -62,16 +63,6 @@ SHAPE_FORGETTING = 1.0 / 60.0
 """What was known about the shape before the memory is forgotten at this rate [1/s], over a hold
 period.
 """
-LARGEST_ERROR_RATIO = 2.0
-"""The lowest corner is used under which the standard errors of K and G are at most this many times
-the smallest under any: its estimate is less biased by what the model leaves out, but voluntary
-torque spoils it sooner."""
-ERROR_RATIO_HYSTERESIS = 1.3
-"""The present corner is kept up to a ratio larger, another one taken from a ratio smaller by this
-factor, so that the choice does not flicker."""
-LOW_CORNER_DURATION = 6.0
-"""A memory of at least this length [s] may be whitened with the low corner, whose filter remembers
-a step of torque for about a second."""
 MIN_REPEATED_LOG_LIKELIHOOD_GAIN = 15.0
 """A shorter memory is chosen when its ln L is larger by this. Memories are compared again and
 again, and a wrong choice costs precision: 5 was passed by chance in 2 of 30 simulated runs of three
@@ -98,10 +89,6 @@ MIN_SCATTER_LENGTH = 5.0
 """The scatter of the scores is watched once the memory has this length [s]: with less, the fit
 follows each second of its data.
 """
-BATCH_DURATION = 2
-"""A batch of scores lasts so many seconds."""
-SCATTER_MEMORY = 60.0
-"""The running mean of the scores' scatter remembers so many seconds; its own error is then 20 %."""
 
 
 @part
@@ -282,50 +269,6 @@ def detect_change(p: Plan, s: State) -> None:
 
 
 @part
-def compare_noise_models(p: Plan, s: State) -> None:
-    """Return the estimates and standard errors of the whole memory under every noise model, and the
-    scatter of their scores.
-    """
-    c = s.counters[0]
-    weight = 1.0 / min(c.batches + 1.0, SCATTER_MEMORY)
-    solution, covariance = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
-    for model in range(s.ring.shape[0]):
-        normal = normal_matrix(s, model, c.length, 0)
-        variance = solve_memory(p, s, normal, c.length, solution, covariance)
-        if not np.isfinite(variance):
-            continue
-        _watch_scatter(p, s, model, solution, covariance, variance, weight)
-        for i in range(GAINS):
-            s.compared[model, 0, i] = solution[i]
-            s.compared[model, 1, i] = variance * max(s.scatter[model, i], 1.0) * covariance[i, i]
-    c.batches += 1
-    c.dispersion = max(np.mean(s.scatter[c.detection]), 1.0)
-
-
-@part
-def choose_noise_model(p: Plan, s: State) -> None:
-    """Return the lowest corner whose standard errors are not much larger than those under another;
-    the low one only with a memory that is long enough.
-    """
-    c = s.counters[0]
-    short = c.unsettled or c.length < LOW_CORNER_DURATION * p.second
-    least, best = np.inf, c.detection
-    for model in range(MIDDLE_CORNER if short else LOW_CORNER, s.ring.shape[0]):
-        ratio = 1.0
-        for i in (0, GAINS - 1):
-            smallest = np.min(s.compared[:, 1, i])
-            if smallest > 0.0:
-                ratio = max(ratio, np.sqrt(s.compared[model, 1, i] / smallest))
-        ratio /= ERROR_RATIO_HYSTERESIS if model == c.model else 1.0 / ERROR_RATIO_HYSTERESIS
-        if ratio < least:
-            least, best = ratio, model
-        if ratio < LARGEST_ERROR_RATIO:
-            best = model
-            break
-    c.model, c.detection = best, max(best, MIDDLE_CORNER)
-
-
-@part
 def outputs(p: Plan, s: State) -> None:
     """Return K, B, I, G and, in units of the noise variance, their variances."""
     c = s.counters[0]
@@ -344,42 +287,6 @@ def outputs(p: Plan, s: State) -> None:
         c.unsettled = believed < 1.0
         for output in range(GAINS):
             s.output[0, output] = s.held[output] + believed * (s.output[0, output] - s.held[output])
-
-
-@part
-def _watch_scatter(
-    p: Plan,
-    s: State,
-    model: int,
-    solution: np.ndarray,
-    covariance: np.ndarray,
-    variance: float,
-    weight: float,
-) -> None:
-    """Update the factors that widen the standard errors: the squared scores of the last batch over
-    what white noise would give.
-    """
-    influence, fitted = np.empty(PARAMETERS), np.empty(PARAMETERS)
-    normal = normal_matrix(s, model, BATCH_DURATION * p.second, 0)
-    for output in range(GAINS):
-        # influence = C weights: what one unit of score does to the output.
-        for i in range(PARAMETERS):
-            influence[i] = covariance[i, output]
-        observed = expected = 0.0
-        for i in range(PARAMETERS):
-            score, total = normal[i, PARAMETERS], 0.0
-            for j in range(PARAMETERS):
-                score -= normal[i, j] * solution[j]
-                total += normal[i, j] * influence[j]
-            observed += influence[i] * score
-            expected += influence[i] * total
-            fitted[i] = total
-        # The fit has already taken part of the scores: their variance is N - N C N.
-        for i in range(PARAMETERS):
-            for j in range(PARAMETERS):
-                expected -= fitted[i] * covariance[i, j] * fitted[j]
-        ratio = observed * observed / (variance * expected) if expected > 0.0 else 1.0
-        s.scatter[model, output] += weight * (ratio - s.scatter[model, output])
 
 
 @part

@@ -82,6 +82,14 @@ def _doubt(size: float) -> float:
 
 
 @part
+def structural_doubt(s: State) -> float:
+    """Return the doubt, 0 to 1, that signs of another structure than the model's make: breadth and
+    structure. Imprecision and disagreement may come of voluntary torque.
+    """
+    return _doubt(max(s.signs[0] / LIMITS[0], s.signs[2] / LIMITS[2]))
+
+
+@part
 def judge(s: State) -> None:
     """Set the doubt, 0 to 1, after all signs of the state are read, and the model's share of the
     standard errors; the largest sign counts.

@@ -26,8 +26,6 @@ from impedance_estimator.compilation import part, sample_part, source_fingerprin
 from impedance_estimator.digital_filters import filter_step, settle_filter
 from impedance_estimator.simultaneous.block_update import (
     MIN_SCATTER_LENGTH,
-    choose_noise_model,
-    compare_noise_models,
     detect_change,
     explained,
     forget,
@@ -41,6 +39,10 @@ from impedance_estimator.simultaneous.change_detection import SHORT_WINDOW_PERIO
 from impedance_estimator.simultaneous.memory import normal_matrix, store_block
 from impedance_estimator.simultaneous.memory_length import ask_memory, choose_memory
 from impedance_estimator.simultaneous.memory_review import clean_motion
+from impedance_estimator.simultaneous.noise_model_choice import (
+    choose_noise_model,
+    compare_noise_models,
+)
 from impedance_estimator.simultaneous.nuisance import BEND, TAP_REACH
 from impedance_estimator.simultaneous.optional_terms import mean_response
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS

@@ -17,13 +17,14 @@ from impedance_estimator.estimator import (
 )
 from impedance_estimator.settings import EstimatorSettings
 from impedance_estimator.simultaneous import doubt, nuisance, reflex_shapes, voluntary_torque_noise
-from impedance_estimator.simultaneous.block_update import BATCH_DURATION, INITIAL_DEVIATIONS
+from impedance_estimator.simultaneous.block_update import INITIAL_DEVIATIONS
 from impedance_estimator.simultaneous.change_detection import (
     LONGEST_SHORT_WINDOW,
     candidate_windows,
 )
 from impedance_estimator.simultaneous.gaussian_derivatives import gaussian_derivatives
 from impedance_estimator.simultaneous.memory_length import PREDICTION_TIME, memory_lengths
+from impedance_estimator.simultaneous.noise_model_choice import BATCH_DURATION
 from impedance_estimator.simultaneous.reflex_deviation import reflex_deviation
 from impedance_estimator.simultaneous.regression import GAINS, INTRINSIC, PARAMETERS
 from impedance_estimator.simultaneous.sample_loop import ESTIMATES, advance
