@@ -50,7 +50,7 @@ def error_of_gain(samples, known):
     [
         ({"torque_sensor_lag": {"T": 0.003}}, 0.03),
         ({"torque_sensor_lag": {"T": 0.0075}}, 0.15),
-        ({"torque_sensor_lag": {"T": 0.012}}, 0.2),
+        ({"torque_sensor_lag": {"T": 0.012}}, 0.3),
         ({"torque_sensor_mode": {"frequency": 20.0, "damping": 0.1}}, 0.6),
     ],
     ids=["lag 3 ms", "lag 7.5 ms", "lag 12 ms", "mode 20 Hz"],

@@ -47,7 +47,7 @@ def test_a_late_reflex_stands_in_g_and_unmodelled_stiffness_in_the_deviation():
     assert due.rows[-1, 4] == pytest.approx(13.0, rel=0.04)
     assert abs(area) < 3.0 * error < 1.0
     # A free response would take up torque of a stiffness that grows with the angle.
-    stream, due = estimated({"hardening_stiffness": {}, "voluntary_torque": {"rms": 0.1}})
+    stream, due = estimated({"hardening_stiffness": {}})
     area, error = stream.estimator.reflex_deviation
     assert area > 4.0 * error
     assert due.rows[-1, 4] == pytest.approx(10.0, rel=0.08)

@@ -12,9 +12,9 @@ applied to torque and regressors alike.
 The corner is not the one under which the data are most likely. K and G are properties at the lowest
 frequencies. Behind a high corner they are extrapolated from the fast part of a response by the
 model's own form, and what the model leaves out (a resonance, relaxation, friction) then becomes a
-stiffness or a reflex of several times the true size. So the low corner is used as long as its
-errors are no more than twice those under another; where the model does not hold, the errors of both
-are mostly not random (`noise_model_choice`).
+stiffness or a reflex of several times the true size. So the low corner is used as long as it costs
+no more than twice the standard error, three times where the model does not hold
+(`noise_model_choice`).
 """
 
 from __future__ import annotations
