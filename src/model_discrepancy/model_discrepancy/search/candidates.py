@@ -15,7 +15,7 @@ from model_discrepancy.fit.parameter_scale import Start, nonlinear
 from model_discrepancy.search.found import Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.screening import Screened, screen
+from model_discrepancy.search.screening import Point, Screened, screen
 from model_discrepancy.search.trials import judged, refitted
 
 # Of the whitened residual that a candidate promises, to be refitted at all.
@@ -144,11 +144,13 @@ class Candidates:
             return best
         (screened,) = screen(fitter, current, {name: self._grids.whole(name)})
         points = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
-        for _, point in points:
+
+        def restarted(point: Point) -> Trial:
             (start,) = screen(fitter, current, {name: [point]})
-            other = refitted(fitter, current, name, {**current.values, name: start.start})
-            best = max(best, other, key=lambda t: t.gain)
-        return best
+            return refitted(fitter, current, name, {**current.values, name: start.start})
+
+        others = in_parallel(restarted, [point for _, point in points])
+        return max([best, *others], key=lambda t: t.gain)
 
 
 def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: Null) -> list[Trial]:

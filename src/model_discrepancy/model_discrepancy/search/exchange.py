@@ -246,8 +246,9 @@ def exchange(
     swaps = 0
     while found.effects:
         _weigh(fitter, found, null, fixed_errors(found.base, yardstick))
-        for effect in found.effects:
-            _rivals(fitter, found, effect, grids, null, progress)
+        in_parallel(
+            lambda effect: _rivals(fitter, found, effect, grids, null, progress), found.effects
+        )
         better = better_rival(found)
         if better is None or swaps == MOST_SWAPS:
             break

@@ -20,7 +20,7 @@ from ankle_physics.term import Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.least_squares import bounded, orthonormal, runs_away
+from model_discrepancy.fit.least_squares import bounded, lengths, orthonormal, runs_away
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES, acting_in
@@ -78,7 +78,7 @@ def screen(
     null
         Surrogates that every candidate tries as well.
     """
-    used = fitter.rows.used
+    used = fitter.rows.fitted
     derivatives, labels = fitter.derivatives(fit)
     basis = orthonormal(derivatives[used])
     residual = fit.residual[used]
@@ -185,15 +185,15 @@ def _additive(
     columns, rows = fitter.columns, fitter.rows
     values = _with(columns, fit, name, point)
     spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
-    matrix = fitter.whitened(spectra.values())[rows.used]
+    matrix = fitter.whitened(spectra.values())[rows.fitted]
     if runs_away(matrix):
         return 0.0, values[name]
-    norm = np.linalg.norm(matrix, axis=0)
+    norm = lengths(matrix)
     matrix = matrix - basis @ (basis.T @ matrix)
-    if np.max(np.linalg.norm(matrix, axis=0) / np.where(norm > 0, norm, 1.0)) < _MIN_NEW_SHARE:
+    if np.max(lengths(matrix) / np.where(norm > 0, norm, 1.0)) < _MIN_NEW_SHARE:
         return 0.0, values[name]
     span = orthonormal(matrix)
-    if acting_in(rows.time[rows.used], span) < FEWEST_STRETCHES:
+    if acting_in(rows.time[rows.fitted], span) < FEWEST_STRETCHES:
         return 0.0, values[name]
     if null is not None:
         null.observe(name, span)
@@ -209,7 +209,7 @@ def _shaping(
     fitter: Fitter, fit: Fit, name: str, points: Sequence[Point], slopes: np.ndarray
 ) -> list[tuple[float, dict[str, float]]]:
     """Return the share and start of a candidate that changes a signal on its way, at each point."""
-    columns, used = fitter.columns, fitter.rows.used
+    columns, used = fitter.columns, fitter.rows.fitted
     results = []
     for point in points:
         values = _with(columns, fit, name, point)
@@ -242,7 +242,7 @@ def _left(
     """Return the residual rows with all amplitudes solved for but those of held terms, and the
     values with these amplitudes; a model that runs away explains nothing.
     """
-    used = fitter.rows.used
+    used = fitter.rows.fitted
     spectra = fitter.columns.spectra(values)
     target = fitter.target[used]
     fixed = {c: s for c, s in spectra.items() if c[0] in fitter.held}
@@ -269,7 +269,7 @@ def _observe_shaping(
     null: Null,
 ) -> None:
     """Let a candidate that changes a signal try the surrogates, by the torque that it changes."""
-    columns, used = fitter.columns, fitter.rows.used
+    columns, used = fitter.columns, fitter.rows.fitted
     here = columns.spectra(fit.values)
     for point in points:
         changed = columns.spectra(_with(columns, fit, name, point))

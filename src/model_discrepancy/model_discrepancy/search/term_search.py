@@ -17,6 +17,7 @@ from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.exchange import exchange, name_second_effect, specialise
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
@@ -77,8 +78,9 @@ def search(
         if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
             break
     progress("scoring on unseen data")
-    found.base_held_out = held_out(fitter, found.base)
-    found.final_held_out = held_out(fitter, found.final) if found.effects else found.base_held_out
+    models = [found.base, found.final] if found.effects else [found.base]
+    scored = in_parallel(lambda fit: held_out(fitter, fit), models)
+    found.base_held_out, found.final_held_out = scored[0], scored[-1]
     if _drop_harmful_refinements(fitter, found, progress):
         name_second_effect(fitter, found, grids, null, progress)
     found.unrefined = _unrefined(fitter, found)

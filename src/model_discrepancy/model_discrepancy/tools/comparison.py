@@ -25,7 +25,7 @@ from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
 from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import vaf
-from model_discrepancy.fit.parallel import linear_algebra_alone
+from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_quality import (
@@ -71,7 +71,7 @@ def compare(
     ]
     if reasons:
         return Comparison(names, "bad_recording", reasons)
-    with linear_algebra_alone():
+    with side_by_side():
         first = _side(simulated, None, lambda line: progress(f"simulated bag: {line}"))
         second = _side(recorded, first.found.final, lambda line: progress(f"recorded bag: {line}"))
     progress("subtracting")

@@ -22,7 +22,7 @@ from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
-from model_discrepancy.fit.parallel import in_background, linear_algebra_alone
+from model_discrepancy.fit.parallel import in_background, side_by_side
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
@@ -76,7 +76,7 @@ def diagnose_together(
         Fewer than two recordings, two of one name, or one that cannot be used.
     """
     known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
-    with (joint or joint_in_force()).in_force(), linear_algebra_alone():
+    with (joint or joint_in_force()).in_force(), side_by_side():
         return in_background(lambda: _diagnosed_together(sources, library, progress, known))
 
 
