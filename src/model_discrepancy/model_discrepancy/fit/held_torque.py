@@ -27,6 +27,21 @@ ROUNDS = 4
 LEAST_IMPROVEMENT = 0.005
 
 
+def shown_share(position: np.ndarray, follows: float, centre: float) -> np.ndarray:
+    """Return the share w of the muscles' torque that a joint shows [1], shape (n,).
+
+    Parameters
+    ----------
+    position
+        [rad], shape (n,).
+    follows
+        By how much the stiffness grows for each newton metre, ka [1/rad].
+    centre
+        The angle about which it acts, xc [rad].
+    """
+    return np.asarray(1.0 + follows * (position - centre))
+
+
 def slow_torque(rows: Rows, left: np.ndarray, shown: np.ndarray) -> np.ndarray:
     """Return the slow torque of which so much is shown at each moment.
 
@@ -78,11 +93,11 @@ def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
     )
     left, mean = rows.torque(fit.left), float(np.mean(motion.torque))
     basis = orthonormal(fitter.derivatives(fit)[0][rows.used])
-    away = motion.position - motion.position.mean()
+    centre = float(motion.position.mean())
     shown = np.ones(len(left))
     held, gained, ka = slow_torque(rows, left, shown), -np.inf, 0.0
     for _ in range(ROUNDS):
-        next_shown = 1.0 + ka * away
+        next_shown = shown_share(motion.position, ka, centre)
         course = slow_torque(rows, left, next_shown)
         ka, gain = _stiffness_that_follows(fitter, fit, course, basis)
         if gain < gained + LEAST_IMPROVEMENT:

@@ -21,7 +21,7 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.held_out import vaf
-from model_discrepancy.fit.held_torque import slow_torque
+from model_discrepancy.fit.held_torque import shown_share, slow_torque
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.emg_activation import emg_activation
@@ -129,7 +129,7 @@ def _shown(model: Model, motion: Motion) -> np.ndarray:
     if not model.has("activation_stiffness"):
         return np.ones(len(motion.position))
     values = model.entry("activation_stiffness").values
-    return np.asarray(1.0 + values["ka"] * (motion.position - values["xc"]))
+    return shown_share(motion.position, values["ka"], values["xc"])
 
 
 def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
