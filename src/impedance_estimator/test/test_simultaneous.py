@@ -19,6 +19,8 @@ from perturbation_generator.settings import Settings as Perturbation
 
 TRUTH = np.array([100.0, 0.63, 0.0137, 10.0])
 VOLUNTARY = {"0.5 N.m below 0.3 Hz": (0.5, 0.3), "1 N.m below 1 Hz": (1.0, 1.0)}
+QUIET = {"position": 82.7, "velocity": 67.7, "torque": 54.1}
+"""[dB] Signal-to-noise ratios 30 dB above those of the paper."""
 AT = 70.0
 """[s] of the jump: CE, too, has forgotten its start."""
 COVERAGE_RUNS = 200
@@ -144,6 +146,18 @@ def test_better_than_ce_in_every_respect_under_voluntary_torque(simulate, volunt
         assert np.all(fixed < theirs), baseline
         assert np.all(fast < rise_times(estimate(moved, baseline))), baseline
     assert np.all(ours < 1.5)
+
+
+def test_a_reflex_that_varies_from_stretch_to_stretch_is_no_change(simulate):
+    """Where there is next to no noise, every stretch tells its own G. The memory must not begin
+    anew with each, or it never lasts long enough to tell how much they vary.
+    """
+    gains = 10.0 * (1.0 + 0.4 * np.random.default_rng(72).standard_normal(200))
+    varying = simulate(60.0, seed=72, G=lambda t: gains[(t / 0.7).astype(int)], snr=QUIET)
+    rows = late(estimate(varying), since=25.0)
+    assert rows[:, 1].std() < 3.0
+    # 40 % over the square root of the 14 stretches of a memory.
+    assert rows[:, 4].std() < 1.1
 
 
 def test_no_change_is_seen_where_there_is_none(simulate):

@@ -85,6 +85,10 @@ FULL_WEIGHT_BLOCKS = 32
 s, three perturbations): the subject may have become less steady with the change, and the old value
 must not stay in the estimate.
 """
+SOON_CHANGED_FACTOR = 2.0
+"""A change sooner after another than the scatter is known may be a reflex that varies from stretch
+to stretch. Each one raises the threshold by this factor until a memory lasts: otherwise the memory
+began anew with every second stretch, and never told how much they vary."""
 MIN_SCATTER_LENGTH = 5.0
 """The scatter of the scores is watched once the memory has this length [s]: with less, the fit
 follows each second of its data.
@@ -245,6 +249,8 @@ def detect_change(p: Plan, s: State) -> None:
     )
     if d < p.threshold * c.dispersion:
         return
+    if c.since < MIN_SCATTER_LENGTH * p.second:
+        c.dispersion *= SOON_CHANGED_FACTOR
     if not c.unsettled:
         c.unsettled = 1
         c.noise_before = noise
