@@ -143,6 +143,15 @@ def test_a_model_that_leaves_the_joint_no_inertia_loses_to_one_that_does(monkeyp
     assert best.found.effects[0].trial.name == "maxwell_relaxation"
 
 
+def test_a_term_that_takes_the_inertia_once_it_is_fitted_to_the_end_is_taken_back(monkeypatch):
+    monkeypatch.setattr(hypotheses, "has_joint", lambda fit: "backlash" not in fit.terms)
+    search = Scripted()
+    best = search.best()
+    assert [effect.trial.name for effect in best.found.effects] == ["maxwell_relaxation", "tendon"]
+    assert best.current.terms[-1] == "tendon"
+    assert "backlash leaves the joint no plausible inertia" in search.said
+
+
 def test_a_term_that_takes_the_joints_inertia_is_not_accepted():
     taking = Trial("plate_appendage", None, 0.6, (0.6, 0.6), -1.0, torque_share=1.0)
     assert taking.accepted

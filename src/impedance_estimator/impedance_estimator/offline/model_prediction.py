@@ -28,6 +28,9 @@ from impedance_estimator.offline.torque_prediction import (
     without_drift,
 )
 
+LEAST_FOLLOWED_INERTIA = 0.5
+"""Of the model's own inertia: an estimate that swings about zero leaves a foot behind straps no
+motion, and a foot does not become lighter."""
 LEAD = 1.0
 """[s] An estimate predicts torque that is at least this much newer: more than two reflex responses,
 so that nothing which it has seen is among what it predicts."""
@@ -167,7 +170,9 @@ def _followed(
     at = float(position.mean()), float(torque.mean()), 0.5 * count / rate
     for term, (_, column) in INTRINSIC.items():
         held = known.added_stiffness(*at) if term == "stiffness" else 0.0
-        own[term][there] = valid[newest[there], ESTIMATE_COLUMNS.index(column)] - held
+        followed = valid[newest[there], ESTIMATE_COLUMNS.index(column)] - held
+        least = LEAST_FOLLOWED_INERTIA * own[term][0] if term == "inertia" else -np.inf
+        own[term][there] = np.maximum(followed, least)
     gain = known.calibrated_gain + known.added_gain(*at)
     if gain > 0.0:
         own["reflex"][there] = valid[newest[there], ESTIMATE_COLUMNS.index(GAIN)] / gain

@@ -20,9 +20,9 @@ ALIGNMENT_BIC = 50.0
 # something else: a part that swings beside the foot, or a mode of the sensor. An adult's foot has
 # four times the lower end (0.33), a child's of ten years about twice (0.16).
 LEAST_INERTIA_PLACE = 0.1
-# Nor is it plausible that the foot has less than this share of all that moves: the smallest foot of
-# an adult (0.005 kg.m^2) on the heaviest plate (0.02 kg.m^2). In a half of a human trial a plate and
-# a part beside it had taken 85 %, and the other half was not predicted.
+# Nor is it plausible that the foot has less than this share of all that moves: the smallest foot
+# of an adult (0.005 kg.m^2) on the heaviest plate (0.02 kg.m^2). In a half of a human trial a plate
+# and a part beside it had taken 85 %, and the other half was not predicted.
 LEAST_INERTIA_SHARE = 0.2
 _OTHER_INERTIA = (("footplate_inertia", "Ip"), ("plate_appendage", "Ia"))
 _INERTIA = term_library()["inertia"].parameter("I")

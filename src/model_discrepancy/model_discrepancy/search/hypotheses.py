@@ -234,7 +234,15 @@ class Hypotheses:
                 for other in _equal(good)
                 if other is not chosen
             ]
+            before = list(found.effects), hypothesis.current, dict(hypothesis.scores)
+            had_joint = hypothesis.plausible
             self._add(hypothesis, chosen)
+            if had_joint and not hypothesis.plausible:
+                # Fitted to the end it takes the inertia from the joint, and further terms follow.
+                self._progress(f"{chosen.name} leaves the joint no plausible inertia")
+                found.effects, hypothesis.current, hypothesis.scores = before
+                found.near = trials[:3]
+                return True
         return True
 
     def _add(self, hypothesis: Hypothesis, trial: Trial) -> None:
