@@ -228,22 +228,32 @@ class Hypotheses:
                 return True
             if not found.effects:
                 hypothesis.first = good
-            chosen = _chosen(self._fitter, good)
-            hypothesis.forks += [
-                Fork(list(found.effects), hypothesis.current, other)
-                for other in _equal(good)
-                if other is not chosen
-            ]
-            before = list(found.effects), hypothesis.current, dict(hypothesis.scores)
-            had_joint = hypothesis.plausible
-            self._add(hypothesis, chosen)
-            if had_joint and not hypothesis.plausible:
-                # Fitted to the end it takes the inertia from the joint, and further terms follow.
-                self._progress(f"{chosen.name} leaves the joint no plausible inertia")
-                found.effects, hypothesis.current, hypothesis.scores = before
+            if not self._added(hypothesis, good):
                 found.near = trials[:3]
                 return True
         return True
+
+    def _added(self, hypothesis: Hypothesis, good: list[Trial]) -> bool:
+        """Add the best of the accepted terms that leaves the joint a plausible inertia once it is
+        fitted to the end, and return whether there is one.
+        """
+        found = hypothesis.found
+        while good:
+            chosen = _chosen(self._fitter, good)
+            before = list(found.effects), hypothesis.current, dict(hypothesis.scores)
+            had_joint = hypothesis.plausible
+            self._add(hypothesis, chosen)
+            if hypothesis.plausible or not had_joint:
+                hypothesis.forks += [
+                    Fork(before[0], before[1], other)
+                    for other in _equal(good)
+                    if other is not chosen
+                ]
+                return True
+            self._progress(f"{chosen.name} leaves the joint no plausible inertia")
+            found.effects, hypothesis.current, hypothesis.scores = before
+            good = [trial for trial in good if trial is not chosen]
+        return False
 
     def _add(self, hypothesis: Hypothesis, trial: Trial) -> None:
         """Add a term and remove what it makes superfluous."""
