@@ -338,7 +338,7 @@ def test_a_higher_corner_is_chosen_where_the_low_one_costs_much(low_errors):
 
 @pytest.mark.parametrize("low_errors", [(2.2, 0.5), (1.0, 1.1)])
 def test_where_the_model_does_not_hold_a_smaller_standard_error_is_worth_less(low_errors):
-    """As on a real ankle, whose stress relaxes: behind a higher corner that becomes stiffness."""
+    """On a real ankle stress relaxes, which becomes stiffness behind a higher corner."""
     assert chosen_corner(under_corners(*low_errors), 1.0, 0, 1) == 0
     assert chosen_corner(under_corners(*low_errors), 0.0, 0, 1) == 1
     # Right after a change the low corner is not at hand.

@@ -101,12 +101,14 @@ def test_a_fit_leaves_the_joint_a_plausible_inertia():
 
 
 def test_other_parts_take_no_more_than_four_fifths_of_the_inertia():
-    """In a half of a human trial a plate and a part beside it had taken 85 %."""
+    """In a half of a human trial a plate and a part beside it had taken 85 % of the inertia."""
     plate, part = {"footplate_inertia": {"Ip": 0.008}}, {"plate_appendage": {"Ia": 0.008}}
     heavy, light = ({"inertia": {"I": inertia}} for inertia in (0.012, 0.003))
     assert has_joint(SimpleNamespace(values={**heavy, **plate, **part}))
     assert has_joint(SimpleNamespace(values={**light, **plate}))
     assert not has_joint(SimpleNamespace(values={**light, **plate, **part}))
+    with JointProfile.load("wrist").in_force():
+        assert has_joint(SimpleNamespace(values={**light, **plate, **part}))
 
 
 def test_standard_errors_agree_with_a_bootstrap_over_blocks():

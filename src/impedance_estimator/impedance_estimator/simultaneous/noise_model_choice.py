@@ -19,9 +19,9 @@ from impedance_estimator.simultaneous.voluntary_torque_noise import LOW_CORNER, 
 K_AND_G = (0, GAINS - 1)
 """Places of K and G among the gains."""
 LARGEST_ERROR_RATIO = 2.0
-"""The lowest corner is used under which the errors of K and G are at most this many times the
-smallest under any: its estimate is less biased by what the model leaves out, but voluntary torque
-spoils it sooner."""
+"""The lowest corner is used under which the standard errors of K and G are at most this many times
+the smallest under any: its estimate is less biased by what the model leaves out, but voluntary
+torque spoils it sooner."""
 LARGEST_DOUBTED_RATIO = 3.0
 """So many times in full doubt that the model holds: beside what it leaves out a smaller standard
 error is worth less. On two real ankles the ratio is up to 2.2. Without a mismatch, in noise that
@@ -61,8 +61,8 @@ def compare_noise_models(p: Plan, s: State) -> None:
 
 @part
 def choose_noise_model(p: Plan, s: State) -> None:
-    """Choose by the errors of K and G (`lowest_corner`); the low one only with a memory that is
-    long enough.
+    """Choose by the standard errors of K and G (`lowest_corner`); the low corner only with a memory
+    that is long enough.
     """
     c = s.counters[0]
     short = c.unsettled or c.length < LOW_CORNER_DURATION * p.second
@@ -83,7 +83,7 @@ def lowest_corner(
     compared
         Gains and their variances under every corner, shape (models, 2, gains).
     doubt
-        That the model holds, 0 to 1.
+        Doubt that the model holds, 0 to 1.
     first
         The lowest corner that may be chosen.
     present

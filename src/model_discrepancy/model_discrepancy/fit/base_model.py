@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ankle_physics.joint_profile import ANKLE, joint_in_force
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
@@ -25,7 +26,6 @@ LEAST_INERTIA_PLACE = 0.1
 # and a part beside it had taken 85 %, and the other half was not predicted.
 LEAST_INERTIA_SHARE = 0.2
 _OTHER_INERTIA = (("footplate_inertia", "Ip"), ("plate_appendage", "Ia"))
-_INERTIA = term_library()["inertia"].parameter("I")
 # Starts of the base fit: its delay and muscle speed have several minima.
 BASE_STARTS = tuple(
     {"delay": delay, "omega": omega, "z": 0.8} for delay in (0.035, 0.05) for omega in (10.0, 21.0)
@@ -78,10 +78,15 @@ def has_joint(fit: Fit) -> bool:
     """
     if "inertia" not in fit.values:
         return True
-    own, range_ = fit.values["inertia"]["I"], plausible("inertia", _INERTIA)
+    own = fit.values["inertia"]["I"]
+    range_ = plausible("inertia", term_library()["inertia"].parameter("I"))
+    if to_unit(range_, max(own, range_.lower)) <= LEAST_INERTIA_PLACE:
+        return False
+    if joint_in_force() != ANKLE:
+        # A handle may be many times as heavy as a hand.
+        return True
     others = sum(fit.values[term][symbol] for term, symbol in _OTHER_INERTIA if term in fit.values)
-    place = to_unit(range_, max(own, range_.lower))
-    return place > LEAST_INERTIA_PLACE and own >= LEAST_INERTIA_SHARE * (own + others)
+    return own >= LEAST_INERTIA_SHARE * (own + others)
 
 
 def bic_change(fitter: Fitter, old: Fit, new: Fit) -> float:

@@ -222,14 +222,8 @@ class Fitter:
 
     def solve(self, values: Start, fitted: slice | np.ndarray | None = None) -> Fit:
         """Return the fit with these values of what is searched for; only the other, linear
-        parameters are solved for. The score is infinite where the model runs away.
-
-        Parameters
-        ----------
-        values
-            Of all terms, by term and symbol.
-        fitted
-            Rows to fit, as a slice or a mask; None for `Rows.fitted`.
+        parameters are solved for, on these rows (a slice or a mask; None for `Rows.fitted`). The
+        score is infinite where the model runs away.
         """
         fitted = self.rows.fitted if fitted is None else fitted
         spectra = self.columns.spectra(values)
