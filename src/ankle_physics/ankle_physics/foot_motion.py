@@ -1,7 +1,7 @@
 """Motion of a foot behind a coupling whose stiffness depends on its extension.
 
-``I a + B v + K x = S(plate - foot) + b_s (plate' - foot')``: the foot without its reflex, whose
-torque pushes it aside by some per cent of itself only. With ``S(u) = k u + e(u)``, the equation is
+``I a + B v + K x + T = S(plate - foot) + b_s (plate' - foot')``, with the torque T of all else that
+acts on the foot given. With ``S(u) = k u + e(u)``, the equation is
 linear but for the excess e. The linear part is advanced exactly for a plate that moves on a cubic
 between two samples; the excess is taken as linear over a step (exponential integrator; Hochbruck &
 Ostermann 2010, Acta Numerica 19, 209), and its value at the end of the step is found by Newton's
@@ -38,6 +38,7 @@ def foot_motion(
     impedance: tuple[float, float, float],
     plate: tuple[np.ndarray, np.ndarray],
     rate: float,
+    push: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the position, velocity and acceleration of the foot, shape (3, n).
 
@@ -53,6 +54,9 @@ def foot_motion(
         Position about its mean [rad] and velocity [rad/s] of the plate, each of shape (n,).
     rate
         Of the samples [Hz].
+    push
+        Torque against the foot's movement that its impedance does not make [N.m], shape (n,),
+        straight between samples; None for none.
     """
     position, velocity = (np.ascontiguousarray(signal, dtype=float) for signal in plate)
     reach = max(OVERSHOOT * float(np.max(np.abs(position))), 1e-6)
@@ -68,7 +72,17 @@ def foot_motion(
     slope = np.diff(excess) / np.diff(extension)
     pieces = np.stack([excess[:-1] - slope * extension[:-1], slope]) / (1.0 + slope * step[0, 7])
     return np.asarray(
-        _integrate(position, velocity, 1.0 / rate, substeps, linear, step, reach, pieces)
+        _integrate(
+            position,
+            velocity,
+            np.zeros(len(position)) if push is None else np.ascontiguousarray(push, dtype=float),
+            1.0 / rate,
+            substeps,
+            linear,
+            step,
+            reach,
+            pieces,
+        )
     )
 
 
@@ -131,6 +145,7 @@ def _advanced(
 def _integrate(
     plate: np.ndarray,
     plate_rate: np.ndarray,
+    push: np.ndarray,
     dt: float,
     substeps: int,
     linear: np.ndarray,
@@ -155,8 +170,10 @@ def _integrate(
                 bend, twist = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
                 p_next = plate[k - 1] + u * (first + u * (bend + u * twist))
                 w_next = (first + u * (2.0 * bend + 3.0 * u * twist)) / dt
-            x_free = _advanced(step[0], x, v, p, w, p_next, w_next, e)
-            v_free = _advanced(step[1], x, v, p, w, p_next, w_next, e)
+            t = push[k - 1] + (push[k] - push[k - 1]) * (part - 1) / substeps
+            t_next = push[k - 1] + (push[k] - push[k - 1]) * u
+            x_free = _advanced(step[0], x, v, p, w, p_next, w_next, e - t) - step[0, 7] * t_next
+            v_free = _advanced(step[1], x, v, p, w, p_next, w_next, e - t) - step[1, 7] * t_next
             free, piece = p_next - x_free, -1
             for _ in range(MOST_ROUNDS):
                 place = (free - step[0, 7] * e + reach) * scale
@@ -168,6 +185,6 @@ def _integrate(
             x, v, p, w = x_free + step[0, 7] * e, v_free + step[1, 7] * e, p_next, w_next
         out[0, k], out[1, k] = x, v
         out[2, k] = (
-            spring * (p - x) + damping * (w - v) + e - viscosity * v - stiffness * x
+            spring * (p - x) + damping * (w - v) + e - push[k] - viscosity * v - stiffness * x
         ) / inertia
     return out

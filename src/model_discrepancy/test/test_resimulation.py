@@ -12,10 +12,16 @@ from ankle_physics.rig_file import RigFile
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.fitted_model import fitted_model
-from model_discrepancy.tools.resimulation import _write_bag, resimulate, resimulate_bag
+from model_discrepancy.tools.resimulation import (
+    _write_bag,
+    resimulate,
+    resimulate_bag,
+    simulated_torque,
+)
 from simulation_study.planted_trials import simulate_trial
 
 # What the movement makes in the trial below; its subject is drawn by the seed.
@@ -51,6 +57,26 @@ def test_the_model_with_the_planted_physics_makes_more_of_the_recorded_torque(
     np.testing.assert_array_equal(again.torque, result.torque["augmented"])
     np.testing.assert_array_equal(again.position, recording.position)
     assert (tmp_path / "resimulation.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("skew", [-0.004, 0.004])
+def test_torque_that_is_read_at_another_time_than_the_position_is_simulated_there(
+    recording: Recording, skew: float
+) -> None:
+    motion = motion_of(recording)
+    values = {
+        "inertia": {"I": 0.012},
+        "viscosity": {"B": 0.8},
+        "stiffness": {"K": 90.0, "x0": float(motion.position.mean())},
+    }
+    aligned = simulated_torque(Model.of(values), motion)
+    apart = simulated_torque(Model.of({**values, "channel_skew": {"skew": skew}}), motion)
+    rows = Rows(len(aligned), motion.rate)
+    shift = np.exp(-2j * np.pi * rows.frequency * skew)
+    expected = rows.plain(rows.spectrum(aligned) * shift)[rows.used]
+    made = rows.plain(rows.spectrum(apart))[rows.used]
+    assert np.std(made - expected) < 0.01 * np.std(expected)
+    assert np.std(made - rows.plain(rows.spectrum(aligned))[rows.used]) > 0.05 * np.std(expected)
 
 
 def test_a_folder_without_models_is_refused(tmp_path: Path) -> None:

@@ -3,11 +3,10 @@ parameters.
 
 The terms are those of the simulation, walked in the order of the signal path. Two of them act as
 filters on spectra. Those at the torque sensor filter the sum of all torques. A compliant fixation
-with ``S = k_s + b_s s`` lets the foot, of impedance ``Z = I s^2 + B s + K``, move as
-``x_foot = H x_plate`` and passes ``H (Z x_plate + other torques)`` on to the plate, ``H = S / (S +
-Z)``; Z is taken from the values that are passed in. How far the other torques move the foot is left
-out: some per cent of themselves, their stiffness over k_s. The measured torque must not be used for
-the foot's motion: near the resonance its noise would predict itself.
+with ``S = k_s + b_s s`` lets the foot, of impedance ``Z = I s^2 + B s + K``, move against the plate
+(`coupled_foot`), and passes the torque of all other terms on by ``H = S / (S + Z + Z_T)``. Z is
+taken from the values that are passed in. The measured torque must not be used for the foot's
+motion: near the resonance its noise would predict itself.
 """
 
 from __future__ import annotations
@@ -19,22 +18,30 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from ankle_physics.compliant_coupling import CompliantCoupling
-from ankle_physics.foot_motion import foot_motion
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import PATH, Place, Term, term_library
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.coupled_foot import (
+    MOST_ROUNDS,
+    Foot,
+    Impedance,
+    Mover,
+    Plate,
+    found_foot,
+    mover,
+    torque_of,
+    transmission,
+)
 from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion
 
 Values = Mapping[str, Mapping[str, float]]
 Column = tuple[str, str]
-# They act on the foot's motion, H times the plate's, so that their torque has passed the straps
-# already.
+# Their torque on the foot's motion is the torque that the straps pass on.
 FOOT_IMPEDANCE = frozenset({"inertia", "viscosity", "stiffness"})
 # Gradients need a handful of neighbours of the current point, for each of the models that are
 # fitted at the same time; a spectrum takes 0.1 to 0.2 MB.
@@ -103,20 +110,26 @@ class _Owner:
         The owner of the columns.
     stages, values
         Of the whole model, in the order of the signal path.
+    foot
+        Behind a compliant fixation; None without one.
     key
         All that its torque depends on.
     behind
         All that the filter between its torque and the reading depends on.
     path
         All that the signals before the joint depend on.
+    past_straps
+        Whether its torque has passed the straps already.
     """
 
     term: Term
     stages: Sequence[_Stage]
     values: Values
+    foot: Foot | None
     key: Hashable
     behind: Hashable
     path: Hashable
+    past_straps: bool
 
 
 class Columns:
@@ -154,18 +167,96 @@ class Columns:
             if not p.fitted and not p.linear
         }
 
-    def spectra(self, values: Values) -> dict[Column, np.ndarray]:
+    def foot(self, values: Values, rounds: int = MOST_ROUNDS) -> Foot | None:
+        """Return the foot behind the compliant fixation of a model with these values, linear ones
+        too; None where the model has none.
+
+        Parameters
+        ----------
+        values
+            By term and symbol.
+        rounds
+            At most so many to find how the torque moves the foot.
+        """
+        stages = self._stages(tuple(values))
+        fixation = next(
+            (stage.term for stage in stages if isinstance(stage.term, CompliantCoupling)), None
+        )
+        if fixation is None:
+            return None
+        key = (rounds, *((name, *given.items()) for name, given in values.items()))
+        found: Foot = self._known["foot"].of(key, lambda: self._found(fixation, values, rounds))
+        return found
+
+    def spectra(self, values: Values, foot: Foot | None = None) -> dict[Column, np.ndarray]:
         """Return the spectrum of each column of the model with these terms and values, by (term,
         symbol).
+
+        Parameters
+        ----------
+        values
+            By term and symbol.
+        foot
+            Behind a compliant fixation, held; None: as it moves with these values.
         """
         return {
             (own.term.name, symbol): spectrum
-            for own in self._owners(values)
+            for own in self._owners(values, foot or self.foot(values))
             for symbol, spectrum in self._sensed(own).items()
         }
 
+    def offset(self, values: Values, foot: Foot | None = None) -> np.ndarray | None:
+        """Return the spectrum of the torque that belongs to no column; None where there is none.
+
+        It is what the columns, each behind the straps, leave of the torque on a foot that is held.
+
+        Parameters
+        ----------
+        values, foot
+            As `spectra` takes them.
+        """
+        foot = foot or self.foot(values)
+        return None if foot is None else self._offset(self._owners(values, foot), foot)
+
+    def _offset(self, owners: Sequence[_Owner], foot: Foot) -> np.ndarray | None:
+        """Return what `offset` does, remembered."""
+        direct = next((own for own in owners if own.term.name in FOOT_IMPEDANCE), None)
+        through = next((own for own in owners if not own.past_straps), None)
+        if direct is None or through is None:
+            return None
+
+        def made() -> np.ndarray:
+            signals = self._signals(direct)
+            torque = foot.rest() + torque_of(
+                foot.like,
+                signals.foot_position - self.mean_angle,
+                signals.foot_velocity,
+                signals.foot_acceleration,
+            )
+            sensor, straps = self._gain(direct), self._gain(through)
+            whole = self.rows.spectrum(torque)
+            whole = whole if sensor is None else sensor * whole
+            held = self._known["held"].of(foot.number, lambda: self.rows.spectrum(foot.torque))
+            return np.asarray(whole - straps * held)
+
+        found: np.ndarray = self._known["offset"].of((direct.path, through.behind), made)
+        return found
+
+    def torque(self, values: Values) -> np.ndarray:
+        """Return the spectrum of the torque of a model with these values, linear ones too."""
+        foot = self.foot(values)
+        total = np.zeros_like(self.target)
+        for (name, symbol), spectrum in self.spectra(values, foot).items():
+            total += values[name][symbol] * spectrum
+        offset = self.offset(values, foot)
+        return total if offset is None else total + offset
+
     def change(
-        self, values: Values, moved: Values, amplitudes: Mapping[Column, float]
+        self,
+        values: Values,
+        moved: Values,
+        amplitudes: Mapping[Column, float],
+        foot: Foot | None = None,
     ) -> np.ndarray | None:
         """Return the spectrum of what a model's torque changes by where other values are put in.
 
@@ -177,6 +268,8 @@ class Columns:
             Of the same terms, before and after.
         amplitudes
             Of the columns, the same before and after.
+        foot
+            Behind a compliant fixation, held; None: as it moves with the values before.
 
         Returns
         -------
@@ -184,6 +277,7 @@ class Columns:
             None where no column changes.
         """
         total: np.ndarray | None = None
+        foot = foot or self.foot(values)
 
         def add(part: np.ndarray) -> None:
             nonlocal total
@@ -191,7 +285,8 @@ class Columns:
 
         # Torque behind the same filter, and the one whose filter it is.
         sums: dict[Any, tuple[_Owner, np.ndarray]] = {}
-        for old, new in zip(self._owners(values), self._owners(moved), strict=True):
+        owners = self._owners(values, foot), self._owners(moved, foot)
+        for old, new in zip(*owners, strict=True):
             name = old.term.name
             if (old.key, old.behind) == (new.key, new.behind):
                 continue
@@ -210,9 +305,13 @@ class Columns:
         for owner, torque in sums.values():
             gain, spectrum = self._gain(owner), self.rows.spectrum(torque)
             add(spectrum if gain is None else gain * spectrum)
+        if foot is not None:
+            here, there = (self._offset(part, foot) for part in owners)
+            if here is not None and there is not None and here is not there:
+                add(there - here)
         return total
 
-    def _owners(self, values: Values) -> list[_Owner]:
+    def _owners(self, values: Values, foot: Foot | None) -> list[_Owner]:
         """Return the terms that have columns, in the order of the signal path."""
         stages = self._stages(tuple(values))
         keys = [stage.key(values) for stage in stages]
@@ -229,14 +328,23 @@ class Columns:
             for stage, key in zip(stages, keys, strict=True)
             if stage.place is Place.TORQUE_SENSOR or stage.moves_foot
         )
+        held = () if foot is None else (foot.number,)
+        # Values that move the foot move what its own impedance makes; all else sees it held.
+        moved = {True: (*coupling, *held), False: held or coupling}
         return [
             _Owner(
                 stage.term,
                 stages,
                 values,
-                (key, coupling, shaping if stage.place is Place.REFLEX_DYNAMICS else ()),
-                (stage.past_straps, filters),
-                (coupling, shaping),
+                foot,
+                (
+                    key,
+                    moved[stage.past_straps],
+                    shaping if stage.place is Place.REFLEX_DYNAMICS else (),
+                ),
+                (stage.past_straps, filters, held),
+                (moved[stage.past_straps], shaping),
+                stage.past_straps,
             )
             for stage, key in zip(stages, keys, strict=True)
             if stage.has_columns
@@ -248,7 +356,8 @@ class Columns:
             names,
             lambda: sorted(
                 (_Stage.of(term_library()[name]()) for name in names),
-                key=lambda stage: PATH.index(stage.place),
+                # Play lies between the plate and the straps.
+                key=lambda stage: (PATH.index(stage.place), stage.moves_foot),
             ),
         )
         return stages
@@ -277,9 +386,13 @@ class Columns:
 
     def _torques(self, own: _Owner) -> dict[str, np.ndarray]:
         """Return the torque per unit of each linear parameter of one term, each of shape (n,)."""
-        signals = self._known["path"].of(own.path, lambda: self._path(own.stages, own.values))
         state = own.term.start(self.motion.rate)
-        return own.term.torque(copy(signals), own.values[own.term.name], state)
+        return own.term.torque(copy(self._signals(own)), own.values[own.term.name], state)
+
+    def _signals(self, own: _Owner) -> Signals:
+        """Return the signals that a term sees, remembered."""
+        signals: Signals = self._known["path"].of(own.path, lambda: self._path(own))
+        return signals
 
     def _filter(self, own: _Owner) -> np.ndarray | None:
         """Return the filter between a term's torque and the reading; None for nothing.
@@ -289,8 +402,16 @@ class Columns:
         filters = []
         for stage in own.stages:
             other = stage.term
-            if isinstance(other, CompliantCoupling) and not _past_straps(own.term):
-                filters.append(transmission(self.rows.frequency, other, own.values))
+            if isinstance(other, CompliantCoupling) and own.foot is not None:
+                if not own.past_straps:
+                    impedance = _foot_impedance(own.values)
+                    inertia, viscosity, stiffness = (
+                        mine + like for mine, like in zip(impedance, own.foot.like, strict=True)
+                    )
+                    strap = other.linearised(own.values[other.name])
+                    filters.append(
+                        transmission(self.rows.frequency, strap, (inertia, viscosity, stiffness))
+                    )
             elif stage.place is Place.TORQUE_SENSOR:
                 response = other.response(self.rows.frequency, own.values[other.name])
                 if response is None:
@@ -300,54 +421,92 @@ class Columns:
                 filters.append(response)
         return np.prod(filters, axis=0) if filters else None
 
-    def _path(self, stages: Sequence[_Stage], values: Values) -> Signals:
-        m = self.motion
-        signals = Signals(m.rate, m.position, m.velocity, m.acceleration, m.activation)
-        for stage in stages:
-            term = stage.term
-            if isinstance(term, CompliantCoupling):
-                self._move_foot(signals, term, values)
-            elif stage.place in (Place.COUPLING, Place.REFLEX_INPUT) and stage.transforms:
-                term.transform(signals, values[term.name], term.start(m.rate))
+    def _path(self, own: _Owner) -> Signals:
+        """Return the signals before the joint."""
+        signals = copy(self._plate(own.stages, own.values))
+        foot = own.foot
+        for stage in own.stages:
+            if stage.moves_foot and foot is not None:
+                x, v, a = foot.position, foot.velocity, foot.acceleration
+                if own.past_straps:
+                    x, v, a = self._mover(own.stages, own.values)(foot.rest(), foot.like)
+                signals.move_foot(x + self.mean_angle, v, a)
+            elif stage.place is Place.REFLEX_INPUT and stage.transforms:
+                term = stage.term
+                term.transform(signals, own.values[term.name], term.start(self.motion.rate))
         return signals
 
-    def _move_foot(self, signals: Signals, fixation: CompliantCoupling, values: Values) -> None:
-        """Return the foot motion behind a compliant fixation: the plate's, filtered, or integrated
-        where the fixation is not linear.
+    def _plate(self, stages: Sequence[_Stage], values: Values) -> Signals:
+        """Return the signals that drive the straps, or the foot where there are none;
+        remembered.
         """
         m = self.motion
-        if not fixation.linear:
-            x, v, a = foot_motion(
-                fixation,
-                values[fixation.name],
-                _foot_impedance(values),
-                (m.position - self.mean_angle, m.velocity),
-                m.rate,
-            )
-            signals.move_foot(x + self.mean_angle, v, a)
-            return
-        length = next_fast_len(len(m.position) + int(m.rate), real=True)
-        plate = self._known["plate"].of(
-            length,
-            lambda: [rfft(s - s.mean(), length) for s in (m.position, m.velocity, m.acceleration)],
+        shaping = [
+            stage
+            for stage in stages
+            if stage.place is Place.COUPLING and stage.transforms and not stage.moves_foot
+        ]
+
+        def driven() -> Signals:
+            signals = Signals(m.rate, m.position, m.velocity, m.acceleration, m.activation)
+            for stage in shaping:
+                stage.term.transform(signals, values[stage.term.name], stage.term.start(m.rate))
+            return signals
+
+        key = tuple(stage.key(values) for stage in shaping)
+        plate: Signals = self._known["plate"].of(key, driven)
+        return plate
+
+    def _mover(self, stages: Sequence[_Stage], values: Values) -> Mover:
+        """Return what moves the foot behind the compliant fixation of a model, remembered."""
+        fixation = next(stage.term for stage in stages if stage.moves_foot)
+        assert isinstance(fixation, CompliantCoupling)
+        signals = self._plate(stages, values)
+        plate = self._known["drive"].of(
+            id(signals),
+            lambda: (
+                signals,
+                Plate(
+                    self.motion.rate,
+                    signals.foot_position - self.mean_angle,
+                    signals.foot_velocity,
+                    signals.foot_acceleration,
+                    jumps=signals.foot_position is not self.motion.position,
+                ),
+            ),
+        )[1]
+        return mover(plate, fixation, values[fixation.name], _foot_impedance(values))
+
+    def _found(self, fixation: CompliantCoupling, values: Values, rounds: int) -> Foot:
+        """Return the foot behind a compliant fixation, moved by the plate and by all torque."""
+        stages = self._stages(tuple(values))
+        inertia, viscosity, stiffness = _foot_impedance(values)
+        spring, damping = fixation.linearised(values[fixation.name])
+        samples = len(self.motion.position)
+
+        def acting(foot: Foot) -> np.ndarray:
+            total = np.zeros(samples)
+            through = [own for own in self._owners(values, foot) if not own.past_straps]
+            if not through:
+                return total
+            signals = self._path(through[0])
+            for own in through:
+                state = own.term.start(self.motion.rate)
+                given = values[own.term.name]
+                for symbol, column in own.term.torque(copy(signals), given, state).items():
+                    total += given[symbol] * column
+            return total
+
+        return found_foot(
+            self._mover(stages, values),
+            acting,
+            samples,
+            (inertia, viscosity + damping, stiffness + spring),
+            rounds,
         )
-        gain = transmission(rfftfreq(length, 1.0 / m.rate), fixation, values)
-        moved = [irfft(spectrum * gain, length)[: len(m.position)] for spectrum in plate]
-        signals.move_foot(moved[0] + self.mean_angle, moved[1], moved[2])
 
 
-def transmission(frequency: np.ndarray, fixation: CompliantCoupling, values: Values) -> np.ndarray:
-    """Return the share of the plate's motion that reaches the foot, complex, at each frequency
-    [Hz].
-    """
-    stiffness, damping = fixation.linearised(values[fixation.name])
-    s = 2j * np.pi * frequency
-    strap = stiffness + damping * s
-    inertia, viscosity, spring = _foot_impedance(values)
-    return strap / (strap + inertia * s**2 + viscosity * s + spring)
-
-
-def _foot_impedance(values: Values) -> tuple[float, float, float]:
+def _foot_impedance(values: Values) -> Impedance:
     """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
     # A joint need not have all three: an axis of a machine has no stiffness.
     inertia, viscosity, stiffness = (

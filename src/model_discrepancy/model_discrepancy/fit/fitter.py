@@ -7,6 +7,7 @@ nonlinear ones are searched; physical signs and ranges hold inside the fit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.optimize import least_squares
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import Column, Columns
+from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.least_squares import RUN_AWAY, bounded, runs_away
 from model_discrepancy.fit.parallel import in_parallel
@@ -45,6 +47,12 @@ _DERIVATIVES_KEPT = 4
 # like a geometric series, by a third and more from stage to stage.
 STAGE_EVALUATIONS = 4
 STAGES_AHEAD = 2.0
+# A foot behind a compliant fixation is found anew after a third of the evaluations, and no fewer
+# than these: what a step of the fit leaves of its motion is a tenth.
+FOOT_STAGES = 3
+LEAST_FOOT_STAGE = 8
+# Another such stage follows one that lowered the score by this many times the tolerance.
+STAGE_GAIN = 10.0
 # The tolerance of a single fit.
 _CONVERGED_SHARE = 1e-4
 # Of the torque's variance: a quarter of its noise at the paper's SNR (24.1 dB). What changes less
@@ -168,29 +176,41 @@ class Fitter:
         """
         fitted = self.rows.fitted if mask is None else mask & self.rows.used
         values = self.start_values(names, start)
-        free = self.searched(names)
-        if free:
-            problem = Projection(self, values, free, fitted)
-            first = np.array(
-                [
-                    min(max(to_unit(p, values[name][p.symbol]), 2 * UNIT_STEP), 1 - 2 * UNIT_STEP)
-                    for name, p in free
-                ]
-            )
-            if not np.isfinite(problem.residual(first)).all():
-                return self.solve(values, fitted)
-            found = least_squares(
-                problem.residual,
-                first,
-                jac=problem.jacobian,
-                bounds=(0.0, 1.0),
-                x_scale=1.0,
-                max_nfev=evaluations,
-                ftol=tolerance,
-                xtol=10.0 * tolerance,
-            )
-            return problem.fit_at(found.x)
-        return self.solve(values, fitted)
+        if not self.searched(names):
+            return self.solve(values, fitted)
+        foot = self.columns.foot(values)
+        if foot is None:
+            problem = Projection(self, values, self.searched(names), fitted)
+            return self._found(problem, evaluations, tolerance)
+        each = max(LEAST_FOOT_STAGE, math.ceil(evaluations / FOOT_STAGES))
+        problem = Projection(self, values, self.searched(names), fitted, foot)
+        best = problem.fit_at(problem.first)
+        for done in range(0, evaluations, each):
+            values = self._found(problem, min(each, evaluations - done), tolerance).values
+            foot = self.columns.foot(values)
+            found = self.solve(values, fitted, foot)
+            before, best = best.score, min(best, found, key=lambda fit: fit.score)
+            if not found.score < (1.0 - STAGE_GAIN * tolerance) * before:
+                break
+            problem.beside(foot, found)
+        return best
+
+    def _found(self, problem: Projection, evaluations: int, tolerance: float) -> Fit:
+        """Return the fit that least squares find from where the problem begins."""
+        first = problem.first
+        if not np.isfinite(problem.residual(first)).all():
+            return problem.fit_at(first)
+        found = least_squares(
+            problem.residual,
+            first,
+            jac=problem.jacobian,
+            bounds=(0.0, 1.0),
+            x_scale=1.0,
+            max_nfev=evaluations,
+            ftol=tolerance,
+            xtol=10.0 * tolerance,
+        )
+        return problem.fit_at(found.x)
 
     def fit_below(
         self,
@@ -220,13 +240,20 @@ class Fitter:
             fit = self.fit(names, fit.values, evaluations=STAGE_EVALUATIONS)
         return fit
 
-    def solve(self, values: Start, fitted: slice | np.ndarray | None = None) -> Fit:
+    def solve(
+        self,
+        values: Start,
+        fitted: slice | np.ndarray | None = None,
+        foot: Foot | None = None,
+    ) -> Fit:
         """Return the fit with these values of what is searched for; only the other, linear
-        parameters are solved for, on these rows (a slice or a mask; None for `Rows.fitted`). The
-        score is infinite where the model runs away.
+        parameters are solved for, on these rows (a slice or a mask; None for `Rows.fitted`), beside
+        a foot that is held (None: as it moves with these values). The score is infinite where the
+        model runs away.
         """
         fitted = self.rows.fitted if fitted is None else fitted
-        spectra = self.columns.spectra(values)
+        foot = foot or self.columns.foot(values)
+        spectra = self.columns.spectra(values, foot)
         order = list(spectra)
         matrix = self.whitened(spectra.values())
         if runs_away(matrix):
@@ -235,14 +262,16 @@ class Fitter:
         given = {(name, p.symbol) for name, p in self.searched(list(values))}
         given |= {column for column in order if column[0] in self.held}
         open_ = np.array([column not in given for column in order])
-        rest = self.target - matrix[:, ~open_] @ amplitudes[~open_]
+        torque, target = self.columns.target, self.target
+        offset = self.columns.offset(values, foot)
+        if offset is not None:
+            torque, target = torque - offset, target - self.rows.whitened(offset)
+        rest = target - matrix[:, ~open_] @ amplitudes[~open_]
         amplitudes[open_] = bounded(
             matrix[fitted][:, open_], rest[fitted], *ranges(c for c in order if c not in given)
         )
-        residual = self.target - matrix @ amplitudes
-        left = self.columns.target - sum(
-            a * spectra[c] for a, c in zip(amplitudes, order, strict=True)
-        )
+        residual = target - matrix @ amplitudes
+        left = torque - sum(a * spectra[c] for a, c in zip(amplitudes, order, strict=True))
         filled = {name: dict(given) for name, given in values.items()}
         for amplitude, (name, symbol) in zip(amplitudes, order, strict=True):
             filled[name][symbol] = float(amplitude)
@@ -265,9 +294,7 @@ class Fitter:
 
     def evaluate(self, values: Start) -> Fit:
         """Evaluate the model with these values, linear ones too, without fitting anything."""
-        left = self.columns.target - sum(
-            values[name][symbol] * s for (name, symbol), s in self.columns.spectra(values).items()
-        )
+        left = self.columns.target - self.columns.torque(values)
         residual, used = self.rows.whitened(left), self.rows.used
         return Fit(
             {n: dict(v) for n, v in values.items()},
@@ -332,6 +359,7 @@ class Fitter:
         amplitudes: Mapping[Column, float],
         here: Spectra,
         plain: bool = False,
+        foot: Foot | None = None,
     ) -> np.ndarray:
         """Return the derivative of the model torque, whitened or plain, by a searched parameter per
         unit of its scaled range, shape (count,).
@@ -350,11 +378,13 @@ class Fitter:
             The columns at `values`.
         plain
             Not whitened.
+        foot
+            Behind a compliant fixation, held; None: as it moves with `values`.
         """
         unit = to_unit(parameter, values[name][parameter.symbol])
         step = UNIT_STEP if unit + UNIT_STEP <= 1.0 else -UNIT_STEP
         moved = with_unit(values, name, parameter, unit + step)
-        change = self.columns.change(values, moved, amplitudes)
+        change = self.columns.change(values, moved, amplitudes, foot)
         if parameter.linear:
             grown = moved[name][parameter.symbol] - amplitudes[name, parameter.symbol]
             own = grown * here[name, parameter.symbol]

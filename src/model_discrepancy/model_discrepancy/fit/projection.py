@@ -4,7 +4,7 @@ Inverse Problems 19, R1).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +12,10 @@ import numpy as np
 from ankle_physics.term import Parameter
 from model_discrepancy.fit.least_squares import orthonormal
 from model_discrepancy.fit.parallel import in_parallel
-from model_discrepancy.fit.parameter_scale import from_unit
+from model_discrepancy.fit.parameter_scale import UNIT_STEP, from_unit, to_unit
 
 if TYPE_CHECKING:
+    from model_discrepancy.fit.coupled_foot import Foot
     from model_discrepancy.fit.fit_result import Fit
     from model_discrepancy.fit.fitter import Fitter
 
@@ -66,6 +67,8 @@ class Projection:
         Parameters that are searched for, with their terms' names.
     fitted
         Rows that are fitted, as a slice or a mask, shape (rows.count,).
+    foot
+        Behind a compliant fixation, held; None where the model has none.
     """
 
     def __init__(
@@ -74,10 +77,31 @@ class Projection:
         values: dict[str, dict[str, float]],
         free: list[tuple[str, Parameter]],
         fitted: slice | np.ndarray,
+        foot: Foot | None = None,
     ) -> None:
         self._fitter, self._values, self._free, self._fitted = fitter, values, free, fitted
+        self._foot = foot
         self._at: np.ndarray | None = None
         self._last: _Derivatives | None = None
+
+    @property
+    def first(self) -> np.ndarray:
+        """Return where a fit begins, within the bounds, shape (p,)."""
+        units = [to_unit(p, self._values[name][p.symbol]) for name, p in self._free]
+        return np.clip(units, 2.0 * UNIT_STEP, 1.0 - 2.0 * UNIT_STEP)
+
+    def beside(self, foot: Foot | None, fit: Fit) -> None:
+        """Begin again from a fit beside another foot; the derivatives are kept."""
+        self._values, self._foot = fit.values, foot
+        self._fit, self._at = fit, self.first
+        last = self._last
+        if last is not None:
+            self._last = replace(
+                last,
+                units=self._at,
+                residual=fit.residual[self._fitted],
+                updates=min(last.updates + 1, UPDATES),
+            )
 
     def values_at(self, units: np.ndarray) -> dict[str, dict[str, float]]:
         """Return all values, the free ones at these places 0...1 of their ranges, shape (p,)."""
@@ -88,14 +112,13 @@ class Projection:
 
     def residual(self, units: np.ndarray) -> np.ndarray:
         """Return the whitened residual of the fitted rows, the linear parameters solved for."""
-        self._fit = self._fitter.solve(self.values_at(units), self._fitted)
-        self._at = units.copy()
-        return self._fit.residual[self._fitted]
+        return self.fit_at(units).residual[self._fitted]
 
     def fit_at(self, units: np.ndarray) -> Fit:
         """Return the fit at these places, the linear parameters solved for."""
         if self._at is None or not np.array_equal(units, self._at):
-            self.residual(units)
+            self._fit = self._fitter.solve(self.values_at(units), self._fitted, self._foot)
+            self._at = units.copy()
         return self._fit
 
     def jacobian(self, units: np.ndarray) -> np.ndarray:
@@ -115,11 +138,12 @@ class Projection:
 
     def _differentiated(self, units: np.ndarray) -> np.ndarray:
         values = self.values_at(units)
-        spectra = self._fitter.columns.spectra(values)
+        spectra = self._fitter.columns.spectra(values, self._foot)
         amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}
         slopes = np.column_stack(
             in_parallel(
-                lambda one: self._fitter.slope(values, *one, amplitudes, spectra), self._free
+                lambda one: self._fitter.slope(values, *one, amplitudes, spectra, foot=self._foot),
+                self._free,
             )
         )[self._fitted]
         # Columns at a bound do not follow, so they are not projected out.

@@ -209,7 +209,8 @@ class Found:
         """Say whether the first effect, or half of them, end at a bound of their range, or leave
         the joint the least inertia that is plausible: they stand in for something else.
         """
-        bounded = [effect.trial.at_bound for effect in self.effects]
+        ended = {label.split(".")[0] for label in self.final.at_bounds}
+        bounded = [effect.trial.name in ended for effect in self.effects]
         if not bounded:
             return False
         takes_foot = _INERTIA in self.final.at_bounds and _INERTIA not in self.base.at_bounds

@@ -18,6 +18,7 @@ import numpy as np
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, Place, Term, term_library
 from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
+from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, lengths, orthonormal, runs_away
@@ -184,7 +185,9 @@ def _additive(
     """Return the share and start of a candidate that adds torque."""
     columns, rows = fitter.columns, fitter.rows
     values = _with(columns, fit, name, point)
-    spectra = {c: s for c, s in columns.spectra(values).items() if c[0] == name}
+    # The candidate's own torque does not move the foot yet.
+    foot = columns.foot(fit.values)
+    spectra = {c: s for c, s in columns.spectra(values, foot).items() if c[0] == name}
     matrix = fitter.whitened(spectra.values())[rows.fitted]
     if runs_away(matrix):
         return 0.0, values[name]
@@ -213,38 +216,53 @@ def _shaping(
     results = []
     for point in points:
         values = _with(columns, fit, name, point)
-        left, values = _left(fitter, values)
-        results.append((float(left @ left), values, left))
+        foot = _foot(columns, fit, values)
+        left, values = _left(fitter, values, foot)
+        results.append((float(left @ left), values, left, foot))
     time, before = fitter.rows.time[used], fit.residual[used]
     shares = [
         1.0 - error / fit.score if acting_in(time, left - before) >= FEWEST_STRETCHES else 0.0
-        for error, _, left in results
+        for error, _, left, _ in results
     ]
     # The present model's nonlinear parameters follow where it matters: at the best points.
     best = sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED_POINTS]
     for k in (k for k in best if shares[k] != 0.0):
-        error, values, left = results[k]
-        spectra = columns.spectra(values)
+        error, values, left, foot = results[k]
+        spectra = columns.spectra(values, foot)
         matrix = fitter.whitened([s for c, s in spectra.items() if c[0] not in fitter.held])[used]
         given = {(n, symbol): values[n][symbol] for n, symbol in spectra}
-        own = [fitter.slope(values, name, p, given, spectra)[used] for _, p in nonlinear([name])]
+        own = [
+            fitter.slope(values, name, p, given, spectra, foot=foot)[used]
+            for _, p in nonlinear([name])
+        ]
         span = orthonormal(np.column_stack([matrix, slopes, *own]))
         refined = left - span @ (span.T @ left)
         # The linearised refit may leave the bounds; it counts only as far as the bounded one bears
         # it out.
         shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
-    return [(share, values[name]) for share, (_, values, _) in zip(shares, results, strict=True)]
+    return [(share, values[name]) for share, (_, values, _, _) in zip(shares, results, strict=True)]
+
+
+def _foot(columns: Columns, fit: Fit, values: dict[str, dict[str, float]]) -> Foot | None:
+    """Return the foot beside which a candidate is tried: that of the present model, or, where the
+    candidate is what lets it move, that of the values after one round.
+    """
+    present = columns.foot(fit.values)
+    return present if present is not None else columns.foot(values, rounds=1)
 
 
 def _left(
-    fitter: Fitter, values: dict[str, dict[str, float]]
+    fitter: Fitter, values: dict[str, dict[str, float]], foot: Foot | None
 ) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Return the residual rows with all amplitudes solved for but those of held terms, and the
     values with these amplitudes; a model that runs away explains nothing.
     """
     used = fitter.rows.fitted
-    spectra = fitter.columns.spectra(values)
+    spectra = fitter.columns.spectra(values, foot)
     target = fitter.target[used]
+    offset = fitter.columns.offset(values, foot)
+    if offset is not None:
+        target = target - fitter.rows.whitened(offset)[used]
     fixed = {c: s for c, s in spectra.items() if c[0] in fitter.held}
     if fixed:
         amplitudes = np.array([values[n][symbol] for n, symbol in fixed])
@@ -270,10 +288,15 @@ def _observe_shaping(
 ) -> None:
     """Let a candidate that changes a signal try the surrogates, by the torque that it changes."""
     columns, used = fitter.columns, fitter.rows.fitted
-    here = columns.spectra(fit.values)
+    here = columns.torque(fit.values)
     for point in points:
-        changed = columns.spectra(_with(columns, fit, name, point))
-        shift = sum(fit.values[n][s] * (changed[n, s] - here[n, s]) for n, s in here)
+        values = _with(columns, fit, name, point)
+        foot = _foot(columns, fit, values)
+        changed = columns.spectra(values, foot)
+        own = {c: spectrum for c, spectrum in changed.items() if c[0] in fit.values}
+        shift = sum(fit.values[n][s] * spectrum for (n, s), spectrum in own.items()) - here
+        offset = columns.offset(values, foot)
+        shift = shift if offset is None else shift + offset
         column = fitter.rows.whitened(np.asarray(shift))[used][:, None]
         column = column - basis @ (basis.T @ column)
         if np.linalg.norm(column) > 0.0:

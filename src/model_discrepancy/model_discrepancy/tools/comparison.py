@@ -178,11 +178,7 @@ def _described(first: Side, fitter: Fitter) -> np.ndarray:
     movement.
     """
     final = first.found.final
-    spectra = fitter.columns.spectra(final.values)
-    total = sum(
-        (final.values[n][s] * spectrum for (n, s), spectrum in spectra.items()),
-        np.zeros_like(fitter.columns.target),
-    )
+    total = fitter.columns.torque(final.values)
     bank = GenericBank(first.fitter.columns)
     left = remainder(
         bank, first.fitter, final.residual, final.plain, interleaved(first.fitter.rows)

@@ -328,10 +328,7 @@ def _excesses(
 def _fitter(columns: Columns, true: Values) -> Fitter:
     """Return a fitter whose torque is made by the true model; it shares what columns remember."""
     own = copy(columns)
-    own.target = sum(
-        (true[n][s] * spectrum for (n, s), spectrum in columns.spectra(true).items()),
-        np.zeros_like(columns.target),
-    )
+    own.target = columns.torque(true)
     return Fitter(own)
 
 

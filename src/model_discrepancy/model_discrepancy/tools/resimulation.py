@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.interpolate import make_interp_spline
 from scipy.signal import resample_poly
 
 from ankle_interfaces.block import Block
@@ -20,6 +21,7 @@ from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.base_model import ALIGNMENT
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.held_torque import shown_share, slow_torque
 from model_discrepancy.fit.rows import Rows
@@ -133,9 +135,21 @@ def _shown(model: Model, motion: Motion) -> np.ndarray:
 
 
 def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
-    """Return the torque [N.m] of a model on a movement, shape (n,), at the motion's rate."""
+    """Return the torque [N.m] of a model on a movement as it was read, shape (n,), at the motion's
+    rate.
+
+    A model whose torque is read earlier than the position delays the position. Here the position
+    stays as it was read, so that the torque comes earlier.
+    """
+    skew = model.entry(ALIGNMENT).values["skew"] if model.has(ALIGNMENT) else 0.0
+    at_once = Model([entry for entry in model.entries if entry.term.name != ALIGNMENT])
     channels = (motion.position, motion.velocity, motion.acceleration, motion.activation)
-    return model.torque(Signals(motion.rate, *(c.copy() for c in channels)))
+    torque = at_once.torque(Signals(motion.rate, *(c.copy() for c in channels)))
+    if skew == 0.0:
+        return torque
+    samples = np.arange(len(torque), dtype=float)
+    shifted = np.clip(samples - skew * motion.rate, 0.0, samples[-1])
+    return np.asarray(make_interp_spline(samples, torque, k=5)(shifted))
 
 
 def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
