@@ -99,6 +99,25 @@ class HeldTorques:
         )
 
 
+def foot_torques(model: Model, rate: float) -> ModelRun | None:
+    """Return the run of every term on the foot beside inertia, viscosity and stiffness, the reflex
+    as it was calibrated; None where there is none.
+
+    Parameters
+    ----------
+    model
+        Of rig and subject.
+    rate
+        Sampling rate [Hz].
+    """
+    acting = [
+        entry
+        for entry in model.entries
+        if entry.term.name == "reflex" or (_is_held(entry) and entry.term.place not in PLATE)
+    ]
+    return _run(acting, rate) if acting else None
+
+
 class TrackedTorques:
     """Makes the torque of the calibrated reflex and of each tracked term at its calibrated size."""
 

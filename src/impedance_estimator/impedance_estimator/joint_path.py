@@ -14,7 +14,13 @@ from ankle_physics.rig_file import LONGEST_DELAY
 from ankle_physics.signals import Signals
 from ankle_physics.term import State
 from impedance_estimator.estimator import ReflexColumns, SampleLayout
-from impedance_estimator.held_torques import COMMANDED, MEASURED, HeldTorques, TrackedTorques
+from impedance_estimator.held_torques import (
+    COMMANDED,
+    MEASURED,
+    HeldTorques,
+    TrackedTorques,
+    foot_torques,
+)
 from impedance_estimator.known_physics import ACTIVATION_TIME, KnownPhysics
 from impedance_estimator.simultaneous.gaussian_derivatives import (
     gaussian_derivatives,
@@ -84,6 +90,7 @@ class JointPath:
         self._sensors = known.torque_sensors
         self._sensor_states: dict[str, list[State]] = {}
         self.straps = Straps(model, rate, layout.measured_velocity) if known.has_straps else None
+        self._on_foot = foot_torques(model, rate) if self.straps is not None else None
         self._gap = model.entry("backlash") if model.has("backlash") else None
         self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
         self._plate_inertia = known.plate_inertia
@@ -267,6 +274,10 @@ class JointPath:
             together = foot is plate
             plate = self._fusions[0].run(plate)
             foot = plate if together else self._fusions[1].run(foot)
+        if self.straps is not None and self._on_foot is not None:
+            x, v = self.straps.pushed(self._on_foot.torque(measured()))
+            foot = foot._replace(position=foot.position - x, velocity=foot.velocity - v)
+            drive = drive - v
         on_plate, on_foot, reflex = self._held.torques(measured)
         along_command = np.zeros(len(torque))
         if self._layout.reflex is ReflexColumns.TORQUE:

@@ -6,7 +6,12 @@ T on the foot (a reflex, a further term) reach foot and plate through the same t
     H(s) = (k + b s) / (I s² + (B + b) s + K + k),   foot = H x,   torque at the plate = Z H x + H T
 
 The measured torque takes no part in it, so that torque which no movement causes does not get into
-the regressors. At rest H is k / (k + K): the reflex is seen that much smaller.
+the regressors. At rest H is k / (k + K): the reflex is seen that much smaller. Terms on the foot
+follow its motion, and move it::
+
+    foot = H x - T / (I s² + (B + b) s + K + k)
+
+T is taken along H x first, and then along this motion.
 """
 
 from __future__ import annotations
@@ -16,11 +21,14 @@ import math
 import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
-from ankle_physics.linear_dynamics import SecondOrder
+from ankle_physics.linear_dynamics import FirstOrder, SecondOrder
 from ankle_physics.model import Entry, Model
 
 LARGEST_CORE_STIFFNESS = 1000.0
 """[N.m/rad] No ankle is stiffer, whatever an estimate says."""
+LOAD_TIME = 10.0
+"""[s] Torque that lasts longer than an estimate's memory is load: angles of a model hold under it.
+"""
 
 
 class Straps:
@@ -47,6 +55,7 @@ class Straps:
         self._measured = measured_velocity
         self._position, self._velocity = SecondOrder(rate), SecondOrder(rate)
         self._reference = SecondOrder(rate)
+        self._pushed, self._load = SecondOrder(rate), FirstOrder(rate)
         self._rate = rate
         self._torques: dict[str, SecondOrder] = {}
         self._middle = np.nan
@@ -80,6 +89,19 @@ class Straps:
         commanded = self._through(self._reference, reference - self._middle)[0]
         return position + self._middle, rate, commanded + self._middle
 
+    def pushed(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how much a torque on the foot moves it, position [rad] and velocity [rad/s].
+
+        Parameters
+        ----------
+        torque
+            Against the foot's movement [N.m], shape (n,).
+        """
+        lasting = self._load.run(torque, LOAD_TIME)
+        x, v, _ = self._pushed.run_with_rates(torque - lasting, *self._resonance)
+        total = self._stiffness + self._k
+        return x / total, v / total
+
     def at_plate(self, name: str, torque: np.ndarray) -> np.ndarray:
         """Return what reaches the plate of a torque on the foot [N.m], shape (n,).
 
@@ -93,11 +115,15 @@ class Straps:
         state = self._torques.setdefault(name, SecondOrder(self._rate))
         return self._through(state, torque)[0]
 
-    def _through(self, state: SecondOrder, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def _resonance(self) -> tuple[float, float]:
+        """Return natural frequency [rad/s] and damping ratio [1] of the foot in its straps."""
         total = self._stiffness + self._k
-        omega = math.sqrt(total / self._inertia)
         damping = (self._viscosity + self._b) / (2.0 * math.sqrt(total * self._inertia))
-        y, slope, bend = state.run_with_rates(values, omega, damping)
+        return math.sqrt(total / self._inertia), damping
+
+    def _through(self, state: SecondOrder, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        y, slope, bend = state.run_with_rates(values, *self._resonance)
         lead = self._b / self._k
         return self.share * (y + lead * slope), self.share * (slope + lead * bend)
 

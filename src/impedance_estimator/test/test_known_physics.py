@@ -100,6 +100,33 @@ def test_straps_and_a_plate_are_undone(gain):
         assert np.std((foot - smoothed(signals.foot_position))[2048:]) < 0.002 * np.std(x)
 
 
+def test_what_acts_on_a_foot_behind_straps_moves_it():
+    x, v, a = motion()
+    model = Model.of(
+        {
+            **CORE,
+            "reflex": {"G": 10.0},
+            "fixation_compliance": {"k_s": 1000.0, "b_s": 1.0},
+            "footplate_inertia": {"Ip": 0.006},
+            "saturating_damping": {"D": 0.8, "vs": 0.4},
+            "short_range_stiffness": {"k": 100.0, "yield": 0.003, "recovery": 0.1},
+        }
+    )
+    model.entry("reflex").standard_errors["G"] = 0.1
+    torque = model.start(RATE).torque(Signals(RATE, x, v, a))
+    samples = np.column_stack([np.arange(len(x)) / RATE, x, v, torque, x])
+    known = KnownPhysics(subject=model)
+    out = KnownPhysicsRun(known, SampleLayout(RATE, True, known.reflex_columns)).correct(samples)
+    foot, rate, left, reflex = out[:, 1], out[:, 2], out[:, 3], out[:, -2]
+    columns = np.column_stack([foot, rate, np.gradient(rate, 1.0 / RATE), reflex, 1.0 + 0.0 * x])
+    regressors, made = columns[2048:-8], left[2048:-8]
+    K, _, _, size, _ = found = np.linalg.lstsq(regressors, made, rcond=None)[0]
+    assert pytest.approx(100.0, rel=0.005) == K
+    # Along the motion that the plate alone makes of the foot it is 0.984, and 0.036 is left.
+    assert size == pytest.approx(1.0, rel=0.008)
+    assert np.std(made - regressors @ found) < 0.015 * np.std(torque)
+
+
 def test_the_result_does_not_depend_on_the_blocks_and_a_gap_begins_anew():
     x, v, a = motion(3.0)
     model = Model.of(

@@ -180,8 +180,8 @@ def test_a_model_that_runs_away_is_avoided_and_never_chosen(monkeypatch):
     delay = best.values["reflex"]["delay"]
     spectra = fitter.columns.spectra
 
-    def running_away(values):
-        found = spectra(values)
+    def running_away(values, foot=None):
+        found = spectra(values, foot)
         beyond = values["reflex"]["delay"] > delay + 1e-5
         return {c: s * 1e200 for c, s in found.items()} if beyond else found
 
@@ -202,8 +202,8 @@ def test_a_candidate_that_runs_away_promises_nothing(monkeypatch, name, beyond):
     best = fit_base(fitter)
     spectra = fitter.columns.spectra
 
-    def running_away(values):
-        return {c: s * beyond if name in values else s for c, s in spectra(values).items()}
+    def running_away(values, foot=None):
+        return {c: s * beyond if name in values else s for c, s in spectra(values, foot).items()}
 
     monkeypatch.setattr(fitter.columns, "spectra", running_away)
     (screened,) = screen(fitter, best, {name: grid(name, 20.0)})
