@@ -82,3 +82,18 @@ def test_estimates_predict_only_what_comes_after_them():
     assert error[late].max() < 0.3
     assert error[(since > 0.0) & (since < LEAD)].max() > 1.0
     assert followed.vaf > predict_with_model(RATE, known, x, measured).vaf
+
+
+def test_an_estimate_that_knows_little_or_an_inertia_that_no_foot_has_is_not_followed():
+    x, v, a = motion()
+    measured = torque_of(CORE, x, v, a)
+    known = KnownPhysics(subject=Model.of(CORE))
+    times = np.arange(0.0, 12.0, 1.0 / 16.0)
+    wrong = rows_of(times, 200.0)
+    assert predict_with_model(RATE, known, x, measured, wrong).vaf < 95.0
+    unsure = wrong.copy()
+    unsure[:, ESTIMATE_COLUMNS.index("se_K[N.m/rad]")] = 100.0
+    assert predict_with_model(RATE, known, x, measured, unsure).vaf > 99.9
+    heavy = rows_of(times, 100.0)
+    heavy[:, ESTIMATE_COLUMNS.index("I[kg.m^2]")] *= 2.0
+    assert predict_with_model(RATE, known, x, measured, heavy).vaf > 99.0

@@ -1,9 +1,11 @@
 """Torque that a model of rig and joint predicts while an estimator follows K, B, I and G.
 
 Every parameter comes from before the sample that it predicts: the held terms from a calibration on
-other data, K, B, I and G from the newest estimate that is at least `LEAD` old. So the prediction
-is one on unseen data, although the estimator goes on learning. Behind a compliant fixation the
-foot's motion is simulated; the measured torque does not take part in its own prediction.
+other data, K, B, I and G from the newest estimate that is at least `LEAD` old. A value that an
+estimate knows worse than to a third stays the calibrated one, and the inertia stays near it. So the
+prediction is one on unseen data, although the estimator goes on learning. Behind a compliant
+fixation the foot's motion is simulated; the measured torque does not take part in its own
+prediction.
 
 Model and measurement pass the same zero-phase filters as the other offline methods
 (`torque_prediction.working_signals`), so the variances accounted for can be compared.
@@ -19,7 +21,13 @@ from scipy import signal
 from ankle_physics.model import Entry, Model
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
-from impedance_estimator.known_physics import ACTIVATION_TIME, REFLEX_WITH_GAIN, KnownPhysics
+from impedance_estimator.known_physics import (
+    ACTIVATION_TIME,
+    LARGEST_GAIN_ERROR,
+    REFLEX_WITH_GAIN,
+    RELATIVE_INERTIA_CHANGE,
+    KnownPhysics,
+)
 from impedance_estimator.offline.torque_prediction import (
     FILTER_ORDER,
     LOWPASS,
@@ -28,9 +36,6 @@ from impedance_estimator.offline.torque_prediction import (
     without_drift,
 )
 
-LEAST_FOLLOWED_INERTIA = 0.5
-"""Of the model's own inertia: an estimate that swings about zero leaves a foot behind straps no
-motion, and a foot does not become lighter."""
 LEAD = 1.0
 """[s] An estimate predicts torque that is at least this much newer: more than two reflex responses,
 so that nothing which it has seen is among what it predicts."""
@@ -170,13 +175,27 @@ def _followed(
     at = float(position.mean()), float(torque.mean()), 0.5 * count / rate
     for term, (_, column) in INTRINSIC.items():
         held = known.added_stiffness(*at) if term == "stiffness" else 0.0
-        followed = valid[newest[there], ESTIMATE_COLUMNS.index(column)] - held
-        least = LEAST_FOLLOWED_INERTIA * own[term][0] if term == "inertia" else -np.inf
-        own[term][there] = np.maximum(followed, least)
+        followed, told = _newest(valid[newest[there]], column)
+        followed = followed - held
+        if term == "inertia":
+            # A foot becomes neither lighter nor heavier.
+            change = RELATIVE_INERTIA_CHANGE * own[term][0]
+            followed = np.clip(followed, own[term][0] - change, own[term][0] + change)
+        own[term][there] = np.where(told, followed, own[term][there])
     gain = known.calibrated_gain + known.added_gain(*at)
     if gain > 0.0:
-        own["reflex"][there] = valid[newest[there], ESTIMATE_COLUMNS.index(GAIN)] / gain
+        followed, told = _newest(valid[newest[there]], GAIN)
+        own["reflex"][there] = np.where(told, followed / gain, 1.0)
     return own
+
+
+def _newest(rows: np.ndarray, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the estimates in a column, and which of them tell enough about a change: those that
+    know their value to `LARGEST_GAIN_ERROR`.
+    """
+    values = rows[:, ESTIMATE_COLUMNS.index(column)]
+    errors = rows[:, ESTIMATE_COLUMNS.index(f"se_{column}")]
+    return values, errors <= LARGEST_GAIN_ERROR * np.abs(values)
 
 
 def _with_gains(model: Model, followed: dict[str, np.ndarray], middle: float) -> Model:
