@@ -153,7 +153,7 @@ def mover(plate: Plate, fixation: CompliantCoupling, values: Values, own: Impeda
     spring, damping = fixation.linearised(values)
     strap = spring + damping * s
     held = strap + own[2] + own[1] * s + own[0] * squared
-    count_ = len(plate.position)
+    samples = len(plate.position)
 
     def through_a_line(
         push: np.ndarray, like: Impedance
@@ -162,7 +162,7 @@ def mover(plate: Plate, fixation: CompliantCoupling, values: Values, own: Impeda
         driven = strap * gives
         pushed = rfft(push - push.mean(), plate.length) * gives
         x, v, a = (
-            irfft(spectrum * driven - pushed * power, plate.length)[:count_]
+            irfft(spectrum * driven - pushed * power, plate.length)[:samples]
             for spectrum, power in zip(plate.spectra, (one, s, squared), strict=True)
         )
         return x, v, a
