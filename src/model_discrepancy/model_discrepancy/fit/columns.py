@@ -12,9 +12,8 @@ motion: near the resonance its noise would predict itself.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,12 +21,11 @@ import numpy as np
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.signals import Signals
-from ankle_physics.term import PATH, Place, Term, term_library
+from ankle_physics.term import PATH, Place, term_library
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.coupled_foot import (
     MOST_ROUNDS,
     Foot,
-    Impedance,
     Mover,
     Plate,
     found_foot,
@@ -37,99 +35,19 @@ from model_discrepancy.fit.coupled_foot import (
 )
 from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.signal_path import (
+    FOOT_IMPEDANCE,
+    Column,
+    Owner,
+    Stage,
+    Values,
+    foot_impedance,
+)
 from model_discrepancy.recording.motion import Motion
 
-Values = Mapping[str, Mapping[str, float]]
-Column = tuple[str, str]
-# Their torque on the foot's motion is the torque that the straps pass on.
-FOOT_IMPEDANCE = frozenset({"inertia", "viscosity", "stiffness"})
 # Gradients need a handful of neighbours of the current point, for each of the models that are
 # fitted at the same time; a spectrum takes 0.1 to 0.2 MB.
 _CACHE_SIZE = 16
-
-
-@dataclass(frozen=True)
-class _Stage:
-    """Holds a term of a model, and what of it does not depend on the values.
-
-    Attributes
-    ----------
-    term
-        The term.
-    symbols
-        Of its nonlinear parameters; of a compliant fixation: of all.
-    moves_foot
-        Whether it is a compliant fixation, which the foot's impedance acts on.
-    place
-        Where it acts.
-    transforms
-        Whether it changes a signal.
-    has_columns
-        Whether it adds torque.
-    past_straps
-        Whether its torque has passed the straps already.
-    """
-
-    term: Term
-    symbols: tuple[str, ...]
-    moves_foot: bool
-    place: Place
-    transforms: bool
-    has_columns: bool
-    past_straps: bool
-
-    @classmethod
-    def of(cls, term: Term) -> _Stage:
-        """Describe a term."""
-        moves_foot = isinstance(term, CompliantCoupling)
-        return cls(
-            term,
-            tuple(p.symbol for p in term.parameters if moves_foot or not p.linear),
-            moves_foot,
-            term.place,
-            _transforms(term),
-            term.place is not Place.TORQUE_SENSOR and any(p.linear for p in term.parameters),
-            _past_straps(term),
-        )
-
-    def key(self, values: Values) -> tuple[Any, ...]:
-        """Return all of these values that what the term does to a signal depends on."""
-        name = self.term.name
-        given = values[name]
-        own = (name, *(given[symbol] for symbol in self.symbols))
-        return (*own, *_foot_impedance(values)) if self.moves_foot else own
-
-
-@dataclass(frozen=True)
-class _Owner:
-    """Holds a term that has columns, in its model, and what these depend on.
-
-    Attributes
-    ----------
-    term
-        The owner of the columns.
-    stages, values
-        Of the whole model, in the order of the signal path.
-    foot
-        Behind a compliant fixation; None without one.
-    key
-        All that its torque depends on.
-    behind
-        All that the filter between its torque and the reading depends on.
-    path
-        All that the signals before the joint depend on.
-    past_straps
-        Whether its torque has passed the straps already.
-    """
-
-    term: Term
-    stages: Sequence[_Stage]
-    values: Values
-    foot: Foot | None
-    key: Hashable
-    behind: Hashable
-    path: Hashable
-    past_straps: bool
 
 
 class Columns:
@@ -218,7 +136,7 @@ class Columns:
         foot = foot or self.foot(values)
         return None if foot is None else self._offset(self._owners(values, foot), foot)
 
-    def _offset(self, owners: Sequence[_Owner], foot: Foot) -> np.ndarray | None:
+    def _offset(self, owners: Sequence[Owner], foot: Foot) -> np.ndarray | None:
         """Return what `offset` does, remembered."""
         direct = next((own for own in owners if own.term.name in FOOT_IMPEDANCE), None)
         through = next((own for own in owners if not own.past_straps), None)
@@ -284,7 +202,7 @@ class Columns:
             total = part if total is None else np.add(total, part, out=total)
 
         # Torque behind the same filter, and the one whose filter it is.
-        sums: dict[Any, tuple[_Owner, np.ndarray]] = {}
+        sums: dict[Any, tuple[Owner, np.ndarray]] = {}
         owners = self._owners(values, foot), self._owners(moved, foot)
         for old, new in zip(*owners, strict=True):
             name = old.term.name
@@ -311,7 +229,7 @@ class Columns:
                 add(there - here)
         return total
 
-    def _owners(self, values: Values, foot: Foot | None) -> list[_Owner]:
+    def _owners(self, values: Values, foot: Foot | None) -> list[Owner]:
         """Return the terms that have columns, in the order of the signal path."""
         stages = self._stages(tuple(values))
         keys = [stage.key(values) for stage in stages]
@@ -332,7 +250,7 @@ class Columns:
         # Values that move the foot move what its own impedance makes; all else sees it held.
         moved = {True: (*coupling, *held), False: held or coupling}
         return [
-            _Owner(
+            Owner(
                 stage.term,
                 stages,
                 values,
@@ -350,19 +268,19 @@ class Columns:
             if stage.has_columns
         ]
 
-    def _stages(self, names: tuple[str, ...]) -> list[_Stage]:
+    def _stages(self, names: tuple[str, ...]) -> list[Stage]:
         """Return these terms in the order of the signal path, remembered."""
-        stages: list[_Stage] = self._known["stages"].of(
+        stages: list[Stage] = self._known["stages"].of(
             names,
             lambda: sorted(
-                (_Stage.of(term_library()[name]()) for name in names),
+                (Stage.of(term_library()[name]()) for name in names),
                 # Play lies between the plate and the straps.
                 key=lambda stage: (PATH.index(stage.place), stage.moves_foot),
             ),
         )
         return stages
 
-    def _sensed(self, own: _Owner) -> Mapping[str, np.ndarray]:
+    def _sensed(self, own: Owner) -> Mapping[str, np.ndarray]:
         """Return the columns of one term as the torque sensor reports them."""
         name = own.term.name
 
@@ -379,22 +297,22 @@ class Columns:
         columns: Mapping[str, np.ndarray] = self._known[name].of((own.key, own.behind), sensed)
         return columns
 
-    def _gain(self, own: _Owner) -> np.ndarray | None:
+    def _gain(self, own: Owner) -> np.ndarray | None:
         """Return the filter behind a term, remembered."""
         gain: np.ndarray | None = self._known["filter"].of(own.behind, lambda: self._filter(own))
         return gain
 
-    def _torques(self, own: _Owner) -> dict[str, np.ndarray]:
+    def _torques(self, own: Owner) -> dict[str, np.ndarray]:
         """Return the torque per unit of each linear parameter of one term, each of shape (n,)."""
         state = own.term.start(self.motion.rate)
         return own.term.torque(copy(self._signals(own)), own.values[own.term.name], state)
 
-    def _signals(self, own: _Owner) -> Signals:
+    def _signals(self, own: Owner) -> Signals:
         """Return the signals that a term sees, remembered."""
         signals: Signals = self._known["path"].of(own.path, lambda: self._path(own))
         return signals
 
-    def _filter(self, own: _Owner) -> np.ndarray | None:
+    def _filter(self, own: Owner) -> np.ndarray | None:
         """Return the filter between a term's torque and the reading; None for nothing.
 
         It holds the straps, for what acts on the foot, and the sensor.
@@ -404,7 +322,7 @@ class Columns:
             other = stage.term
             if isinstance(other, CompliantCoupling) and own.foot is not None:
                 if not own.past_straps:
-                    impedance = _foot_impedance(own.values)
+                    impedance = foot_impedance(own.values)
                     inertia, viscosity, stiffness = (
                         mine + like for mine, like in zip(impedance, own.foot.like, strict=True)
                     )
@@ -421,7 +339,7 @@ class Columns:
                 filters.append(response)
         return np.prod(filters, axis=0) if filters else None
 
-    def _path(self, own: _Owner) -> Signals:
+    def _path(self, own: Owner) -> Signals:
         """Return the signals before the joint."""
         signals = copy(self._plate(own.stages, own.values))
         foot = own.foot
@@ -436,7 +354,7 @@ class Columns:
                 term.transform(signals, own.values[term.name], term.start(self.motion.rate))
         return signals
 
-    def _plate(self, stages: Sequence[_Stage], values: Values) -> Signals:
+    def _plate(self, stages: Sequence[Stage], values: Values) -> Signals:
         """Return the signals that drive the straps, or the foot where there are none;
         remembered.
         """
@@ -457,7 +375,7 @@ class Columns:
         plate: Signals = self._known["plate"].of(key, driven)
         return plate
 
-    def _mover(self, stages: Sequence[_Stage], values: Values) -> Mover:
+    def _mover(self, stages: Sequence[Stage], values: Values) -> Mover:
         """Return what moves the foot behind the compliant fixation of a model, remembered."""
         fixation = next(stage.term for stage in stages if stage.moves_foot)
         assert isinstance(fixation, CompliantCoupling)
@@ -475,12 +393,12 @@ class Columns:
                 ),
             ),
         )[1]
-        return mover(plate, fixation, values[fixation.name], _foot_impedance(values))
+        return mover(plate, fixation, values[fixation.name], foot_impedance(values))
 
     def _found(self, fixation: CompliantCoupling, values: Values, rounds: int) -> Foot:
         """Return the foot behind a compliant fixation, moved by the plate and by all torque."""
         stages = self._stages(tuple(values))
-        inertia, viscosity, stiffness = _foot_impedance(values)
+        inertia, viscosity, stiffness = foot_impedance(values)
         spring, damping = fixation.linearised(values[fixation.name])
         samples = len(self.motion.position)
 
@@ -504,22 +422,3 @@ class Columns:
             (inertia, viscosity + damping, stiffness + spring),
             rounds,
         )
-
-
-def _foot_impedance(values: Values) -> Impedance:
-    """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
-    # A joint need not have all three: an axis of a machine has no stiffness.
-    inertia, viscosity, stiffness = (
-        values.get(name, {}).get(symbol, 0.0)
-        for name, symbol in (("inertia", "I"), ("viscosity", "B"), ("stiffness", "K"))
-    )
-    return inertia, viscosity, stiffness
-
-
-def _transforms(term: Term) -> bool:
-    return type(term).transform is not Term.transform or isinstance(term, CompliantCoupling)
-
-
-def _past_straps(term: Term) -> bool:
-    """Say whether the torque of a term has passed the straps already."""
-    return term.place is Place.COUPLING or term.name in FOOT_IMPEDANCE

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from model_discrepancy.fit.columns import Column
 from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.signal_path import Column
 
 
 @dataclass

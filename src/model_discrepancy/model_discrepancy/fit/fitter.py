@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from ankle_physics.term import Parameter, term_library
 from model_discrepancy.fit.block_bootstrap import bootstrap_changes
-from model_discrepancy.fit.columns import Column, Columns
+from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.least_squares import RUN_AWAY, bounded, runs_away
@@ -34,6 +34,7 @@ from model_discrepancy.fit.parameter_scale import (
 from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
+from model_discrepancy.fit.signal_path import Column
 from model_discrepancy.recording.motion import Motion
 
 Spectra = Mapping[Column, np.ndarray]

@@ -10,7 +10,7 @@ import numpy as np
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import Parameter, term_library
-from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Column
+from model_discrepancy.fit.signal_path import FOOT_IMPEDANCE, Column
 
 Start = Mapping[str, Mapping[str, float]]
 # Ranges that span more than this ratio are searched on a logarithmic scale.

@@ -14,10 +14,10 @@ import numpy as np
 from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, impedance, shapes_effective_stiffness
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit.columns import Column
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.fit.parallel import in_parallel
+from model_discrepancy.fit.signal_path import Column
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.fitted_model import to_model
 from model_discrepancy.search.exchange import ODDS_SCALE

@@ -17,13 +17,14 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.term import Parameter, Place, Term, term_library
-from model_discrepancy.fit.columns import FOOT_IMPEDANCE, Columns
+from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, lengths, orthonormal, runs_away
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
+from model_discrepancy.fit.signal_path import FOOT_IMPEDANCE
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES, acting_in
 from model_discrepancy.search.null import Null
 
