@@ -93,7 +93,7 @@ class ServoLoop:
         """
         values = [dict(entry.values) for entry in self._entries]
         motion = np.empty((3, len(command)))
-        torque, measured = np.empty(len(command)), np.empty(len(command))
+        torque, measured = np.empty(len(command)), np.empty((2, len(command)))
         parts: dict[str, np.ndarray] = {}
         length = max(1, round(WINDOW * self._rate))
         try:
@@ -105,14 +105,16 @@ class ServoLoop:
                     self._settle(float(command[0]))
                 signals = self._window(command[part])
                 motion[:, part] = signals.position, signals.velocity, signals.acceleration
-                torque[part], measured[part] = signals.torque, signals.measured_position
+                torque[part] = signals.torque
+                measured[:, part] = signals.measured_position, signals.measured_velocity
                 for name, own_torque in self._run.parts.items():
                     parts.setdefault(name, np.empty(len(command)))[part] = own_torque
         finally:
             for entry, own in zip(self._entries, values, strict=True):
                 entry.values.update(own)
         whole = Signals(self._rate, motion[0], motion[1], motion[2])
-        whole.torque, whole.measured_position = torque, measured
+        whole.torque = torque
+        whole.measured_position, whole.measured_velocity = measured
         return whole, parts
 
     def _window(self, command: np.ndarray) -> Signals:

@@ -35,8 +35,8 @@ class Signals:
         reflex-input term shapes it. The reflex rectifies it.
     torque
         Torque at the footplate [N.m], shape (n,); filled when the torque terms are summed.
-    measured_position
-        What the position sensor reports [rad], shape (n,).
+    measured_position, measured_velocity
+        What the sensors in the drive report [rad, rad/s], each of shape (n,).
     """
 
     rate: float
@@ -50,13 +50,21 @@ class Signals:
     drive: np.ndarray = field(init=False)
     torque: np.ndarray = field(init=False)
     measured_position: np.ndarray = field(init=False)
+    measured_velocity: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         if self.activation is None:
             self.activation = np.zeros(len(self.position))
-        self.measured_position = self.position
+        self.measured_position, self.measured_velocity = self.position, self.velocity
         self.torque = np.zeros(len(self.position))
         self.move_foot(self.position, self.velocity, self.acceleration)
+
+    def move_plate(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> None:
+        """Give plate and foot another motion than the sensors in the drive report."""
+        self.position, self.velocity, self.acceleration = position, velocity, acceleration
+        self.move_foot(position, velocity, acceleration)
 
     def move_foot(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray

@@ -150,7 +150,9 @@ class VirtualRig:
             parts = self._run.parts
         else:
             signals, parts = self._loop.run(motion[0])
-        clean = self._sampler.run(signals.measured_position, signals.velocity, signals.torque)
+        clean = self._sampler.run(
+            signals.measured_position, signals.measured_velocity, signals.torque
+        )
         at_samples = slice(factor - 1, None, factor)
         truth = {}
         for entry in self.model.entries:

@@ -139,6 +139,7 @@ def test_every_term_says_to_whom_it_belongs():
         "footplate_friction",
         "footplate_gravity",
         "footplate_inertia",
+        "lost_motion",
         "partial_sensor_mode",
         "plate_appendage",
         "servo_compliance",

@@ -51,6 +51,54 @@ def test_bonds_of_several_yields_follow_their_equations():
     assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
 
 
+LOST = {"gap": 0.003}
+
+
+def lost_motion(x, v, a):
+    signals = Signals(RATE, x, v, a)
+    Model.of({"lost_motion": LOST}).start(RATE).torque(signals)
+    return signals
+
+
+def test_a_plate_behind_a_loose_shaft_follows_its_equation():
+    gap = LOST["gap"]
+
+    def right(t, z):
+        rate = movement(t)[1]
+        return rate - np.abs(rate) * z / gap
+
+    z = integrate(right, np.zeros(1))[0]
+    x, v, a = movement(TIME)
+    signals = lost_motion(x, v, a)
+    expected = x - 0.5 * z
+    assert np.abs(signals.position - expected).max() < 0.01 * gap
+    np.testing.assert_array_equal(signals.measured_position, x)
+    np.testing.assert_array_equal(signals.measured_velocity, v)
+    np.testing.assert_array_equal(signals.foot_position, signals.position)
+
+
+def test_velocity_and_acceleration_behind_a_loose_shaft_are_those_of_its_position():
+    signals = lost_motion(*movement(TIME))
+    velocity = np.gradient(signals.position) * RATE
+    assert np.std((signals.velocity - velocity)[1:-1]) < 0.01 * np.std(velocity)
+    acceleration = np.gradient(signals.velocity) * RATE
+    # It jumps where the drive turns.
+    turns = np.flatnonzero(np.diff(np.sign(signals.measured_velocity)))
+    smooth = np.abs(np.arange(len(TIME))[:, None] - turns).min(axis=1) > 2
+    smooth[[0, -1]] = False
+    apart = (signals.acceleration - acceleration)[smooth]
+    assert np.std(apart) < 0.01 * np.std(acceleration)
+
+
+def test_a_loose_shaft_loses_its_gap_between_two_reversals():
+    level = np.concatenate([np.zeros(10), np.linspace(0.0, 0.04, 200), np.linspace(0.04, 0.0, 200)])
+    v = np.gradient(level) * RATE
+    plate = lost_motion(level, v, np.gradient(v) * RATE).position
+    up = np.interp(0.02, level[:210], plate[:210])
+    down = np.interp(0.02, level[:209:-1], plate[:209:-1])
+    assert down - up == pytest.approx(LOST["gap"], rel=0.02)
+
+
 def test_bonds_of_several_yields_are_the_stiffer_the_smaller_the_movement():
     stiffness = []
     for size in (0.0005, 0.006, 0.04):

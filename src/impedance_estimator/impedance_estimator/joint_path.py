@@ -93,6 +93,8 @@ class JointPath:
         self._on_foot = foot_torques(model, rate) if self.straps is not None else None
         self._gap = model.entry("backlash") if model.has("backlash") else None
         self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
+        self._shaft = model.entry("lost_motion") if model.has("lost_motion") else None
+        self._shaft_state = self._shaft.term.start(rate) if self._shaft is not None else {}
         self._plate_inertia = known.plate_inertia
         self._before: np.ndarray | None = None
         self._unsmoothed_velocity = np.zeros(0)
@@ -105,7 +107,9 @@ class JointPath:
         self._fusions = _Fusion(rate), _Fusion(rate)
         self._kernels = gaussian_derivatives(max(SMOOTHING, 0.8 / rate), rate)
         stretch = layout.reflex is ReflexColumns.STRETCH
-        self._smoothing = self.straps is not None or self._held.any or stretch
+        self._smoothing = (
+            self.straps is not None or self._shaft is not None or self._held.any or stretch
+        )
         self._commanding = layout.reflex is not ReflexColumns.NONE or self._tracked is not None
 
     @property
@@ -145,17 +149,20 @@ class JointPath:
         if self._smoothing:
             x, v, torque, delayed, acceleration = self._smoothed(x, v, torque, delayed)
         plate = Motion(x, v, acceleration)
+        if self._shaft is not None:
+            plate = self._behind_shaft(plate)
         foot, added = plate, np.zeros(len(x))
         if self.straps is not None:
             # The plate moves otherwise than the foot: its inertia cannot be taken from I.
-            added += self._plate_inertia * acceleration
-            position, velocity, delayed = self.straps.foot(x, v, delayed)
+            added += self._plate_inertia * plate.acceleration
+            position, velocity, delayed = self.straps.foot(plate.position, plate.velocity, delayed)
             foot = Motion(position, velocity, np.zeros(len(x)))
         if self._gap is not None:
             foot = self._behind_gap(foot)
         commanded = self._commanded(delayed) if self._commanding else foot
         # Straps smooth the foot's motion themselves.
-        drive = self._drive(v) if self._smoothing and foot is plate else foot.velocity
+        moves_alike = foot is plate and self._shaft is None
+        drive = self._drive(v) if self._smoothing and moves_alike else foot.velocity
         reflex: np.ndarray = np.zeros((2, len(x)))
         if self._held.any:
             held, reflex = self._modelled(plate, foot, drive, commanded, torque)
@@ -234,6 +241,13 @@ class JointPath:
         if self.straps is not None:
             torque = self.straps.at_plate(channel, torque)
         return self._sense(channel, torque)
+
+    def _behind_shaft(self, motion: Motion) -> Motion:
+        """Return the motion of the plate behind a shaft that loses some of the drive's."""
+        assert self._shaft is not None
+        signals = Signals(self._layout.rate, *motion)
+        self._shaft.term.transform(signals, self._shaft.values, self._shaft_state)
+        return Motion(signals.position, signals.velocity, signals.acceleration)
 
     def _behind_gap(self, motion: Motion) -> Motion:
         """Return the motion of the foot that the plate takes along across a gap."""

@@ -42,6 +42,7 @@ SUPPORTED_TERMS = (
     "backlash",
     "channel_skew",
     "footplate_inertia",
+    "lost_motion",
     "servo_compliance",
     "voluntary_torque",
 )

@@ -181,6 +181,26 @@ def test_a_gap_between_plate_and_foot_gives_the_motion_of_the_foot():
     assert np.std((x - signals.foot_position)[skip:]) > 0.001
 
 
+def test_a_loose_shaft_gives_the_motion_of_the_plate():
+    x, v, a = motion(4.0)
+    plate = {"lost_motion": {"gap": 0.004}, "footplate_inertia": {"Ip": 0.005}}
+    model = Model.of({**CORE, **plate})
+    signals = Signals(RATE, x, v, a)
+    torque = model.start(RATE).torque(signals)
+    known = KnownPhysics(subject=model)
+    out = KnownPhysicsRun(known, LAYOUT).correct(
+        np.column_stack([np.arange(len(x)) / RATE, x, v, torque])
+    )
+    skip = round(RATE)
+    late = np.argmax(np.correlate(out[skip:-40, 2], signals.velocity[skip:-40], "full"))
+    late -= len(x) - skip - 41
+    moved = np.std(x - signals.position)
+    lag = round(late)
+    read, true = out[skip + lag :, 1], signals.position[skip : len(x) - lag]
+    assert np.std(read - true) < 0.1 * moved
+    assert moved > 0.001
+
+
 def test_friction_keeps_its_torque_at_rest_however_noisy_the_encoder():
     """Steps and rests; between the steps only the encoder's noise moves."""
     level = np.repeat(np.random.default_rng(3).choice([-0.02, 0.02], 30), round(0.4 * RATE))

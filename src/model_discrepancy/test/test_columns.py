@@ -72,6 +72,7 @@ BEHIND_STRAPS = {
         {"short_range_stiffness": {"k": 200.0, "yield": 0.002, "recovery": 0.04}},
         {"dahl_hysteresis": {"F": 0.8, "slide": 0.02}, "reflex": {**BASE["reflex"], "G": 30.0}},
         {"backlash": {"gap": 0.003}},
+        {"lost_motion": {"gap": 0.003}},
     ],
     ids=lambda others: next(iter(others)),
 )

@@ -45,6 +45,8 @@ from model_discrepancy.fit.signal_path import (
 )
 from model_discrepancy.recording.motion import Motion
 
+# What changes the motion of plate or foot.
+BEFORE_FOOT = (Place.ACTUATOR, Place.COUPLING)
 # Gradients need a handful of neighbours of the current point, for each of the models that are
 # fitted at the same time; a spectrum takes 0.1 to 0.2 MB.
 _CACHE_SIZE = 16
@@ -237,9 +239,9 @@ class Columns:
             tuple(
                 key
                 for stage, key in zip(stages, keys, strict=True)
-                if stage.place is place and stage.transforms
+                if stage.place in places and stage.transforms
             )
-            for place in (Place.COUPLING, Place.REFLEX_INPUT)
+            for places in (BEFORE_FOOT, (Place.REFLEX_INPUT,))
         )
         filters = tuple(
             key
@@ -362,7 +364,7 @@ class Columns:
         shaping = [
             stage
             for stage in stages
-            if stage.place is Place.COUPLING and stage.transforms and not stage.moves_foot
+            if stage.place in BEFORE_FOOT and stage.transforms and not stage.moves_foot
         ]
 
         def driven() -> Signals:
@@ -389,7 +391,7 @@ class Columns:
                     signals.foot_position - self.mean_angle,
                     signals.foot_velocity,
                     signals.foot_acceleration,
-                    jumps=signals.foot_position is not self.motion.position,
+                    jumps=signals.foot_position is not signals.position,
                 ),
             ),
         )[1]

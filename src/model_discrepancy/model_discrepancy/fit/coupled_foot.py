@@ -238,7 +238,8 @@ def found_foot(
     for number in range(1, rounds + 1):
         with np.errstate(over="ignore", invalid="ignore"):
             acting = torque(foot)
-        if not np.isfinite(acting).all():
+            power = acting @ acting
+        if not np.isfinite(power):
             return unmoved
         motion = foot.position, foot.velocity, foot.acceleration
         foot = Foot(*motion, acting, most_like(acting, *motion, holds))
@@ -246,7 +247,9 @@ def found_foot(
             break
         after = moved(foot.rest(), foot.like)
         changes = [new - old for new, old in zip(after, motion, strict=True)]
-        if not np.isfinite(changes[1]).all():
+        with np.errstate(over="ignore", invalid="ignore"):
+            power = sum(change @ change for change in changes)
+        if not np.isfinite(power):
             return unmoved
         change = float(np.std(changes[1]) / np.std(foot.velocity))
         if change <= FOUND_CHANGE:
