@@ -14,7 +14,12 @@ from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.criticism import Criticism, criticise
 from model_discrepancy.fit.parallel import in_background, side_by_side
-from model_discrepancy.problem import Problem, prepare, with_better_course
+from model_discrepancy.problem import (
+    Problem,
+    knows_movement_better,
+    prepare,
+    with_better_course,
+)
 from model_discrepancy.recording.reading import Reading, check, open_recording
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.conclusion import conclude
@@ -147,6 +152,10 @@ def _diagnose(
     )
     problem = prepare(reading.trusted, terms, progress, rig)
     found, null = _searched(problem, library, progress)
+    if found.effects and knows_movement_better(problem, found.final):
+        progress("the movement that torque made is known better now: searching again")
+        problem = prepare(reading.trusted, terms, progress, rig, found.final)
+        found, null = _searched(problem, library, progress)
     better = with_better_course(problem, found.final) if found.effects else None
     if better is not None:
         progress("the torque that the muscles hold is known better now: searching again")

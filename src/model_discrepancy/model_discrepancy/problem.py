@@ -42,6 +42,9 @@ LEAST_LOOP_GAIN = 0.03
 # Of the whitened residual, that a stiffness gains by following another course of torque: a search
 # takes a minute, and a named term gains several per cent.
 BETTER_COURSE = 0.02
+# Of the torque that the base model leaves, by variance, that a found model explains: where the
+# servo gives way and no command was recorded, the movement is then cleared of other torque.
+CLEARER_MOVEMENT = 0.3
 # Resolution of the coherence: 2 Hz, so that a minute gives more than a hundred averages.
 _SEGMENT_S = 0.5
 
@@ -116,6 +119,7 @@ def prepare(
     terms: Sequence[str] = PAPER_TERMS,
     progress: Progress = lambda _: None,
     rig: RigFile | None = None,
+    found: Fit | None = None,
 ) -> Problem:
     """Fit the base model to a recording and learn its noise.
 
@@ -129,6 +133,9 @@ def prepare(
         Called with one line for each step.
     rig
         A calibrated one, whose terms are held; None: nothing is known of the rig.
+    found
+        A model of the recording. Where no command was recorded, the torque that it leaves counts as
+        what moved a servo that gives way; None: what the base model leaves.
     """
     held: dict[str, dict[str, float]] = {}
     if rig is not None:
@@ -160,8 +167,13 @@ def prepare(
         or held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
     )
     if compliance is not None and compliance.significant:
-        disturbance = left if servo is None else uncaused(recording, servo, fitter, base)
-        motion = motion.undisturbed(compliance, disturbance, joint_impedance(base))
+        if servo is not None:
+            disturbance, joint = uncaused(recording, servo, fitter, base), base
+        elif found is None:
+            disturbance, joint = left, base
+        else:
+            disturbance, joint = fitter.rows.torque(found.left), found
+        motion = motion.undisturbed(compliance, disturbance, joint_impedance(joint))
     fitter = fitter.along(motion)
     bank = GenericBank(fitter.columns)
     parts = interleaved(fitter.rows)
@@ -207,6 +219,34 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
         return None
     fitter = problem.fitter.along(motion)
     return replace(problem, fitter=fitter, bank_over_torque=_bank_over_torque(fitter))
+
+
+def knows_movement_better(problem: Problem, final: Fit) -> bool:
+    """Tell whether a found model tells better than the base model which torque moved the plate.
+
+    What the base model leaves holds missing physics, which the movement did cause. Taken for torque
+    that moved the plate it gives the plate a movement that it never made, of a milliradian in a
+    human trial.
+
+    Parameters
+    ----------
+    problem
+        The present one.
+    final
+        The model that was found.
+
+    Returns
+    -------
+    bool
+        False where a command tells, the servo holds firmly, or the model explains little more than
+        the base model.
+    """
+    compliance = problem.compliance
+    if problem.servo is not None or compliance is None or not compliance.significant:
+        return False
+    rows = problem.fitter.rows
+    left, before = (float(np.var(rows.torque(fit.left))) for fit in (final, problem.base))
+    return left < (1.0 - CLEARER_MOVEMENT) * before
 
 
 def _bank_over_torque(fitter: Fitter) -> GenericBank | None:

@@ -2,12 +2,13 @@
 
 from datetime import datetime, timezone
 
+import numpy as np
 import pytest
 
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.virtual_rig import simulate
-from model_discrepancy.problem import prepare
+from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.recording import Recording
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
@@ -44,6 +45,34 @@ def test_straps_on_a_servo_that_gives_way_are_found_as_they_are():
     found = problem.fitter.fit(terms, start).values["fixation_compliance"]
     assert found["k_s"] == pytest.approx(STRAPS["k_s"], rel=0.03)
     assert found["b_s"] == pytest.approx(STRAPS["b_s"], rel=0.06)
+
+
+def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate():
+    """Nobody pushes in this recording, so that the plate moved as it was measured."""
+    model = Model.of(
+        {
+            **{name: {} for name in PAPER_TERMS},
+            "fixation_compliance": STRAPS,
+            "servo_compliance": {"k_a": SERVO},
+        }
+    )
+    reference = PulseStep(Settings(rate=RATE, seed=6)).next(int(40 * RATE))
+    made = simulate(reference, RATE, model, seed=6)
+    recording = Recording(RATE, made.position, made.torque, name="straps")
+    problem = prepare(recording)
+    terms = [*problem.base.terms, "fixation_compliance"]
+    start = {**problem.base.values, "fixation_compliance": {"k_s": 2000.0, "b_s": 2.0}}
+    found = problem.fitter.fit(terms, start)
+    assert knows_movement_better(problem, found)
+    assert not knows_movement_better(problem, problem.base)
+    clearer = prepare(recording, found=found)
+    step = round(RATE / problem.fitter.motion.rate)
+
+    def invented(position: np.ndarray) -> float:
+        apart = position - made.clean[::step, 0]
+        return float(np.std(apart))
+
+    assert invented(clearer.fitter.motion.position) < 0.4 * invented(problem.fitter.motion.position)
 
 
 @pytest.mark.parametrize(("stiffness", "moves"), [(2000.0, True), (50_000.0, False)])

@@ -23,7 +23,7 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_background, side_by_side
-from model_discrepancy.problem import prepare
+from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
@@ -91,6 +91,13 @@ def _diagnosed_together(
     members = [_member(r, known, progress) for r in recordings]
     found = Together(members)
     gains = _search(found, library, progress)
+    if any(knows_movement_better(m.problem, m.fit) for m in members):
+        progress("the movement that torque made is known better now: searching again")
+        fits = [m.fit if knows_movement_better(m.problem, m.fit) else None for m in members]
+        found = Together(
+            [_member(r, known, progress, f) for r, f in zip(recordings, fits, strict=True)]
+        )
+        gains = _search(found, library, progress)
     _settle(found, gains, progress)
     return found
 
@@ -107,12 +114,17 @@ def _require_usable(recordings: Sequence[Recording]) -> None:
             raise DiagnosisError(f"{recording.name} cannot be used: {reasons[0]}")
 
 
-def _member(recording: Recording, rig: RigFile | None, progress: Progress) -> Member:
+def _member(
+    recording: Recording, rig: RigFile | None, progress: Progress, found: Fit | None = None
+) -> Member:
+    """Make a recording ready for the search, beside what was found in it before."""
+
     def report_progress(line: str) -> None:
         progress(f"{recording.name}: {line}")
 
     findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
-    problem = prepare(trusted(recording, findings), joint_in_force().terms, report_progress, rig)
+    usable = trusted(recording, findings)
+    problem = prepare(usable, joint_in_force().terms, report_progress, rig, found)
     rows = problem.fitter.rows
     return Member(problem, Null.of(problem.noise, rows.time, rows.used), problem.base)
 
