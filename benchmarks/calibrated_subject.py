@@ -14,10 +14,14 @@ ADDITIONAL_TERMS = (
     "long_latency_reflex",
 )
 """A calibrated subject has these terms beside inertia, viscosity, stiffness and reflex."""
+LOAD_PATH = ("lost_motion", "footplate_inertia", "fixation_compliance")
+"""Drive, plate and straps, as in the public human trials."""
 
 
-def subject() -> KnownPhysics:
-    """A calibrated subject with `ADDITIONAL_TERMS`, whose reflex is followed in size alone."""
-    model = Model.of({name: {} for name in (*PAPER_TERMS, *ADDITIONAL_TERMS)})
+def subject(*others: str) -> KnownPhysics:
+    """A calibrated subject with `ADDITIONAL_TERMS` and others, whose reflex is followed in size
+    alone.
+    """
+    model = Model.of({name: {} for name in (*PAPER_TERMS, *ADDITIONAL_TERMS, *others)})
     model.entry("reflex").standard_errors = {"G": 0.5}
     return KnownPhysics(subject=model)

@@ -30,7 +30,7 @@ from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
 sys.path.insert(0, str(Path(__file__).parent))
-from calibrated_subject import ADDITIONAL_TERMS, subject
+from calibrated_subject import ADDITIONAL_TERMS, LOAD_PATH, subject
 from scipy_estimators import ScipyCE, ScipySimultaneous
 
 RATE, BLOCK = 2048.0, 32
@@ -134,6 +134,11 @@ def main() -> None:
     for name, stream in (
         ("stream of simultaneous", EstimateStream()),
         (f"with {len(ADDITIONAL_TERMS)} additional terms", EstimateStream(known=subject())),
+        ("the same behind straps", EstimateStream(known=subject("fixation_compliance"))),
+        (
+            "the same with plate and lost motion, too",
+            EstimateStream(known=subject(*LOAD_PATH)),
+        ),
     ):
         times = block_times(
             lambda piece, stream=stream: stream.feed_samples(piece[:, :4], True, piece[:, 4]),  # type: ignore[misc]

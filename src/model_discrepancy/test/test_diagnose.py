@@ -7,11 +7,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
-from ankle_physics.model import Model
+from ankle_physics.memory_elements import BacklashOperator
+from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.signals import Signals
+from ankle_physics.virtual_rig import simulate
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.html_report import explained, headline
 from model_discrepancy.report.verdict import Verdict
+from perturbation_generator.pulse_step import PulseStep
+from perturbation_generator.settings import Settings
 from simulation_study.planted_trials import simulate_trial
 
 RIVALS = (
@@ -27,7 +34,11 @@ RIVALS = (
     "position_dependent_stiffness",
     "reflex_threshold",
     "long_latency_reflex",
+    "lost_motion",
+    "backlash",
 )
+RATE = 2048.0  # Hz
+GAP = 0.004  # rad
 """Terms of every place; the whole library is searched where nothing is missing."""
 
 
@@ -80,6 +91,7 @@ def test_a_report_says_how_much_torque_is_explained_on_data_that_were_not_fitted
             marks=pytest.mark.slow,
         ),
         ("channel_skew", {"skew": 0.003}, {"skew": 0.05}),
+        pytest.param("lost_motion", {"gap": 0.004}, {"gap": 0.1}, marks=pytest.mark.slow),
     ],
 )
 def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked):
@@ -106,6 +118,41 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     assert error > 0.0
     assert effect["excluded"]
     assert not set(effect["excluded"]) & set(effect["set"])
+
+
+@pytest.mark.slow
+def test_play_with_sharp_edges_in_the_drive_is_lost_motion():
+    random = np.random.default_rng(8)
+    steps = np.repeat(random.uniform(-0.03, 0.03, 240), round(0.25 * RATE))
+    motor = lfilter(*butter(4, 40.0, fs=RATE), steps)
+    # The plate's mass on the contact, without which it would jump.
+    plate = lfilter(*butter(2, 150.0, fs=RATE), BacklashOperator().run(motor, GAP))
+    velocity = np.gradient(plate) * RATE
+    signals = Signals(RATE, plate, velocity, np.gradient(velocity) * RATE)
+    torque = Model.of({name: {} for name in PAPER_TERMS}).torque(signals)
+    noise = random.standard_normal((2, len(torque)))
+    recording = Recording(
+        RATE,
+        motor + 2e-5 * noise[0],
+        torque + 0.02 * np.std(torque) * noise[1],
+        name="loose shaft",
+    )
+    found = diagnose(recording, library=RIVALS).found.final
+    assert found.values["lost_motion"]["gap"] == pytest.approx(GAP, rel=0.15)
+
+
+@pytest.mark.slow
+def test_what_a_found_model_leaves_clears_the_movement_for_another_search():
+    """No command is recorded, and the servo gives way."""
+    names = (*PAPER_TERMS, "voluntary_torque", "lost_motion", "servo_compliance")
+    sizes = {"lost_motion": {"gap": GAP}, "servo_compliance": {"k_a": 3000.0}}
+    reference = PulseStep(Settings(rate=RATE, seed=9)).next(int(40 * RATE))
+    made = simulate(reference, RATE, Model.of({n: sizes.get(n, {}) for n in names}), seed=9)
+    recording = Recording(RATE, made.position, made.torque, name="loose shaft")
+    lines = []
+    found = diagnose(recording, library=("lost_motion", "backlash"), progress=lines.append).found
+    assert found.final.values["lost_motion"]["gap"] == pytest.approx(GAP, rel=0.15)
+    assert any("movement that torque made is known better" in line for line in lines)
 
 
 def test_a_bad_recording_gets_no_physics_story(null_recording, tmp_path):
