@@ -16,10 +16,10 @@ from model_discrepancy.search.hypotheses import MOST_FORKS, Hypotheses
 SCORES = {
     (): 100.0,
     ("maxwell_relaxation",): 40.0,
-    ("short_range_stiffness",): 45.0,
+    ("dahl_hysteresis",): 45.0,
     ("maxwell_relaxation", "tendon"): 35.0,
     ("maxwell_relaxation", "tendon", "backlash"): 33.0,
-    ("short_range_stiffness", "long_latency_reflex"): 10.0,
+    ("dahl_hysteresis", "long_latency_reflex"): 10.0,
 }
 
 
@@ -64,7 +64,7 @@ def plain_errors(monkeypatch):
 def test_the_better_of_two_hypotheses_wins_whichever_term_came_first():
     best = Scripted().best()
     assert [e.trial.name for e in best.found.effects] == [
-        "short_range_stiffness",
+        "dahl_hysteresis",
         "long_latency_reflex",
     ]
     assert best.current.score == 10.0
@@ -84,17 +84,17 @@ def test_a_model_of_two_terms_is_left_to_the_exchange_of_rivals(monkeypatch):
 
 
 def test_a_hypothesis_that_stays_behind_is_given_up(monkeypatch):
-    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
-    monkeypatch.setitem(SCORES, ("short_range_stiffness", "tendon"), 44.0)
-    monkeypatch.setitem(SCORES, ("short_range_stiffness", "tendon", "backlash"), 1.0)
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
+    monkeypatch.setitem(SCORES, ("dahl_hysteresis", "tendon"), 44.0)
+    monkeypatch.setitem(SCORES, ("dahl_hysteresis", "tendon", "backlash"), 1.0)
     assert Scripted().best().current.score == 33.0
 
 
 @pytest.mark.parametrize(("alone", "names"), [(36.0, 1), (39.0, 3)])
 def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, names):
     # The first choice is not the better one alone: it predicts the plain torque best.
-    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
-    monkeypatch.setitem(SCORES, ("short_range_stiffness",), alone)
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
+    monkeypatch.setitem(SCORES, ("dahl_hysteresis",), alone)
     monkeypatch.setattr(
         hypotheses,
         "halves_errors",
@@ -102,15 +102,15 @@ def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, n
     )
     found = Scripted().best().found.effects
     assert len(found) == names
-    first = "short_range_stiffness" if names == 1 else "maxwell_relaxation"
+    first = "dahl_hysteresis" if names == 1 else "maxwell_relaxation"
     assert found[0].trial.name == first
 
 
 def test_a_hypothesis_that_a_fork_followed_to_its_end_is_not_followed_again(monkeypatch):
     monkeypatch.setitem(SCORES, ("fixation_compliance",), 44.0)
     monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 34.0)
-    monkeypatch.delitem(SCORES, ("short_range_stiffness",))
-    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis",))
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
     search = Scripted()
     assert search.best().found.effects[0].trial.name == "fixation_compliance"
     assert any("what is usual: fixation_compliance" in line for line in search.said)
@@ -121,14 +121,14 @@ def test_a_hypothesis_that_a_fork_followed_to_its_end_is_not_followed_again(monk
     ("left", "first"), [(34.0, "fixation_compliance"), (36.0, "maxwell_relaxation")]
 )
 def test_what_every_rig_has_is_preferred_where_it_is_not_behind(monkeypatch, left, first):
-    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
     monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
     monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), left)
     assert Scripted().best().found.effects[0].trial.name == first
 
 
 def test_straps_are_not_preferred_to_a_model_of_two_terms(monkeypatch):
-    monkeypatch.delitem(SCORES, ("short_range_stiffness", "long_latency_reflex"))
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
     monkeypatch.delitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"))
     monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
     monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 35.5)
@@ -136,9 +136,7 @@ def test_straps_are_not_preferred_to_a_model_of_two_terms(monkeypatch):
 
 
 def test_a_model_that_leaves_the_joint_no_inertia_loses_to_one_that_does(monkeypatch):
-    monkeypatch.setattr(
-        hypotheses, "has_joint", lambda fit: fit.terms[:1] != ("short_range_stiffness",)
-    )
+    monkeypatch.setattr(hypotheses, "has_joint", lambda fit: fit.terms[:1] != ("dahl_hysteresis",))
     best = Scripted().best()
     assert best.found.effects[0].trial.name == "maxwell_relaxation"
 

@@ -7,7 +7,7 @@ import pytest
 
 from ankle_physics.model import Model
 from model_discrepancy.report.investigation_report import write_investigation
-from model_discrepancy.tools import investigation
+from model_discrepancy.tools import experiment_design, investigation
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import RivalSet, _ranked
 from model_discrepancy.tools.investigation import OpenSet, investigate, remaining
@@ -87,6 +87,40 @@ def test_where_nothing_can_be_decided_the_least_hopeless_leads():
     assert investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], ranked, []).undecided == [
         ("a", "b")
     ]
+
+
+def test_a_movement_that_left_the_rivals_open_is_not_proposed_again(monkeypatch):
+    movements = {"steps": 0.2, "sines": 0.1}
+    monkeypatch.setattr(
+        experiment_design, "candidates_for", lambda *_: [Candidate(t, {}) for t in movements]
+    )
+    monkeypatch.setattr(
+        experiment_design,
+        "_excesses",
+        lambda candidate, *_, **__: {("a", "b"): movements[candidate.title]},
+    )
+    conditions = {**CONDITIONS, "movement[rad]": 0.08}
+    sets = [RivalSet({"a": {}, "b": {}}, 0.0)]
+    first = experiment_design.rank(sets, conditions)
+    assert [p.candidate.title for p in first] == ["steps", "sines"]
+    second = experiment_design.rank(sets, conditions, made=["steps"])
+    assert [p.candidate.title for p in second] == ["sines"]
+
+
+def test_the_next_movement_is_designed_with_what_the_last_recording_made_of_each_name():
+    planted = {"maxwell_relaxation": {"k": 40.0, "T": 0.1}}
+    recording = simulate_trial(planted, seed=3, duration=30.0, rate=1024.0, protocol="equal")
+    base = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
+    models = {
+        name: {e.term.name: dict(e.values) for e in Model.of({**base, name: {}}).entries}
+        for name in ("maxwell_relaxation", "short_range_stiffness")
+    }
+    one = OpenSet("maxwell_relaxation", dict(models))
+    investigation._judge([one], recording)
+    assert one.models["maxwell_relaxation"]["maxwell_relaxation"]["T"] == pytest.approx(
+        0.1, rel=0.3
+    )
+    assert one.models["short_range_stiffness"] != models["short_range_stiffness"]
 
 
 def test_torque_levels_are_simulated_one_after_the_other():

@@ -23,8 +23,8 @@ from simulation_study.verdict_cases import Plan, plans, recorded, trial_of
 from simulation_study.verdict_report import rate_with_interval
 from simulation_study.verdict_study import right_names
 
-# Recordings after the first one, at most.
-ROUNDS = 2
+# Recordings after the first one, at most: as many as `investigate` makes unless told otherwise.
+ROUNDS = 3
 Entry = dict[str, Any]
 
 

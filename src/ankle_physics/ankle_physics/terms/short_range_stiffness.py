@@ -25,6 +25,8 @@ class ShortRangeStiffness(Term):
     place = Place.INTRINSIC
     family = "intrinsic memory"
     separated_by = "slow triangular movements of several sizes"
+    # Without a yield, the bonds that are forgotten are a Maxwell element.
+    generalises = ("maxwell_relaxation",)
     has_memory = True
     sentence = (
         "Small movements meet a stiffer muscle than large ones: cross-bridges hold at "

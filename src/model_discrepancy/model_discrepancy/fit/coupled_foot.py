@@ -205,6 +205,8 @@ def transmission(
     return np.asarray(passes / (passes + inertia * s**2 + viscosity * s + stiffness))
 
 
+# A foot that runs away is noticed, and needs no warning of its own.
+@np.errstate(over="ignore", invalid="ignore")
 def found_foot(
     moved: Mover,
     torque: Callable[[Foot], np.ndarray],
@@ -236,10 +238,8 @@ def found_foot(
     unmoved = foot = Foot(*moved(nothing, NO_IMPEDANCE), nothing, NO_IMPEDANCE)
     step, before = 1.0, np.inf
     for number in range(1, rounds + 1):
-        with np.errstate(over="ignore", invalid="ignore"):
-            acting = torque(foot)
-            power = acting @ acting
-        if not np.isfinite(power):
+        acting = torque(foot)
+        if not np.isfinite(acting @ acting):
             return unmoved
         motion = foot.position, foot.velocity, foot.acceleration
         foot = Foot(*motion, acting, most_like(acting, *motion, holds))
@@ -247,9 +247,7 @@ def found_foot(
             break
         after = moved(foot.rest(), foot.like)
         changes = [new - old for new, old in zip(after, motion, strict=True)]
-        with np.errstate(over="ignore", invalid="ignore"):
-            power = sum(change @ change for change in changes)
-        if not np.isfinite(power):
+        if not np.isfinite(sum(change @ change for change in changes)):
             return unmoved
         change = float(np.std(changes[1]) / np.std(foot.velocity))
         if change <= FOUND_CHANGE:

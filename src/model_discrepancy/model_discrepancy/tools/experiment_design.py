@@ -16,7 +16,7 @@ in full.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from itertools import permutations
@@ -250,6 +250,7 @@ def rank(
     sets: list[RivalSet],
     conditions: dict[str, Any],
     progress: Callable[[str], None] = lambda _: None,
+    made: Sequence[str] = (),
 ) -> list[Proposal]:
     """Rank candidates by the misfit of their worst pair, best first; those refitted in full lead.
 
@@ -261,9 +262,15 @@ def rank(
         The verdict's ``recording``.
     progress
         Called with one line for each step.
+    made
+        Titles of movements that left the rivals open already: the same again would, too.
     """
     levels = any(_by_activation(values) for s in sets for values in s.models.values())
-    candidates = candidates_for(float(conditions["movement[rad]"]), levels)
+    candidates = [
+        candidate
+        for candidate in candidates_for(float(conditions["movement[rad]"]), levels)
+        if candidate.title not in made
+    ]
     tried = []
     for number, candidate in enumerate(candidates):
         progress(f"movement {number + 1} of {len(candidates)}: {candidate.title}")

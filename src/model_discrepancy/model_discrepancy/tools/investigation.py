@@ -53,7 +53,8 @@ class OpenSet:
     effect
         The name that the first recording preferred.
     models
-        Values by term and symbol of the model with each name, the preferred one first.
+        Values by term and symbol of the model with each name, the preferred one first; as the last
+        recording that judged it has them.
     excess
         Whitened error that each name leaves beyond the best of the set, one number for each
         recording, the first one included; 0 is the best.
@@ -94,6 +95,8 @@ class Round:
         [s]; 0 where it was not recorded.
     answer
         What the recording said, in one sentence.
+    judged
+        Whether the recording could be used.
     """
 
     question: str
@@ -101,6 +104,7 @@ class Round:
     title: str
     duration: float
     answer: str
+    judged: bool = False
 
 
 @dataclass
@@ -251,7 +255,7 @@ def _next_round(
         round_.answer = f"The recording cannot be used: {reasons[0]}."
         return ""
     progress(f"round {number}: judging {recording.name}")
-    round_.answer = _judge(unsettled, recording)
+    round_.answer, round_.judged = _judge(unsettled, recording), True
     return ""
 
 
@@ -265,7 +269,8 @@ def _design(story: Investigation, folder: Path, number: int, progress: Progress)
         for one in story.sets
         if not one.settled
     ]
-    design = Design(sets, rank(sets, story.first.verdict.recording, progress), [])
+    made = [r.title for r in story.rounds if r.judged]
+    design = Design(sets, rank(sets, story.first.verdict.recording, progress, made), [])
     design.save(folder / f"design_{number}")
     return design
 
@@ -283,7 +288,10 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
             terms = list(values)
             if name != one.effect:
                 terms = with_term(without_term(terms, one.effect), name)
-            scores[name] = fitter.fit(terms, values, evaluations=EVALUATIONS).score
+            fit = fitter.fit(terms, values, evaluations=EVALUATIONS)
+            scores[name] = fit.score
+            # The next movement is designed with what this recording made of each name.
+            one.models[name] = fit.values
         best = min(scores.values())
         for name, score in scores.items():
             one.excess.setdefault(name, []).append(score / best - 1.0)
