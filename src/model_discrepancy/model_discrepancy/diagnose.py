@@ -129,12 +129,17 @@ def _diagnose_and_write(
 
 
 def _searched(
-    problem: Problem, library: Sequence[str] | None, progress: Progress
+    problem: Problem,
+    library: Sequence[str] | None,
+    progress: Progress,
+    before: Found | None = None,
 ) -> tuple[Found, Null]:
-    """Return what a search finds, and the null distribution that it was judged by."""
+    """Return what a search finds, perhaps after another one, and the null distribution that it was
+    judged by.
+    """
     null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
     progress("asking what chance finds in this recording's noise")
-    return search(problem.fitter, problem.base, null, library, progress), null
+    return search(problem.fitter, problem.base, null, library, progress, before), null
 
 
 def _diagnose(
@@ -155,7 +160,7 @@ def _diagnose(
     if found.effects and knows_movement_better(problem, found.final):
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)
-        found, null = _searched(problem, library, progress)
+        found, null = _searched(problem, library, progress, found)
     better = with_better_course(problem, found.final) if found.effects else None
     if better is not None:
         progress("the torque that the muscles hold is known better now: searching again")

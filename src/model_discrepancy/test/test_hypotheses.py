@@ -70,6 +70,29 @@ def test_the_better_of_two_hypotheses_wins_whichever_term_came_first():
     assert best.current.score == 10.0
 
 
+def test_what_another_search_found_is_a_hypothesis_that_takes_the_place_of_the_forks(monkeypatch):
+    def refitted(fitter, current, name, start):
+        terms = (*current.terms, name)
+        gain = 1.0 - SCORES[terms] / current.score
+        return Trial(name, fit_of(terms), gain, (gain, gain), -1.0, torque_share=1.0)
+
+    monkeypatch.setattr(hypotheses, "refitted", refitted)
+    monkeypatch.setattr(hypotheses, "judged", lambda fitter, current, trial, by_chance: trial)
+
+    def searched_after(*names):
+        search = Scripted()
+        search._null = SimpleNamespace(threshold=lambda name: 0.0)
+        effects = [SimpleNamespace(trial=SimpleNamespace(name=name)) for name in names]
+        before = SimpleNamespace(effects=effects, refinements=[], final=SimpleNamespace(values={}))
+        return search.best(before), search.said
+
+    best, said = searched_after("dahl_hysteresis")
+    assert best.current.score == 10.0
+    assert not any("another hypothesis" in line for line in said)
+    # A worse one is given up.
+    assert searched_after("maxwell_relaxation")[0].current.score == 33.0
+
+
 def test_a_search_that_never_forks_stays_with_what_it_took_first(monkeypatch):
     monkeypatch.setattr(hypotheses, "MOST_FORKS", 0)
     assert Scripted().best().current.score == 33.0

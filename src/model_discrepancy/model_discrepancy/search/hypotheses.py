@@ -22,7 +22,13 @@ from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.trials import drop_superfluous, fixed_errors, halves_errors
+from model_discrepancy.search.trials import (
+    drop_superfluous,
+    fixed_errors,
+    halves_errors,
+    judged,
+    refitted,
+)
 
 # Whitened gains within this ratio are too near to choose by: which of two comes first depends on
 # what is still missing.
@@ -137,11 +143,23 @@ class Hypotheses:
         self._follow(further)
         return further
 
-    def best(self) -> Hypothesis:
-        """Return the hypothesis of the least BIC, or the one term that explains as much alone."""
+    def best(self, before: Found | None = None) -> Hypothesis:
+        """Return the hypothesis of the least BIC, or the one term that explains as much alone.
+
+        Parameters
+        ----------
+        before
+            What another search found in this recording. Its terms are a hypothesis, too, which
+            takes the place of the forks.
+        """
         first = best = Hypothesis(Found(self._base, self._base), self._base)
         self._follow(first)
-        forks = first.forks if len(first.found.effects) >= LEAST_TERMS_FORKED else []
+        if before is not None:
+            again = self._again(before)
+            if self._preferred(again, best):
+                best = again
+        many = before is None and len(first.found.effects) >= LEAST_TERMS_FORKED
+        forks = first.forks if many else []
         for _ in range(min(MOST_FORKS, len(forks))):
             fork = max(forks, key=lambda fork: fork.gain)
             self._progress(f"another hypothesis: {fork.trial.name} first")
@@ -156,6 +174,22 @@ class Hypotheses:
         best = self._usual(first.first, best)
         alone = self._alone(first.first, best)
         return alone if alone is not None else best
+
+    def _again(self, before: Found) -> Hypothesis:
+        """Return the hypothesis of the terms that another search found, as far as they are worth
+        it, and of what is worth it beside them.
+        """
+        self._progress("what was found before")
+        other = Hypothesis(Found(self._base, self._base), self._base)
+        for effect in (*before.effects, *before.refinements):
+            name = effect.trial.name
+            start = {**before.final.values, **other.current.values}
+            trial = refitted(self._fitter, other.current, name, start)
+            trial = judged(self._fitter, other.current, trial, self._null.threshold(name))
+            if trial.accepted:
+                self._add(other, trial)
+        self._follow(other)
+        return other
 
     def _preferred(self, other: Hypothesis, best: Hypothesis) -> bool:
         """Say whether another hypothesis leaves a plausible joint where the best one does not, or

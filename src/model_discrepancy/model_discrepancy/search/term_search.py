@@ -45,6 +45,7 @@ def search(
     null: Null,
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
+    before: Found | None = None,
 ) -> Found:
     """Add terms to the base model while they are worth it.
 
@@ -60,11 +61,13 @@ def search(
         Terms that may be added; None for all.
     progress
         Called with one line for each step.
+    before
+        What another search found in this recording; None for a first one.
     """
     grids = Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
     hypotheses = Hypotheses(fitter, base, null, grids, yardstick, progress)
-    best = hypotheses.best()
+    best = hypotheses.best(before)
     found = best.found
     for number in range(MOST_SEARCHES):
         if number > 0:
