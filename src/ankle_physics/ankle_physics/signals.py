@@ -62,7 +62,13 @@ class Signals:
     def move_plate(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> None:
-        """Give plate and foot another motion than the sensors in the drive report."""
+        """Give plate and foot another motion than the sensors in the drive report.
+
+        Parameters
+        ----------
+        position, velocity, acceleration
+            [rad], [rad/s], [rad/s^2], each of shape (n,).
+        """
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
         self.move_foot(position, velocity, acceleration)
 

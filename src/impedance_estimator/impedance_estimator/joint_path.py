@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
+from ankle_physics.model import Entry, Model
 from ankle_physics.rig_file import LONGEST_DELAY
 from ankle_physics.signals import Signals
 from ankle_physics.term import State
@@ -91,10 +92,8 @@ class JointPath:
         self._sensor_states: dict[str, list[State]] = {}
         self.straps = Straps(model, rate, layout.measured_velocity) if known.has_straps else None
         self._on_foot = foot_torques(model, rate) if self.straps is not None else None
-        self._gap = model.entry("backlash") if model.has("backlash") else None
-        self._gap_state = self._gap.term.start(rate) if self._gap is not None else {}
-        self._shaft = model.entry("lost_motion") if model.has("lost_motion") else None
-        self._shaft_state = self._shaft.term.start(rate) if self._shaft is not None else {}
+        self._shaft = _Loose.of(model, "lost_motion", rate)
+        self._gap = _Loose.of(model, "backlash", rate)
         self._plate_inertia = known.plate_inertia
         self._before: np.ndarray | None = None
         self._unsmoothed_velocity = np.zeros(0)
@@ -150,7 +149,7 @@ class JointPath:
             x, v, torque, delayed, acceleration = self._smoothed(x, v, torque, delayed)
         plate = Motion(x, v, acceleration)
         if self._shaft is not None:
-            plate = self._behind_shaft(plate)
+            plate = self._shaft.run(plate)
         foot, added = plate, np.zeros(len(x))
         if self.straps is not None:
             # The plate moves otherwise than the foot: its inertia cannot be taken from I.
@@ -158,7 +157,7 @@ class JointPath:
             position, velocity, delayed = self.straps.foot(plate.position, plate.velocity, delayed)
             foot = Motion(position, velocity, np.zeros(len(x)))
         if self._gap is not None:
-            foot = self._behind_gap(foot)
+            foot = self._gap.run(foot)
         commanded = self._commanded(delayed) if self._commanding else foot
         # Straps smooth the foot's motion themselves.
         moves_alike = foot is plate and self._shaft is None
@@ -242,20 +241,6 @@ class JointPath:
             torque = self.straps.at_plate(channel, torque)
         return self._sense(channel, torque)
 
-    def _behind_shaft(self, motion: Motion) -> Motion:
-        """Return the motion of the plate behind a shaft that loses some of the drive's."""
-        assert self._shaft is not None
-        signals = Signals(self._layout.rate, *motion)
-        self._shaft.term.transform(signals, self._shaft.values, self._shaft_state)
-        return Motion(signals.position, signals.velocity, signals.acceleration)
-
-    def _behind_gap(self, motion: Motion) -> Motion:
-        """Return the motion of the foot that the plate takes along across a gap."""
-        assert self._gap is not None
-        signals = Signals(self._layout.rate, *motion)
-        self._gap.term.transform(signals, self._gap.values, self._gap_state)
-        return Motion(signals.foot_position, signals.foot_velocity, signals.foot_acceleration)
-
     def _commanded(self, reference: np.ndarray) -> Motion:
         """Return the motion to which a nominal actuator turns the reference [rad]."""
         omega = 2.0 * np.pi * REFERENCE_FILTER_HZ
@@ -318,6 +303,25 @@ class JointPath:
             see = self._sense if self._tracked.on_plate[k] else self._at_sensor
             read.append(see(f"tracked {k} {name}", torque))
         return np.array(read)
+
+
+class _Loose:
+    """Takes a motion along behind a connection that loses some of it: a worn shaft, or a gap."""
+
+    def __init__(self, entry: Entry, rate: float) -> None:
+        self._entry, self._rate = entry, rate
+        self._state = entry.term.start(rate)
+
+    @classmethod
+    def of(cls, model: Model, name: str, rate: float) -> _Loose | None:
+        """Return the connection of a model; None where it has none of this name."""
+        return cls(model.entry(name), rate) if model.has(name) else None
+
+    def run(self, motion: Motion) -> Motion:
+        """Return the motion behind it."""
+        signals = Signals(self._rate, *motion)
+        self._entry.term.transform(signals, self._entry.values, self._state)
+        return Motion(signals.foot_position, signals.foot_velocity, signals.foot_acceleration)
 
 
 class _Fusion:

@@ -192,13 +192,11 @@ def test_a_loose_shaft_gives_the_motion_of_the_plate():
         np.column_stack([np.arange(len(x)) / RATE, x, v, torque])
     )
     skip = round(RATE)
-    late = np.argmax(np.correlate(out[skip:-40, 2], signals.velocity[skip:-40], "full"))
-    late -= len(x) - skip - 41
-    moved = np.std(x - signals.position)
-    lag = round(late)
-    read, true = out[skip + lag :, 1], signals.position[skip : len(x) - lag]
-    assert np.std(read - true) < 0.1 * moved
+    # The samples pass the kernel that the acceleration needs.
+    apart = out[:, 1] - smoothed(signals.position)
+    moved = np.std((x - signals.position)[skip:])
     assert moved > 0.001
+    assert np.std(apart[skip:]) < 0.05 * moved
 
 
 def test_friction_keeps_its_torque_at_rest_however_noisy_the_encoder():

@@ -91,9 +91,9 @@ def _diagnosed_together(
     members = [_member(r, known, progress) for r in recordings]
     found = Together(members)
     gains = _search(found, library, progress)
-    if any(knows_movement_better(m.problem, m.fit) for m in members):
+    fits = [m.fit if knows_movement_better(m.problem, m.fit) else None for m in members]
+    if any(fits):
         progress("the movement that torque made is known better now: searching again")
-        fits = [m.fit if knows_movement_better(m.problem, m.fit) else None for m in members]
         found = Together(
             [_member(r, known, progress, f) for r, f in zip(recordings, fits, strict=True)]
         )
