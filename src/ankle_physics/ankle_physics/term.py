@@ -241,6 +241,18 @@ class Term(ABC):
         return {}
 
     @classmethod
+    def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, dict[str, dict[str, float]]]:
+        """Return how other terms make nearly the torque of this one: for each of them, by its name,
+        the values of a model, by term and symbol. A fit with such a term begins there.
+
+        Parameters
+        ----------
+        model
+            Values of a model that holds this term, by term.
+        """
+        return {}
+
+    @classmethod
     def parameter(cls, symbol: str) -> Parameter:
         """Return one parameter by its symbol.
 

@@ -206,3 +206,21 @@ def test_a_foot_behind_a_strap_that_stiffens_follows_newton(curvature):
         }
     )
     assert np.abs(found - expected)[200:].max() < 5e-3 * np.abs(expected).max()
+
+
+def test_friction_of_the_bearing_is_read_in_front_of_the_straps():
+    soft = {"inertia": {"I": 0.0137}, "fixation_compliance": {"k_s": 600.0, "b_s": 1.0}}
+    rubs = {**soft, "coulomb_friction": {"F": 1.5, "v0": 0.02}}
+    friction = torque_of(rubs) - torque_of(soft)
+    assert np.abs(friction - 1.5 * np.tanh(movement(TIME)[1] / 0.02)).max() < 1e-9
+
+
+def test_a_part_beside_the_load_path_is_imitated_by_a_foot_in_its_straps():
+    swings = {
+        "inertia": {"I": 0.006},
+        "plate_appendage": {"Ia": 0.009, "frequency": 60.0, "damping": 0.08},
+    }
+    (straps,) = term_library()["plate_appendage"].imitated_by(swings).values()
+    expected, found = torque_of(swings), torque_of(straps)
+    settled = slice(400, None)  # the acceleration jumps at the first sample
+    assert np.abs(found - expected)[settled].max() < 0.01 * np.abs(expected).max()

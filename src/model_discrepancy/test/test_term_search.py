@@ -9,6 +9,7 @@ from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
+from model_discrepancy.search import exchange as exchanging
 from model_discrepancy.search import term_search
 from model_discrepancy.search.candidates import special_cases
 from model_discrepancy.search.exchange import better_rival, exchange, second_effect, specialise
@@ -164,6 +165,35 @@ def test_a_rival_takes_no_place_with_what_it_takes_off_by_chance(name, by_chance
     effect = Effect(replace(SECOND, name="thixotropy"), errors=None, rivals=[rival])
     found = Found(None, SimpleNamespace(size=5, score=80.0), effects=[effect])
     assert (better_rival(found) == (effect, rival)) == taken
+
+
+@pytest.mark.parametrize(("score", "taken"), [(70.0, True), (75.0, False)])
+def test_a_rival_with_further_parameters_must_gain_more_than_these_do_by_chance(score, taken):
+    fit = SimpleNamespace(size=7, score=score)
+    rival = Trial("maxwell_relaxation", fit, gain=0.4, held_out=(0.0, 0.0), bic=0.0, by_chance=0.1)
+    effect = Effect(replace(SECOND, name="thixotropy"), errors=None, rivals=[rival])
+    found = Found(None, SimpleNamespace(size=5, score=80.0), effects=[effect])
+    assert (better_rival(found) == (effect, rival)) == taken
+
+
+def test_a_rival_begins_beside_the_others_as_they_are_with_the_effect(monkeypatch):
+    """Without the effect, the others stand in for a part of it."""
+    planted = {"maxwell_relaxation": {"k": 60.0, "T": 0.1}}
+    problem = prepare(simulate_trial(planted, seed=3, duration=20.0, protocol="random"))
+    fitter = problem.fitter
+    null = Null.of(problem.noise, fitter.rows.time, fitter.rows.used)
+    found = search(fitter, problem.base, null, ("maxwell_relaxation",))
+    final, starts = found.final, {}
+
+    def seen(fitter, current, name, start, **options):
+        starts[name] = start
+        return refitted(fitter, current, name, start, **options)
+
+    monkeypatch.setattr(exchanging, "refitted", seen)
+    exchange(fitter, found, Grids(["dahl_hysteresis"], 20.0), null, fitter.rows.gain(), print)
+    (without,) = (effect.without for effect in found.effects)
+    assert starts["dahl_hysteresis"]["viscosity"] == final.values["viscosity"]
+    assert final.values["viscosity"] != without.values["viscosity"]
 
 
 def test_a_special_case_is_tried_where_a_general_term_was_accepted():

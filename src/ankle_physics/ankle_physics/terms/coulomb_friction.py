@@ -1,4 +1,4 @@
-"""Coulomb friction: ``torque = F * tanh(v / v0)``."""
+"""Coulomb friction of the footplate: ``torque = F * tanh(v_plate / v0)``."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 class CoulombFriction(Term):
     """Models the dry friction of footplate bearings and seals; v0 rounds the jump at rest so that
     noise does not switch it.
+
+    The torque sensor feels it in front of the straps: it follows the plate's velocity, not the
+    foot's.
     """
 
     name = "coulomb_friction"
-    place = Place.INTRINSIC
+    place = Place.COUPLING
     belongs_to = Owner.RIG
     rest_torque = "F"
     family = "intrinsic memory"
@@ -28,7 +31,7 @@ class CoulombFriction(Term):
             10.0,
             0.5,
             "bearings and seals of ankle rigs: below 2 N.m",
-            description="It is the torque with which friction opposes the movement of the foot.",
+            description="It is the torque with which friction opposes the movement of the plate.",
             linear=True,
         ),
         Parameter(
@@ -45,4 +48,4 @@ class CoulombFriction(Term):
     )
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        return {"F": np.tanh(signals.foot_velocity / float(values["v0"]))}
+        return {"F": np.tanh(signals.velocity / float(values["v0"]))}

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ankle_physics.linear_dynamics import SecondOrder
@@ -56,6 +58,20 @@ class PlateAppendage(Term):
             description="It is the damping ratio of the part that swings.",
         ),
     )
+
+    @classmethod
+    def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, dict[str, dict[str, float]]]:
+        inertia, own = float(model["inertia"]["I"]), model[cls.name]
+        omega, swings = 2.0 * np.pi * float(own["frequency"]), float(own["Ia"])
+        # What swings is the foot, and what follows the plate is the plate.
+        straps = {"k_s": swings * omega**2, "b_s": 2.0 * float(own["damping"]) * omega * swings}
+        return {
+            "fixation_compliance": {
+                "fixation_compliance": straps,
+                "inertia": {"I": swings},
+                "footplate_inertia": {"Ip": inertia},
+            }
+        }
 
     def start(self, rate: float, seed: int = 0) -> State:
         return {"mode": SecondOrder(rate)}

@@ -145,8 +145,16 @@ def _rivals(
     ]
     limit = (1.0 + RIVAL_EXCESS) * final.score
 
+    imitated = term_library()[name].imitated_by(final.values)
+
     def in_its_place(s: Screened) -> Trial:
-        start = {**without.values, s.name: s.start}
+        # The others as they are beside the effect: without it, they stand in for a part of it.
+        start = {
+            **without.values,
+            **final.values,
+            s.name: s.start,
+            **imitated.get(s.name, {}),
+        }
         return refitted(fitter, without, s.name, start, evaluations=8, limit=limit)
 
     trials = in_parallel(in_its_place, tried)
@@ -274,10 +282,16 @@ def better_rival(found: Found) -> tuple[Effect, Trial] | None:
         for effect in found.effects
         for rival in effect.rivals
         if rival.exceeds_chance
-        and rival.fit.size <= final.size
-        and rival.fit.score < (1.0 - SWAP_GAIN) * final.score
+        and rival.fit.score < (1.0 - _least_gain(rival, final)) * final.score
     ]
     return min(options, key=lambda option: option[1].fit.score, default=None)
+
+
+def _least_gain(rival: Trial, final: Fit) -> float:
+    """Return by which share a rival must lower the error: with further parameters, by more than
+    they do by chance.
+    """
+    return SWAP_GAIN if rival.fit.size <= final.size else max(SWAP_GAIN, rival.by_chance)
 
 
 def _swap(
