@@ -167,10 +167,15 @@ def test_a_rival_takes_no_place_with_what_it_takes_off_by_chance(name, by_chance
     assert (better_rival(found) == (effect, rival)) == taken
 
 
-@pytest.mark.parametrize(("score", "taken"), [(70.0, True), (75.0, False)])
-def test_a_rival_with_further_parameters_must_gain_more_than_these_do_by_chance(score, taken):
+@pytest.mark.parametrize(
+    ("score", "by_chance", "taken"),
+    [(70.0, 0.01, True), (75.0, 0.01, False), (70.0, 0.2, False)],
+)
+def test_a_rival_with_more_parameters_must_gain_more_than_these_do(score, by_chance, taken):
     fit = SimpleNamespace(size=7, score=score)
-    rival = Trial("maxwell_relaxation", fit, gain=0.4, held_out=(0.0, 0.0), bic=0.0, by_chance=0.1)
+    rival = Trial(
+        "maxwell_relaxation", fit, gain=0.4, held_out=(0.0, 0.0), bic=0.0, by_chance=by_chance
+    )
     effect = Effect(replace(SECOND, name="thixotropy"), errors=None, rivals=[rival])
     found = Found(None, SimpleNamespace(size=5, score=80.0), effects=[effect])
     assert (better_rival(found) == (effect, rival)) == taken

@@ -142,15 +142,42 @@ class Candidates:
         best = refitted(fitter, current, name, trial.fit.values)
         if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
             return best
-        (screened,) = screen(fitter, current, {name: self._grids.whole(name)})
-        points = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
+        anew = begun_anew(fitter, current, name, self._grids.whole(name))
+        return max(best, anew, key=lambda t: t.gain)
 
-        def restarted(point: Point) -> Trial:
-            (start,) = screen(fitter, current, {name: [point]})
-            return refitted(fitter, current, name, {**current.values, name: start.start})
 
-        others = in_parallel(restarted, [point for _, point in points])
-        return max([best, *others], key=lambda t: t.gain)
+def begun_anew(
+    fitter: Fitter,
+    current: Fit,
+    name: str,
+    points: Sequence[Point],
+    evaluations: int = 12,
+    others: Start | None = None,
+) -> Trial:
+    """Return the trial of one more term, begun at the best points of its grid.
+
+    Parameters
+    ----------
+    fitter, current
+        The present model, and what fits it.
+    name
+        Of the term.
+    points
+        Of its grid.
+    evaluations
+        Of each refit.
+    others
+        Where the other terms begin; None: as they are in the present model.
+    """
+    (screened,) = screen(fitter, current, {name: points})
+    best = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
+
+    def begun(point: Point) -> Trial:
+        (at_point,) = screen(fitter, current, {name: [point]})
+        start = {**(current.values if others is None else others), name: at_point.start}
+        return refitted(fitter, current, name, start, evaluations)
+
+    return max(in_parallel(begun, [point for _, point in best]), key=lambda t: t.gain)
 
 
 def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: Null) -> list[Trial]:

@@ -35,6 +35,9 @@ RIVALS_REFITTED = 3
 # A rival takes an effect's place where it lowers the whitened error by this share with no more
 # parameters; a term that was found early may only have stood in for it.
 SWAP_GAIN = 0.005
+# With more parameters it must lower it by this share: they bend an equation towards the right one,
+# and what only corrected a shape took off at most so much (see `SECOND_EFFECT_GAIN`).
+LARGER_SWAP_GAIN = 0.1
 MOST_SWAPS = 3
 # Share of the whitened error that the others leave, fitted and on unseen rows. A refinement of a
 # model is an effect of its own where it alone takes off so much, changes torque that matters and
@@ -288,10 +291,10 @@ def better_rival(found: Found) -> tuple[Effect, Trial] | None:
 
 
 def _least_gain(rival: Trial, final: Fit) -> float:
-    """Return by which share a rival must lower the error: with further parameters, by more than
-    they do by chance.
-    """
-    return SWAP_GAIN if rival.fit.size <= final.size else max(SWAP_GAIN, rival.by_chance)
+    """Return by which share a rival must lower the error to take a place."""
+    if rival.fit.size <= final.size:
+        return SWAP_GAIN
+    return max(LARGER_SWAP_GAIN, rival.by_chance)
 
 
 def _swap(

@@ -24,6 +24,7 @@ from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses, Hypothesis
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term
+from model_discrepancy.search.shared_families import unite
 from model_discrepancy.search.trials import (
     fixed_errors,
     halves_errors,
@@ -76,7 +77,8 @@ def search(
             found = best.found
         _settle(fitter, base, best, null, yardstick)
         specialise(fitter, found, null)
-        exchanged = exchange(fitter, found, grids, null, yardstick, progress)
+        united = unite(fitter, found, grids, null, yardstick, progress)
+        exchanged = exchange(fitter, found, grids, null, yardstick, progress) or united
         terms = len(found.effects) + len(found.refinements)
         if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
             break

@@ -1,0 +1,91 @@
+"""One term of a family is tried in the place of several.
+
+Terms of one family imitate each other: beside a resonance of the torque sensor a search may end
+where the straps are rigid, though straps alone would explain more. A fit does not find back from
+there, so each term of the family is begun anew from its grid without the others.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from ankle_physics.term import term_library
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.search.candidates import begun_anew
+from model_discrepancy.search.found import Effect, Found, Progress, Trial
+from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import without_term
+from model_discrepancy.search.trials import fixed_errors
+
+# Beside many other terms, whose values follow slowly.
+EVALUATIONS = 40
+
+
+def unite(
+    fitter: Fitter,
+    found: Found,
+    grids: Grids,
+    null: Null,
+    yardstick: np.ndarray,
+    progress: Progress,
+) -> bool:
+    """Put one term of a family in the place of all of its family, where these take off no more than
+    by chance beyond it. Return whether any was put so.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    found
+        With the final model; changed.
+    grids
+        Of the library that may be named.
+    null
+        What each term gains by chance.
+    yardstick
+        Gain of a fixed whitening at each frequency of the rows.
+    progress
+        Called with one line for each family.
+    """
+    library, families = term_library(), defaultdict(list)
+    for effect in found.effects:
+        families[library[effect.trial.name].family].append(effect)
+    united = False
+    for family, members in families.items():
+        if not family or len(members) < 2:
+            continue
+        progress(f"{family}: one term for {', '.join(effect.trial.name for effect in members)}")
+        names = [effect.trial.name for effect in members]
+        trials = [_alone(fitter, found, name, names, grids) for name in names]
+        best = min(trials, key=lambda trial: trial.fit.score)
+        by_chance = sum(null.threshold(name) for name in names if name != best.name)
+        if 1.0 - found.final.score / best.fit.score < by_chance:
+            _put(fitter, found, members, best, yardstick)
+            united = True
+    return united
+
+
+def _alone(fitter: Fitter, found: Found, name: str, members: Sequence[str], grids: Grids) -> Trial:
+    """Return the best model with one term of a family instead of these members."""
+    terms: Sequence[str] = found.final.terms
+    for member in members:
+        terms = without_term(terms, member)
+    bare = fitter.fit(terms, found.final.values, evaluations=15)
+    # The others as they are beside the family: without it, they stand in for a part of it.
+    others = {term: found.final.values[term] for term in terms}
+    return begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, others)
+
+
+def _put(
+    fitter: Fitter, found: Found, members: Sequence[Effect], best: Trial, yardstick: np.ndarray
+) -> None:
+    """Put a term in the place of the first of these effects, and remove the others."""
+    first = found.effects.index(members[0])
+    found.effects = [effect for effect in found.effects if effect not in members]
+    found.effects.insert(first, Effect(best, members[0].errors))
+    found.final = best.fit
+    found.effects[-1].errors = fixed_errors(best.fit, yardstick)
