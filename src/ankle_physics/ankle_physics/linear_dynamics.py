@@ -162,6 +162,58 @@ def _second_order(
     return out
 
 
+class LedSecondOrders(Stateful):
+    """Filters several signals alike: ``y'' + 2 z w y' + w^2 y = w^2 (x + T x')``, gain 1 at rest.
+
+    Parameters
+    ----------
+    rate
+        Sampling rate [Hz].
+    count
+        Of the signals.
+    """
+
+    def __init__(self, rate: float, count: int) -> None:
+        self._rate = rate
+        self._state = np.zeros((count, 3))  # y, y' without the lead, last input
+        self._settings: tuple[float, float] | None = None
+        self._step = np.zeros((2, 4))
+
+    def run(self, x: np.ndarray, omega: float, damping: float, lead: float) -> np.ndarray:
+        """Return the responses, shape (count, n), to signals of this shape.
+
+        Parameters
+        ----------
+        x
+            Shape (count, n).
+        omega, damping
+            Natural frequency [rad/s] and damping ratio [1].
+        lead
+            T [s].
+        """
+        if self._settings != (omega, damping):
+            self._step = second_order_step(omega, damping, 1.0 / self._rate)
+            self._settings = (omega, damping)
+        return _led(np.ascontiguousarray(x, dtype=float), lead, self._step, self._state)
+
+
+@njit(cache=True, nogil=True)
+def _led(x: np.ndarray, lead: float, step: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """Return the response of each row and its derivative times the lead; changes `state`."""
+    out = np.empty(x.shape)
+    for row in range(x.shape[0]):
+        y, rate, last = state[row, 0], state[row, 1], state[row, 2]
+        for k in range(x.shape[1]):
+            now = x[row, k]
+            next_y = step[0, 0] * y + step[0, 1] * rate + step[0, 2] * last + step[0, 3] * now
+            rate = step[1, 0] * y + step[1, 1] * rate + step[1, 2] * last + step[1, 3] * now
+            y = next_y
+            last = now
+            out[row, k] = y + lead * rate
+        state[row, 0], state[row, 1], state[row, 2] = y, rate, last
+    return out
+
+
 class FirstOrder(Stateful):
     """Filters a signal: ``T y' + y = x`` for a time constant T [s]; exact for an input linear
     between samples.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from ankle_physics.linear_dynamics import LedSecondOrders
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
@@ -224,3 +225,18 @@ def test_a_part_beside_the_load_path_is_imitated_by_a_foot_in_its_straps():
     expected, found = torque_of(swings), torque_of(straps)
     settled = slice(400, None)  # the acceleration jumps at the first sample
     assert np.abs(found - expected)[settled].max() < 0.01 * np.abs(expected).max()
+
+
+def test_several_signals_pass_a_led_second_order_alike():
+    w, z, lead = 2 * np.pi * 30.0, 0.2, 0.004
+
+    def right(t, y):
+        x, v, _ = movement(t)
+        return [y[1], w**2 * (x + lead * v - y[0]) - 2 * z * w * y[1]]
+
+    expected = integrate(right, [0.0, 0.0])[0]
+    both = np.array([movement(TIME)[0], -2.0 * movement(TIME)[0]])
+    filters = LedSecondOrders(RATE, 2)
+    parts = [filters.run(part, w, z, lead) for part in np.split(both, [700], axis=1)]
+    found = np.concatenate(parts, axis=1)
+    assert np.abs(found - [expected, -2.0 * expected]).max() < 1e-3 * np.abs(expected).max()

@@ -162,17 +162,21 @@ class JointPath:
         # Straps smooth the foot's motion themselves.
         moves_alike = foot is plate and self._shaft is None
         drive = self._drive(v) if self._smoothing and moves_alike else foot.velocity
-        reflex: np.ndarray = np.zeros((2, len(x)))
+        # On the foot: held terms, and the reflex along the motion and along the commanded one.
+        on_foot: np.ndarray = np.zeros((3, len(x)))
         if self._held.any:
-            held, reflex = self._modelled(plate, foot, drive, commanded, torque)
-            added += held
+            on_plate, on_foot = self._modelled(plate, foot, drive, commanded, torque)
+            added += on_plate
         if reflex_columns is ReflexColumns.STRETCH:
-            reflex = np.maximum([drive, commanded.velocity], 0.0)
+            on_foot[1:] = np.maximum([drive, commanded.velocity], 0.0)
+        if self.straps is not None and (self._held.any or reflex_columns is not ReflexColumns.NONE):
+            on_foot = self.straps.at_plate("on the foot", on_foot)
+        added += on_foot[0]
         # What the sensor sees of a torque, the regression sees of the motion that goes with it.
         out = widened(samples, self._layout.reflex)
         if reflex_columns is not ReflexColumns.NONE:
-            for column, name, along in ((-2, MEASURED, reflex[0]), (-1, COMMANDED, reflex[1])):
-                out[:, column] = self._at_sensor(f"reflex {name}", along)
+            for column, name, along in ((-2, MEASURED, on_foot[1]), (-1, COMMANDED, on_foot[2])):
+                out[:, column] = self._sense(f"reflex {name}", along)
         out[:, 1] = self._sense("position", foot.position)
         out[:, torque_column] = torque - self._sense("torque", added)
         if measured:
@@ -195,7 +199,7 @@ class JointPath:
         A reflex rectifies the velocity and friction follows its sign: both would answer noise.
         """
         kernels = self._kernels
-        now = np.vstack([x, v, torque, reference])
+        now = np.array([x, v, torque, reference])
         if self._before is None:
             self._before = np.repeat(now[:, :1], kernels.shape[1] - 1, axis=1)
         joined = np.concatenate([self._before, now], axis=1)
@@ -238,7 +242,7 @@ class JointPath:
     def _at_sensor(self, channel: str, torque: np.ndarray) -> np.ndarray:
         """Return what the sensor reads of a torque on the foot [N.m]."""
         if self.straps is not None:
-            torque = self.straps.at_plate(channel, torque)
+            (torque,) = self.straps.at_plate(channel, torque[np.newaxis])
         return self._sense(channel, torque)
 
     def _commanded(self, reference: np.ndarray) -> Motion:
@@ -254,8 +258,9 @@ class JointPath:
         commanded: Motion,
         torque: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the torque of the held terms at the plate [N.m], shape (n,), and of a modelled
-        reflex on the foot, along the motion and along the commanded one, shape (2, n).
+        """Return torques [N.m]: of the held terms on the plate, shape (n,); on the foot, shape
+        (3, n), of the held terms and of a modelled reflex along the motion and along the commanded
+        one.
         """
         activation = self._activation.run(torque, ACTIVATION_TIME)
 
@@ -291,9 +296,7 @@ class JointPath:
                     )
                 ]
             )
-        if self.straps is not None:
-            on_foot = self.straps.at_plate("held", on_foot)
-        return on_plate + on_foot, np.array([reflex, along_command])
+        return on_plate, np.array([on_foot, reflex, along_command])
 
     def _read(self, name: str, torques: np.ndarray) -> np.ndarray:
         """Return torques of tracked terms as the sensor reads them, shape (1 + count, n)."""

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
-from ankle_physics.linear_dynamics import FirstOrder, SecondOrder
+from ankle_physics.linear_dynamics import FirstOrder, LedSecondOrders, SecondOrder
 from ankle_physics.model import Entry, Model
 
 LARGEST_CORE_STIFFNESS = 1000.0
@@ -53,11 +53,11 @@ class Straps:
         self._viscosity = float(model.entry("viscosity").values["B"])
         self._stiffness = float(model.entry("stiffness").values["K"])
         self._measured = measured_velocity
-        self._position, self._velocity = SecondOrder(rate), SecondOrder(rate)
-        self._reference = SecondOrder(rate)
+        # Position, velocity and reference.
+        self._motion, self._differentiated = LedSecondOrders(rate, 3), SecondOrder(rate)
         self._pushed, self._load = SecondOrder(rate), FirstOrder(rate)
         self._rate = rate
-        self._torques: dict[str, SecondOrder] = {}
+        self._torques: dict[str, LedSecondOrders] = {}
         self._middle = np.nan
 
     @property
@@ -83,11 +83,14 @@ class Straps:
         """
         if not np.isfinite(self._middle):
             self._middle = float(x[0])
-        position, rate = self._through(self._position, x - self._middle)
-        if self._measured:
-            rate = self._through(self._velocity, v)[0]
-        commanded = self._through(self._reference, reference - self._middle)[0]
-        return position + self._middle, rate, commanded + self._middle
+        middle = self._middle
+        position, rate, commanded = self._through(
+            self._motion, np.array([x - middle, v, reference - middle])
+        )
+        if not self._measured:
+            _, slope, bend = self._differentiated.run_with_rates(x - middle, *self._resonance)
+            rate = self.share * (slope + self._lead * bend)
+        return position + middle, rate, commanded + middle
 
     def pushed(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return by how much a torque on the foot moves it, position [rad] and velocity [rad/s].
@@ -102,18 +105,20 @@ class Straps:
         total = self._stiffness + self._k
         return x / total, v / total
 
-    def at_plate(self, name: str, torque: np.ndarray) -> np.ndarray:
-        """Return what reaches the plate of a torque on the foot [N.m], shape (n,).
+    def at_plate(self, name: str, torques: np.ndarray) -> np.ndarray:
+        """Return what reaches the plate of torques on the foot [N.m], shape (m, n).
 
         Parameters
         ----------
         name
-            Of this torque: each has a state of its own.
-        torque
-            On the foot [N.m], shape (n,).
+            Of these torques: each has a state of its own.
+        torques
+            On the foot [N.m], shape (m, n).
         """
-        state = self._torques.setdefault(name, SecondOrder(self._rate))
-        return self._through(state, torque)[0]
+        state = self._torques.get(name)
+        if state is None:
+            state = self._torques[name] = LedSecondOrders(self._rate, len(torques))
+        return self._through(state, torques)
 
     @property
     def _resonance(self) -> tuple[float, float]:
@@ -122,10 +127,13 @@ class Straps:
         damping = (self._viscosity + self._b) / (2.0 * math.sqrt(total * self._inertia))
         return math.sqrt(total / self._inertia), damping
 
-    def _through(self, state: SecondOrder, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        y, slope, bend = state.run_with_rates(values, *self._resonance)
-        lead = self._b / self._k
-        return self.share * (y + lead * slope), self.share * (slope + lead * bend)
+    @property
+    def _lead(self) -> float:
+        """Return the time by which the straps' damper leads their spring [s]."""
+        return self._b / self._k
+
+    def _through(self, state: LedSecondOrders, signals: np.ndarray) -> np.ndarray:
+        return self.share * state.run(signals, *self._resonance, self._lead)
 
 
 def coupling(model: Model) -> Entry | None:
