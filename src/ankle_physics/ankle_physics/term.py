@@ -157,7 +157,7 @@ class Term(ABC):
         Whether the torque of an intrinsic term depends on the movement before: relaxation,
         hysteresis, short-range stiffness. Such torque is no part of the stiffness K.
     family
-        Terms of one place and signature, which one recording can hardly tell apart; empty where the
+        Terms of one signature, which one recording can hardly tell apart; empty where the
         term is a family of its own.
     separated_by
         The measurement that tells this term from others of its family.
