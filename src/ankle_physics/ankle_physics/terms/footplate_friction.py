@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ankle_physics.signals import Signals
-from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
+from ankle_physics.term import Parameter
+from ankle_physics.terms.coulomb_friction import CoulombFriction
 
 
-class FootplateFriction(Term):
-    """Models the friction between plate and frame, as a calibration with the plate empty finds it.
+class FootplateFriction(CoulombFriction):
+    """Models the friction between plate and frame as a calibration with the plate empty finds it,
+    for rig files.
 
-    It acts on the plate's velocity; a recording with a foot strapped on rigidly cannot tell it
-    from `coulomb_friction`.
+    It is the equation of `coulomb_friction`, which is what a recording with a foot on the plate
+    finds; greased bearings of an empty plate turn more gradually.
     """
 
     name = "footplate_friction"
-    place = Place.COUPLING
-    belongs_to = Owner.RIG
-    rest_torque = "F"
+    family = ""
+    separated_by = ""
     searched = False
     sentence = "The bearing of the footplate opposes every movement with a constant torque."
     parameters = (
@@ -47,6 +45,3 @@ class FootplateFriction(Term):
             ),
         ),
     )
-
-    def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        return {"F": np.tanh(signals.velocity / float(values["v0"]))}

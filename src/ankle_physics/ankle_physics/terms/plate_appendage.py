@@ -61,8 +61,11 @@ class PlateAppendage(Term):
 
     @classmethod
     def imitated_by(cls, model: Mapping[str, Values]) -> dict[str, dict[str, dict[str, float]]]:
-        inertia, own = float(model["inertia"]["I"]), model[cls.name]
+        own = model[cls.name]
         omega, swings = 2.0 * np.pi * float(own["frequency"]), float(own["Ia"])
+        if "inertia" not in model or swings <= 0.0:
+            return {}
+        inertia = float(model["inertia"]["I"])
         # What swings is the foot, and what follows the plate is the plate.
         straps = {"k_s": swings * omega**2, "b_s": 2.0 * float(own["damping"]) * omega * swings}
         return {
