@@ -84,11 +84,15 @@ class Parameter(Quantity):
     fitted
         False for a convention, as the angle about which a curve is written; whoever fits sets it
         (an angle: to the mean angle of the recording) and leaves it.
+    tried
+        Values at which a search tries the term, where some spread evenly over the range do not
+        suit; empty: those.
     """
 
     default: float = 0.0
     linear: bool = False
     fitted: bool = True
+    tried: tuple[float, ...] = ()
 
     def value(self, value: object, term: str) -> float:
         """Return the value of this parameter in a model as a float.
@@ -122,6 +126,7 @@ class Parameter(Quantity):
             lower=self.lower * factor * min(shortest, 1.0),
             upper=self.upper * factor * max(shortest, 1.0),
             default=self.default * factor * shortest,
+            tried=tuple(value * factor for value in self.tried),
         )
 
 

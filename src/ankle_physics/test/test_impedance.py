@@ -136,6 +136,7 @@ def test_every_term_says_to_whom_it_belongs():
     assert rig == {
         "channel_skew",
         "coulomb_friction",
+        "cyclic_angle_error",
         "footplate_friction",
         "footplate_gravity",
         "footplate_inertia",

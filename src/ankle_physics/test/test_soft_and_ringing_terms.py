@@ -240,3 +240,32 @@ def test_several_signals_pass_a_led_second_order_alike():
     parts = [filters.run(part, w, z, lead) for part in np.split(both, [700], axis=1)]
     found = np.concatenate(parts, axis=1)
     assert np.abs(found - [expected, -2.0 * expected]).max() < 1e-3 * np.abs(expected).max()
+
+
+UNEVEN = {"s": 4e-4, "c": -3e-4, "p": 0.018, "xc": 0.002}
+
+
+def behind_uneven_gear(x, v, a):
+    signals = Signals(RATE, x, v, a)
+    Model.of({"cyclic_angle_error": UNEVEN}).start(RATE).torque(signals)
+    return signals
+
+
+def test_an_angle_error_repeats_as_the_plate_turns_and_has_its_size():
+    x = np.linspace(-0.03, 0.03, 6001)
+    error = behind_uneven_gear(x, np.zeros_like(x), np.zeros_like(x)).position - x
+    once = round(UNEVEN["p"] / (x[1] - x[0]))
+    np.testing.assert_allclose(error[once:], error[:-once], atol=1e-9)
+    assert np.ptp(error) == pytest.approx(2 * 5e-4, rel=1e-3)
+    assert np.interp(UNEVEN["xc"], x, error) == pytest.approx(UNEVEN["c"], rel=1e-6)
+
+
+def test_the_plate_behind_an_uneven_gear_moves_as_its_angle_says():
+    signals = behind_uneven_gear(*movement(TIME))
+    np.testing.assert_array_equal(signals.measured_position, movement(TIME)[0])
+    for rate, angle in (
+        (signals.velocity, signals.position),
+        (signals.acceleration, signals.velocity),
+    ):
+        expected = np.gradient(angle) * RATE
+        assert np.std((rate - expected)[1:-1]) < 0.005 * np.std(expected)

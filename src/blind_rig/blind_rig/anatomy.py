@@ -247,6 +247,10 @@ class Sensors(NamedTuple):
         Position reads true * (1 + gain) [1].
     encoder_backlash
         Backlash between shaft and encoder [rad].
+    gear_error, gear_pitch, gear_skewness
+        Largest angle [rad] by which the plate is ahead of encoder and tachometer, which sit before
+        a gear; the angle [rad] after which this repeats; share of it with twice the pitch's
+        frequency [1].
     mains
         50 Hz pick-up in torque, relative to the change of torque over 0.2 s [1].
     torque_step
@@ -264,6 +268,9 @@ class Sensors(NamedTuple):
     mode_zeta: float = 0.05
     position_gain: float = 0.0
     encoder_backlash: float = 0.0
+    gear_error: float = 0.0
+    gear_pitch: float = 0.03
+    gear_skewness: float = 0.3
     mains: float = 0.0
     torque_step: float = 0.0
     cable: float = 0.0

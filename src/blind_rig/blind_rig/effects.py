@@ -133,6 +133,14 @@ KNOWN_EFFECTS: tuple[Effect, ...] = (
         source="backlash between shaft and encoder",
     ),
     Effect(
+        "gear_error",
+        "position sensor",
+        "sensors.gear_error",
+        ((0.00005, 0.0015),),
+        {"sensors.gear_pitch": (0.02, 0.05), "sensors.gear_skewness": (0.0, 0.2)},
+        source="kinematic error of strain wave gears (Tuttle & Seering 1996)",
+    ),
+    Effect(
         "maxwell",
         "intrinsic",
         "muscle.maxwell_k",

@@ -52,6 +52,7 @@ MAGNITUDES: dict[str, tuple[float, float, float]] = {
     "mains_pickup": (0.09, 0.19, 0.32),
     "coarse_torque": (0.37, 0.69, 1.3),
     "cable_resonance": (0.1, 0.2, 0.35),
+    "gear_error": (0.0005, 0.001, 0.0015),
 }
 # Motion on which a subject's gain is made up for what a nonlinear reflex takes [s].
 COMPENSATION_DURATION = 8.0

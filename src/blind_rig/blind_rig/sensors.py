@@ -15,6 +15,8 @@ from blind_rig.mechanics import Motion
 MAINS_HZ = 50.0
 # Muscle activity shows in the torque's own unrest over this time [s].
 ACTIVITY_TIME = 0.2
+# Newton's method; for errors that turn no motion around the last step is below 1e-9 rad.
+GEAR_STEPS = 8
 # Paper, section II: anti-alias filter at 90 % of Nyquist; its order is that of a usual
 # data-acquisition board.
 ALIAS_SHARE, ALIAS_ORDER = 0.9, 4
@@ -64,6 +66,31 @@ def _late(signal: np.ndarray, delay: float, rate: float) -> np.ndarray:
     return np.interp(index - delay * rate, index, signal)
 
 
+def before_gear(
+    position: np.ndarray, velocity: np.ndarray, sensors: Sensors
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle [rad] and velocity [rad/s] of the shaft before a gear, each of shape (n,).
+
+    The output is ahead of the shaft, at the shaft's angle x, by
+    ``gear_error (sin(w x) + gear_skewness sin(2 w x))``, with ``w = 2 pi / gear_pitch``.
+
+    Parameters
+    ----------
+    position, velocity
+        Of the gear's output [rad], [rad/s], each of shape (n,).
+    sensors
+        With the gear's numbers.
+    """
+    w, skewness = 2 * math.pi / sensors.gear_pitch, sensors.gear_skewness
+    shaft = position
+    for _ in range(GEAR_STEPS):
+        ahead = np.sin(w * shaft) + skewness * np.sin(2 * w * shaft)
+        slope = w * (np.cos(w * shaft) + 2 * skewness * np.cos(2 * w * shaft))
+        turning = 1.0 + sensors.gear_error * slope
+        shaft = shaft - (shaft + sensors.gear_error * ahead - position) / turning
+    return shaft, velocity / turning
+
+
 def read(motion: Motion, setup: Setup, rate: float, seed: int) -> Reading:
     """Return the sensor signals without noise, at the simulation's rate [Hz].
 
@@ -75,6 +102,8 @@ def read(motion: Motion, setup: Setup, rate: float, seed: int) -> Reading:
     velocity = motion.motor_velocity if on_motor else motion.plate_velocity
     if s.encoder_backlash > 0:
         position = _backlash(position, s.encoder_backlash)
+    if s.gear_error > 0:
+        position, velocity = before_gear(position, velocity, s)
     position = position * (1.0 + s.position_gain)
     torque = motion.torque
     if s.mode_hz > 0:

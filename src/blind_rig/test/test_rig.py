@@ -8,8 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
 from blind_rig import effects, strength
-from blind_rig.anatomy import Setup
+from blind_rig.anatomy import Sensors, Setup
 from blind_rig.protocols import EVERY_PROTOCOL, Protocol, command
+from blind_rig.sensors import before_gear
 from blind_rig.subjects import draw_subject
 from blind_rig.trial import Trial, record, run
 
@@ -110,6 +111,17 @@ def test_play_lets_the_foot_move_no_further_than_its_stops() -> None:
     apart = np.abs(done.motion.foot - done.motion.plate)
     assert apart.max() > 0.8 * gap
     assert np.quantile(apart, 0.99) < 1.3 * gap
+
+
+def test_the_plate_behind_an_uneven_gear_is_ahead_of_the_shaft_by_its_error() -> None:
+    sensors = Sensors(gear_error=0.0015, gear_pitch=0.02, gear_skewness=0.2)
+    time = np.arange(4000) / 1000.0
+    plate = 0.03 * np.sin(2 * math.pi * time)
+    shaft, velocity = before_gear(plate, np.gradient(plate, time), sensors)
+    turn = 2 * math.pi / 0.02
+    ahead = 0.0015 * (np.sin(turn * shaft) + 0.2 * np.sin(2 * turn * shaft))
+    np.testing.assert_allclose(shaft + ahead, plate, atol=1e-9)
+    np.testing.assert_allclose(velocity[2:-2], np.gradient(shaft, time)[2:-2], atol=0.02)
 
 
 def test_same_seed_gives_the_same_trial_and_the_effect_alone_differs() -> None:

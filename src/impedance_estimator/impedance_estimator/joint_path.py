@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
-from ankle_physics.model import Entry, Model
+from ankle_physics.model import Model
 from ankle_physics.rig_file import LONGEST_DELAY
 from ankle_physics.signals import Signals
 from ankle_physics.term import State
@@ -92,8 +92,8 @@ class JointPath:
         self._sensor_states: dict[str, list[State]] = {}
         self.straps = Straps(model, rate, layout.measured_velocity) if known.has_straps else None
         self._on_foot = foot_torques(model, rate) if self.straps is not None else None
-        self._shaft = _Loose.of(model, "lost_motion", rate)
-        self._gap = _Loose.of(model, "backlash", rate)
+        self._drive_train = _Connections(model, ("cyclic_angle_error", "lost_motion"), rate)
+        self._gap = _Connections(model, ("backlash",), rate)
         self._plate_inertia = known.plate_inertia
         self._before: np.ndarray | None = None
         self._unsmoothed_velocity = np.zeros(0)
@@ -107,7 +107,7 @@ class JointPath:
         self._kernels = gaussian_derivatives(max(SMOOTHING, 0.8 / rate), rate)
         stretch = layout.reflex is ReflexColumns.STRETCH
         self._smoothing = (
-            self.straps is not None or self._shaft is not None or self._held.any or stretch
+            self.straps is not None or self._drive_train.any or self._held.any or stretch
         )
         self._commanding = layout.reflex is not ReflexColumns.NONE or self._tracked is not None
 
@@ -147,20 +147,17 @@ class JointPath:
         acceleration = np.zeros(len(x))
         if self._smoothing:
             x, v, torque, delayed, acceleration = self._smoothed(x, v, torque, delayed)
-        plate = Motion(x, v, acceleration)
-        if self._shaft is not None:
-            plate = self._shaft.run(plate)
+        plate = self._drive_train.run(Motion(x, v, acceleration))
         foot, added = plate, np.zeros(len(x))
         if self.straps is not None:
             # The plate moves otherwise than the foot: its inertia cannot be taken from I.
             added += self._plate_inertia * plate.acceleration
             position, velocity, delayed = self.straps.foot(plate.position, plate.velocity, delayed)
             foot = Motion(position, velocity, np.zeros(len(x)))
-        if self._gap is not None:
-            foot = self._gap.run(foot)
+        foot = self._gap.run(foot)
         commanded = self._commanded(delayed) if self._commanding else foot
         # Straps smooth the foot's motion themselves.
-        moves_alike = foot is plate and self._shaft is None
+        moves_alike = foot is plate and not self._drive_train.any
         drive = self._drive(v) if self._smoothing and moves_alike else foot.velocity
         # On the foot: held terms, and the reflex along the motion and along the commanded one.
         on_foot: np.ndarray = np.zeros((3, len(x)))
@@ -308,22 +305,26 @@ class JointPath:
         return np.array(read)
 
 
-class _Loose:
-    """Takes a motion along behind a connection that loses some of it: a worn shaft, or a gap."""
+class _Connections:
+    """Takes a motion along through uneven and loose parts of the drive: gear, worn shaft, gap."""
 
-    def __init__(self, entry: Entry, rate: float) -> None:
-        self._entry, self._rate = entry, rate
-        self._state = entry.term.start(rate)
+    def __init__(self, model: Model, names: tuple[str, ...], rate: float) -> None:
+        self._rate = rate
+        entries = [model.entry(name) for name in names if model.has(name)]
+        self._parts = [(entry, entry.term.start(rate)) for entry in entries]
 
-    @classmethod
-    def of(cls, model: Model, name: str, rate: float) -> _Loose | None:
-        """Return the connection of a model; None where it has none of this name."""
-        return cls(model.entry(name), rate) if model.has(name) else None
+    @property
+    def any(self) -> bool:
+        """Tell whether the model has any of them."""
+        return bool(self._parts)
 
     def run(self, motion: Motion) -> Motion:
-        """Return the motion behind it."""
+        """Return the motion behind them; the same where there are none."""
+        if not self._parts:
+            return motion
         signals = Signals(self._rate, *motion)
-        self._entry.term.transform(signals, self._entry.values, self._state)
+        for entry, state in self._parts:
+            entry.term.transform(signals, entry.values, state)
         return Motion(signals.foot_position, signals.foot_velocity, signals.foot_acceleration)
 
 

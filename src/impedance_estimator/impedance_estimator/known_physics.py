@@ -41,6 +41,7 @@ SUPPORTED_TERMS = (
     *PAPER_TERMS,
     "backlash",
     "channel_skew",
+    "cyclic_angle_error",
     "footplate_inertia",
     "lost_motion",
     "servo_compliance",

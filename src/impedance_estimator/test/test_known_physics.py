@@ -181,10 +181,14 @@ def test_a_gap_between_plate_and_foot_gives_the_motion_of_the_foot():
     assert np.std((x - signals.foot_position)[skip:]) > 0.001
 
 
-def test_a_loose_shaft_gives_the_motion_of_the_plate():
+LOOSE_SHAFT = {"lost_motion": {"gap": 0.004}}
+UNEVEN_GEAR = {"cyclic_angle_error": {"s": 6e-4, "c": 8e-4, "p": 0.04, "xc": 0.01}}
+
+
+@pytest.mark.parametrize("drive", [LOOSE_SHAFT, UNEVEN_GEAR, {**UNEVEN_GEAR, **LOOSE_SHAFT}])
+def test_a_loose_shaft_or_an_uneven_gear_gives_the_motion_of_the_plate(drive):
     x, v, a = motion(4.0)
-    plate = {"lost_motion": {"gap": 0.004}, "footplate_inertia": {"Ip": 0.005}}
-    model = Model.of({**CORE, **plate})
+    model = Model.of({**CORE, **drive, "footplate_inertia": {"Ip": 0.005}})
     signals = Signals(RATE, x, v, a)
     torque = model.start(RATE).torque(signals)
     known = KnownPhysics(subject=model)
@@ -195,8 +199,8 @@ def test_a_loose_shaft_gives_the_motion_of_the_plate():
     # The samples pass the kernel that the acceleration needs.
     apart = out[:, 1] - smoothed(signals.position)
     moved = np.std((x - signals.position)[skip:])
-    assert moved > 0.001
-    assert np.std(apart[skip:]) < 0.05 * moved
+    assert moved > 5e-4
+    assert np.std(apart[skip:]) < 0.1 * moved
 
 
 def test_friction_keeps_its_torque_at_rest_however_noisy_the_encoder():

@@ -35,10 +35,12 @@ RIVALS = (
     "reflex_threshold",
     "long_latency_reflex",
     "lost_motion",
+    "cyclic_angle_error",
     "backlash",
 )
 RATE = 2048.0  # Hz
 GAP = 0.004  # rad
+PERIOD = 0.03  # rad
 """Terms of every place; the whole library is searched where nothing is missing."""
 
 
@@ -139,6 +141,30 @@ def test_play_with_sharp_edges_in_the_drive_is_lost_motion():
     )
     found = diagnose(recording, library=RIVALS).found.final
     assert found.values["lost_motion"]["gap"] == pytest.approx(GAP, rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_gear_whose_error_is_no_sine_is_a_cyclic_angle_error():
+    random = np.random.default_rng(11)
+    steps = np.repeat(random.uniform(-0.03, 0.03, 240), round(0.25 * RATE))
+    motor = lfilter(*butter(4, 40.0, fs=RATE), steps)
+    turn = 2.0 * np.pi / PERIOD
+    plate = motor + 6e-4 * (np.sin(turn * motor) + 0.3 * np.sin(2.0 * turn * motor + 1.0))
+    velocity = np.gradient(plate) * RATE
+    signals = Signals(RATE, plate, velocity, np.gradient(velocity) * RATE)
+    torque = Model.of({name: {} for name in PAPER_TERMS}).torque(signals)
+    noise = random.standard_normal((2, len(torque)))
+    recording = Recording(
+        RATE,
+        motor + 2e-5 * noise[0],
+        torque + 0.02 * np.std(torque) * noise[1],
+        name="uneven gear",
+    )
+    found = diagnose(recording, library=RIVALS).found
+    assert found.effects[0].trial.name == "cyclic_angle_error"
+    values = found.final.values["cyclic_angle_error"]
+    assert values["p"] == pytest.approx(PERIOD, rel=0.1)
+    assert np.hypot(values["s"], values["c"]) == pytest.approx(6e-4, rel=0.3)
 
 
 @pytest.mark.slow

@@ -68,6 +68,20 @@ def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
     assert judge(found(1.0, effects=()), small, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
 
 
+@pytest.mark.parametrize(
+    ("score", "effects", "torque_share", "expected"),
+    [
+        (1.0, (), 0.02, "unexplained"),
+        (1.0, (), 0.006, "no_mismatch"),  # as leakage left it without a mismatch
+        (0.95, ("a term",), 0.02, "unexplained"),
+        (0.5, ("a term",), 0.02, "explained"),  # three quarters are closed
+    ],
+)
+def test_no_leakage_makes_so_much_torque_predictable(score, effects, torque_share, expected):
+    left = remainder(0.3, False, torque_share, held=False)
+    assert judge(found(score, effects), left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
 def test_a_residual_that_stays_predictable_is_not_explained_however_little_torque_it_is():
     small = remainder(0.3, True, torque_share=8e-4)
     assert (

@@ -48,7 +48,7 @@ IN_HUMAN_TRIALS = ("planted", "planted_from_rig")
 EXCLUDED_EFFECTS = frozenset({"tremor", "position_gain", "encoder_backlash"})
 # A planted effect adds torque to a movement that is as it was recorded: a delayed angle does not,
 # and straps are in every human trial already.
-NOT_PLANTED = frozenset({"torque_delay", "strap"})
+NOT_PLANTED = frozenset({"torque_delay", "gear_error", "strap"})
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ ODDS_SCALE = RIVAL_EXCESS / 3.0
 # The screening is linear: a rival may do somewhat better after its refit than it promised.
 RIVAL_PROMISE = 0.6
 RIVALS_REFITTED = 3
+# Of a fit whose other values have to follow a long way.
+RIVAL_EVALUATIONS = 40
 # A rival takes an effect's place where it lowers the whitened error by this share with no more
 # parameters; a term that was found early may only have stood in for it.
 SWAP_GAIN = 0.005
@@ -113,11 +115,10 @@ def second_effect(final: Fit, refinements: Sequence[Trial], named: Sequence[str]
     (only,) = large
     library = term_library()
     families = {library[name].family for name in named}
-    at_bounds = any(label.startswith(f"{only.name}.") for label in final.at_bounds)
     is_second = (
         only.accepted
         and only.torque_share > MATERIAL_SHARE
-        and not at_bounds
+        and not ends_at_bound(final, only.name)
         and library[only.name].family not in families
     )
     return only.name if is_second else None
@@ -147,6 +148,8 @@ def _rivals(
         s for rank, s in enumerate(promising) if rank < RIVALS_REFITTED or _is_simpler(s.name, name)
     ]
     limit = (1.0 + RIVAL_EXCESS) * final.score
+    # Such an effect stands in for another one: what has no more parameters is fitted to the end.
+    stands_in = ends_at_bound(final, name)
 
     imitated = term_library()[name].imitated_by(final.values)
 
@@ -158,6 +161,8 @@ def _rivals(
             s.name: s.start,
             **imitated.get(s.name, {}),
         }
+        if stands_in and _is_simpler(s.name, name):
+            return refitted(fitter, without, s.name, start, evaluations=RIVAL_EVALUATIONS)
         return refitted(fitter, without, s.name, start, evaluations=8, limit=limit)
 
     trials = in_parallel(in_its_place, tried)
@@ -257,8 +262,11 @@ def exchange(
     swaps = 0
     while found.effects:
         _weigh(fitter, found, null, fixed_errors(found.base, yardstick))
+        for effect in found.refinements:
+            effect.rivals = []
         in_parallel(
-            lambda effect: _rivals(fitter, found, effect, grids, null, progress), found.effects
+            lambda effect: _rivals(fitter, found, effect, grids, null, progress),
+            [*found.effects, *_ending_at_bounds(fitter, found, null)],
         )
         better = better_rival(found)
         if better is None or swaps == MOST_SWAPS:
@@ -266,6 +274,32 @@ def exchange(
         _swap(fitter, found, *better, null, yardstick, progress)
         swaps += 1
     return swaps > 0
+
+
+def _ending_at_bounds(fitter: Fitter, found: Found, null: Null) -> list[Effect]:
+    """Return the refinements of a model of few terms that end at the bound of a range, measured: a
+    resonance whose damping does so is a lag, and the lag may be an effect.
+    """
+    if len(found.refinements) > MOST_REFINEMENTS:
+        return []
+    ending = [
+        effect for effect in found.refinements if ends_at_bound(found.final, effect.trial.name)
+    ]
+    in_parallel(lambda effect: _try_without(fitter, found.final, effect, null), ending)
+    return ending
+
+
+def ends_at_bound(final: Fit, name: str) -> bool:
+    """Say whether a term of a model ends at the bound of a range.
+
+    Parameters
+    ----------
+    final
+        The model.
+    name
+        Of the term.
+    """
+    return any(label.startswith(f"{name}.") for label in final.at_bounds)
 
 
 def better_rival(found: Found) -> tuple[Effect, Trial] | None:
@@ -277,12 +311,12 @@ def better_rival(found: Found) -> tuple[Effect, Trial] | None:
     Parameters
     ----------
     found
-        With the rivals of each effect.
+        With the rivals of each effect, and of refinements that end at the bound of a range.
     """
     final = found.final
     options = [
         (effect, rival)
-        for effect in found.effects
+        for effect in (*found.effects, *found.refinements)
         for rival in effect.rivals
         if rival.exceeds_chance
         and rival.fit.score < (1.0 - _least_gain(rival, final)) * final.score
@@ -311,7 +345,11 @@ def _swap(
     current = fitter.fit(rival.fit.terms, rival.fit.values, evaluations=15)
     # In its place in the order, too: at the end it would seem to take off next to nothing.
     taken = Effect(rival, effect.errors)
-    found.effects[found.effects.index(effect)] = taken
+    if effect in found.effects:
+        found.effects[found.effects.index(effect)] = taken
+    else:
+        found.refinements.remove(effect)
+        found.effects.append(taken)
     found.effects[-1].errors = fixed_errors(current, yardstick)
     found.final = drop_superfluous(fitter, found, taken, current, null, progress)
 

@@ -142,7 +142,7 @@ def without_term(terms: Sequence[str], name: str) -> list[str]:
 
 def grid(name: str, duration: float) -> list[Point]:
     """Return the points of the candidate's nonlinear parameters, evenly spread over their (scaled)
-    ranges.
+    ranges unless a parameter states others.
 
     Parameters
     ----------
@@ -152,12 +152,12 @@ def grid(name: str, duration: float) -> list[Point]:
         Of the recording [s], which resolves frequencies.
     """
     free = nonlinear([name])
-    count = _GRID[min(len(free), 3)]
+    count = _GRID[min(sum(not p.tried for _, p in free), 3)]
     resolved = term_library()[name].resolved_by_duration
     values = [
         _resolved(p, duration)
         if p.symbol == resolved
-        else [from_unit(p, (k + 0.5) / count) for k in range(count)]
+        else p.tried or [from_unit(p, (k + 0.5) / count) for k in range(count)]
         for _, p in free
     ]
     return [

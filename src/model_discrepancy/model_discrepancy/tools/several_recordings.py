@@ -9,7 +9,7 @@ differ.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -263,7 +263,7 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
         effect = _compared(found.members, name, gain)
         found.effects.append(effect)
         if effect.shared:
-            held[name] = _pooled(effect)
+            held[name] = _pooled(effect, found.members[0].fit.values[name])
     for member in found.members:
         progress(f"{member.name}: scoring on unseen data")
         problem = member.problem
@@ -307,11 +307,11 @@ def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect
     return SharedEffect(name, term.belongs_to, gain, values, same, shared)
 
 
-def _pooled(effect: SharedEffect) -> dict[str, float]:
+def _pooled(effect: SharedEffect, given: Mapping[str, float]) -> dict[str, float]:
     """Return the values by symbol: means of the recordings, weighted by their errors; conventions
-    typical.
+    as given.
     """
-    pooled = {p.symbol: p.default for p in term_library()[effect.name].parameters}
+    pooled = dict(given)
     for p in term_library()[effect.name].parameters:
         pairs = np.array(effect.values.get(p.key, []), dtype=float)
         if not len(pairs):

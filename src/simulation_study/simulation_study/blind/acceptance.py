@@ -82,6 +82,11 @@ ANSWERS: dict[str, Answer] = {
     "encoder_backlash": Answer(
         ("backlash",), "", {"sensors.encoder_backlash": ("backlash", "gap[rad]", 1.0)}
     ),
+    "gear_error": Answer(
+        ("cyclic_angle_error",),
+        "",
+        {"sensors.gear_pitch": ("cyclic_angle_error", "p[rad]", 1.0)},
+    ),
     "maxwell": Answer(
         ("maxwell_relaxation", "fractional_damping"),
         "one relaxation with finite data is also a fractional element",
