@@ -219,6 +219,18 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     assert judge(found(0.3), moved, [], USUAL_VARIABILITY, useless)[0] == "explained"
 
 
+@pytest.mark.parametrize(
+    ("score", "augmented", "expected"),
+    [(0.87, 80.15, "no_mismatch"), (0.87, 80.3, "explained"), (0.5, 80.15, "explained")],
+)
+def test_names_that_predict_hardly_any_torque_and_take_off_little_are_no_mismatch(
+    score, augmented, expected
+):
+    nothing = remainder(0.02, True)
+    scores = Scores(base=80.0, augmented=augmented, ceiling=82.0)
+    assert judge(found(score), nothing, [], USUAL_VARIABILITY, scores)[0] == expected
+
+
 def test_effects_that_take_off_next_to_nothing_are_no_mismatch():
     nothing, much = remainder(0.02, True), remainder(0.3, True)
     assert judge(found(0.94), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"

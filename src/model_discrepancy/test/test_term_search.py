@@ -290,9 +290,22 @@ def test_what_lets_unseen_torque_be_predicted_worse_than_it_helps_is_removed(
     """A seventh of the unseen error is its own: 8.2 and 7 %."""
     every = ("fixation_compliance", "backlash", "tendon")
     vaf = {(): 80.0, every: 91.8, every[:2]: 93.0}
-    found, said = without_harm(monkeypatch, vaf, every, at_bounds=(), scores={every[:2]: score})
+    found, said = without_harm(
+        monkeypatch, vaf, every, at_bounds=(), scores={(): 1e3, every[:2]: score}
+    )
     assert [effect.trial.name for effect in found.refinements] == kept
     assert len(said) == 2 - len(kept)
+
+
+def test_effects_that_explain_less_than_the_base_model_without_what_was_removed_go(monkeypatch):
+    every = ("lost_motion", "channel_skew")
+    vaf = {(): 84.0, every: 83.0, every[:1]: 83.5}
+    scores = {(): 100.0, every: 90.0, every[:1]: 107.0}
+    found, said = without_harm(monkeypatch, vaf, every, at_bounds=(), scores=scores)
+    assert (found.effects, found.refinements) == ([], [])
+    assert found.final.terms == ()
+    assert found.final_held_out.vaf == 84.0
+    assert len(said) == 2
 
 
 def without_harm(monkeypatch, vaf, every, at_bounds, scores=MappingProxyType({})):

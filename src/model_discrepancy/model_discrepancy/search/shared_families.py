@@ -2,7 +2,8 @@
 
 Terms of one family imitate each other: beside a resonance of the torque sensor a search may end
 where the straps are rigid, though straps alone would explain more. A fit does not find back from
-there, so each term of the family is begun anew from its grid without the others.
+there, so each term of the family is begun anew from its grid without the others. A term of another
+family that states that it is imitated by one of these belongs to them (`Term.imitated_by`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import without_term
-from model_discrepancy.search.trials import fixed_errors
+from model_discrepancy.search.trials import fixed_errors, refitted
 
 # Beside many other terms, whose values follow slowly.
 EVALUATIONS = 40
@@ -51,15 +52,12 @@ def unite(
     progress
         Called with one line for each family.
     """
-    library, families = term_library(), defaultdict(list)
-    for effect in found.effects:
-        families[library[effect.trial.name].family].append(effect)
     united = False
-    for family, members in families.items():
+    for family, members in _imitating(found).items():
         if not family or len(members) < 2:
             continue
-        progress(f"{family}: one term for {', '.join(effect.trial.name for effect in members)}")
         names = [effect.trial.name for effect in members]
+        progress(f"{family}: one term for {', '.join(names)}")
         trials = [_alone(fitter, found, name, names, grids) for name in names]
         best = min(trials, key=lambda trial: trial.fit.score)
         by_chance = sum(null.threshold(name) for name in names if name != best.name)
@@ -67,6 +65,23 @@ def unite(
             _put(fitter, found, members, best, yardstick)
             united = True
     return united
+
+
+def _imitating(found: Found) -> dict[str, list[Effect]]:
+    """Return the effects that imitate each other, by the name of their family."""
+    library, families = term_library(), defaultdict(list)
+    for effect in found.effects:
+        families[library[effect.trial.name].family].append(effect)
+    for effect in found.effects:
+        name = effect.trial.name
+        for other in library[name].imitated_by(found.final.values):
+            family = library[other].family
+            if families.get(family) and effect not in families[family]:
+                families[library[name].family].remove(effect)
+                families[family] = [
+                    e for e in found.effects if e is effect or e in families[family]
+                ]
+    return families
 
 
 def _alone(fitter: Fitter, found: Found, name: str, members: Sequence[str], grids: Grids) -> Trial:
@@ -77,7 +92,29 @@ def _alone(fitter: Fitter, found: Found, name: str, members: Sequence[str], grid
     bare = fitter.fit(terms, found.final.values, evaluations=15)
     # The others as they are beside the family: without it, they stand in for a part of it.
     others = {term: found.final.values[term] for term in terms}
-    return begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, others)
+    anew = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, others)
+    swings_alike = [
+        refitted(fitter, bare, name, {**others, **start}, EVALUATIONS)
+        for start in _imitations(found, name, members)
+    ]
+    return max([anew, *swings_alike], key=lambda trial: trial.gain)
+
+
+def _imitations(
+    found: Found, name: str, members: Sequence[str]
+) -> list[dict[str, dict[str, float]]]:
+    """Return the values at which this term, or the special case that it holds, makes nearly the
+    torque of another one of these members.
+    """
+    library, starts = term_library(), []
+    for member in members:
+        for other, start in library[member].imitated_by(found.final.values).items():
+            if other == name or other in library[name].generalises:
+                own = {p.symbol: p.default for p in library[name].parameters}
+                turn = library[name].turn
+                neutral = {} if turn is None else {turn.symbol: turn.neutral}
+                starts.append({**start, name: own | neutral | start[other]})
+    return starts
 
 
 def _put(

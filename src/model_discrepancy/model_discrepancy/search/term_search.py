@@ -81,8 +81,8 @@ def search(
             best = hypotheses.followed(found)
             found = best.found
         _settle(fitter, base, best, null, yardstick)
-        specialise(fitter, found, null)
         united = unite(fitter, found, grids, null, yardstick, progress)
+        specialise(fitter, found, null)
         exchanged = exchange(fitter, found, grids, null, yardstick, progress) or united
         terms = len(found.effects) + len(found.refinements)
         if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
@@ -125,7 +125,7 @@ def _unrefined(fitter: Fitter, found: Found) -> Fit | None:
 
 
 def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) -> bool:
-    """Remove refinements that do harm, and return whether there were any.
+    """Remove refinements that do harm, and return whether there were any and effects are left.
 
     A compliant coupling that corrects little goes where it ends at a bound of its range: a strap
     that no foot wears would take K and I of the joint with it. One goes, too, that lets unseen
@@ -146,6 +146,11 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
     while found.refinements and found.final_held_out.vaf < found.base_held_out.vaf:
         progress(f"{found.refinements[-1].trial.name} lets unseen data be predicted worse")
         _drop_refinement(fitter, found, found.refinements[-1])
+    if found.final.score > found.base.score:
+        progress("what is left explains less than the base model")
+        found.effects, found.refinements = [], []
+        found.final, found.final_held_out = found.base, found.base_held_out
+        return False
     return len(found.refinements) < before
 
 
