@@ -13,7 +13,7 @@ from ankle_physics.term import Place, term_library
 from model_discrepancy.fit import projection
 from model_discrepancy.fit.base_model import fit_base, has_joint
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.least_squares import bounded
+from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
 from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.rows import autoregression
@@ -135,6 +135,12 @@ def test_bounded_least_squares_keeps_physical_signs():
     amplitudes = bounded(matrix, target, *ranges([("viscosity", "B"), ("stiffness", "K")]))
     assert amplitudes[0] == pytest.approx(0.0, abs=1e-12)
     assert amplitudes[1] == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("columns", [0, 2])
+def test_where_every_amplitude_is_at_its_bound_nothing_is_spanned(columns):
+    """A model may start so that no column is left free."""
+    assert orthonormal(np.zeros((5, columns))).shape == (5, 0)
 
 
 def test_scaled_parameters_return():

@@ -30,7 +30,8 @@ class CyclicAngleError(Term):
     """Models a plate whose angle differs from the measured one by an error with a period in the
     angle.
 
-    Its first harmonic is modelled. Velocity and acceleration are the exact derivatives of the
+    Its first harmonic is modelled (kinematic error of strain wave gears: Tuttle & Seering 1996,
+    IEEE Trans. Robot. Autom. 12, 368). Velocity and acceleration are the exact derivatives of the
     plate's position.
     """
 

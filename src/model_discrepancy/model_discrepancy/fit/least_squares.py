@@ -21,6 +21,8 @@ def orthonormal(matrix: np.ndarray) -> np.ndarray:
     """Return the orthonormal basis of the columns' span, shape (n, rank)."""
     scale = lengths(matrix)
     kept = matrix[:, scale > 0] / scale[scale > 0]
+    if kept.shape[1] == 0:
+        return kept
     eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
     large = eigenvalues > 1e-10 * eigenvalues[-1]
     return kept @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
