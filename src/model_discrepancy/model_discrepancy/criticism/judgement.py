@@ -35,6 +35,9 @@ LARGEST_PREDICTABLE_IN_LOOP = 0.4
 LARGEST_TORQUE_BY_LEAKAGE = 0.012
 # That is missing physics beside names that close less of the mismatch, or none.
 GAP_CLOSED_BESIDE_LEAKAGE = 0.5
+# Where torque does not move the plate, right names left up to 20 % of the whitened residual
+# predictable, those that stood in for another effect 31 and 32 %, however little torque that was.
+LARGEST_PREDICTABLE_WITHOUT_LOOP = 0.25
 # The same of the plain torque, to which the whitened residual's highest frequencies add little:
 # names that close less of its gap describe something else. Right names closed 86 % and more, those
 # that stood in for another effect 27 and 64 %.
@@ -127,6 +130,7 @@ def judge(
         (predictable and (closed < GAP_CLOSED or leaves_torque or left > LARGEST_PREDICTABLE))
         or (predictable_residual and closed < GAP_CLOSED)
         or (remainder.exceeds_chance and left > LARGEST_PREDICTABLE_IN_LOOP)
+        or (remainder.criticises and left > _largest_predictable(remainder) and large)
         or ((found.contradicted or found.ends_at_bounds) and not in_doubt)
         or (remainder.judged and len(found.effects) >= MANY_NAMES and criticised(found, remainder))
         or (len(found.effects) == 1 and remainder.judged and strongly_criticised(remainder))
@@ -139,6 +143,14 @@ def judge(
     if in_doubt and not (unusual or findings):
         return "no_mismatch", float("nan")
     return "explained", closed
+
+
+def _largest_predictable(remainder: Remainder) -> float:
+    """Return the share of the whitened residual that stays predictable beside right names at most,
+    however little torque it is.
+    """
+    without_loop = remainder.held or remainder.judged
+    return LARGEST_PREDICTABLE_WITHOUT_LOOP if without_loop else LARGEST_PREDICTABLE_IN_LOOP
 
 
 def criticised(found: Found, remainder: Remainder) -> bool:
