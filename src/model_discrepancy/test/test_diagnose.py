@@ -122,6 +122,16 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     assert not set(effect["excluded"]) & set(effect["set"])
 
 
+def recorded_before(motor, plate, random, name):
+    """An encoder on the motor's side, and the torque of the paper's model along the plate."""
+    velocity = np.gradient(plate) * RATE
+    signals = Signals(RATE, plate, velocity, np.gradient(velocity) * RATE)
+    torque = Model.of({term: {} for term in PAPER_TERMS}).torque(signals)
+    noise = random.standard_normal((2, len(torque)))
+    noisy = torque + 0.02 * np.std(torque) * noise[1]
+    return Recording(RATE, motor + 2e-5 * noise[0], noisy, name=name)
+
+
 @pytest.mark.slow
 def test_play_with_sharp_edges_in_the_drive_is_lost_motion():
     random = np.random.default_rng(8)
@@ -129,16 +139,7 @@ def test_play_with_sharp_edges_in_the_drive_is_lost_motion():
     motor = lfilter(*butter(4, 40.0, fs=RATE), steps)
     # The plate's mass on the contact, without which it would jump.
     plate = lfilter(*butter(2, 150.0, fs=RATE), BacklashOperator().run(motor, GAP))
-    velocity = np.gradient(plate) * RATE
-    signals = Signals(RATE, plate, velocity, np.gradient(velocity) * RATE)
-    torque = Model.of({name: {} for name in PAPER_TERMS}).torque(signals)
-    noise = random.standard_normal((2, len(torque)))
-    recording = Recording(
-        RATE,
-        motor + 2e-5 * noise[0],
-        torque + 0.02 * np.std(torque) * noise[1],
-        name="loose shaft",
-    )
+    recording = recorded_before(motor, plate, random, "loose shaft")
     found = diagnose(recording, library=RIVALS).found.final
     assert found.values["lost_motion"]["gap"] == pytest.approx(GAP, rel=0.15)
 
@@ -150,16 +151,7 @@ def test_a_gear_whose_error_is_no_sine_is_a_cyclic_angle_error():
     motor = lfilter(*butter(4, 40.0, fs=RATE), steps)
     turn = 2.0 * np.pi / PERIOD
     plate = motor + 6e-4 * (np.sin(turn * motor) + 0.3 * np.sin(2.0 * turn * motor + 1.0))
-    velocity = np.gradient(plate) * RATE
-    signals = Signals(RATE, plate, velocity, np.gradient(velocity) * RATE)
-    torque = Model.of({name: {} for name in PAPER_TERMS}).torque(signals)
-    noise = random.standard_normal((2, len(torque)))
-    recording = Recording(
-        RATE,
-        motor + 2e-5 * noise[0],
-        torque + 0.02 * np.std(torque) * noise[1],
-        name="uneven gear",
-    )
+    recording = recorded_before(motor, plate, random, "uneven gear")
     found = diagnose(recording, library=RIVALS).found
     assert found.effects[0].trial.name == "cyclic_angle_error"
     values = found.final.values["cyclic_angle_error"]
