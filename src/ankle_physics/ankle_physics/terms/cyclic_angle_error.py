@@ -59,7 +59,7 @@ class CyclicAngleError(Term):
             "rad",
             -_LARGEST_ERROR,
             _LARGEST_ERROR,
-            0.0,
+            1e-4,
             _SIZE,
             description="It is the size of the error's cosine about the angle xc.",
             tried=(-2e-4, 2e-4),
