@@ -20,10 +20,21 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
 _LARGEST_ERROR = 0.002
-_SIZE = (
-    "by reasoning: a larger error (0.1 degrees) is seen by eye on a plot of angle against time; a "
-    "strain wave gear has 0.3 mrad, a wound potentiometer up to 2 mrad within a turn"
-)
+
+
+def _harmonic(symbol: str, default: float, meaning: str) -> Parameter:
+    """Return the parameter of the sine or of the cosine [rad]."""
+    return Parameter(
+        symbol,
+        "rad",
+        -_LARGEST_ERROR,
+        _LARGEST_ERROR,
+        default,
+        "by reasoning: a larger error (0.1 degrees) is seen by eye on a plot of angle against "
+        "time; a strain wave gear has 0.3 mrad, a wound potentiometer up to 2 mrad within a turn",
+        description=meaning,
+        tried=(-2e-4, 2e-4),
+    )
 
 
 class CyclicAngleError(Term):
@@ -44,26 +55,8 @@ class CyclicAngleError(Term):
         "encoder scale or potentiometer."
     )
     parameters = (
-        Parameter(
-            "s",
-            "rad",
-            -_LARGEST_ERROR,
-            _LARGEST_ERROR,
-            3e-4,
-            _SIZE,
-            description="It is the size of the error's sine about the angle xc.",
-            tried=(-2e-4, 2e-4),
-        ),
-        Parameter(
-            "c",
-            "rad",
-            -_LARGEST_ERROR,
-            _LARGEST_ERROR,
-            1e-4,
-            _SIZE,
-            description="It is the size of the error's cosine about the angle xc.",
-            tried=(-2e-4, 2e-4),
-        ),
+        _harmonic("s", 3e-4, "It is the size of the error's sine about the angle xc."),
+        _harmonic("c", 1e-4, "It is the size of the error's cosine about the angle xc."),
         Parameter(
             "p",
             "rad",

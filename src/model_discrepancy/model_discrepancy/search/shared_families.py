@@ -81,6 +81,7 @@ def _imitating(found: Found) -> dict[str, list[Effect]]:
                 families[family] = [
                     e for e in found.effects if e is effect or e in families[family]
                 ]
+                break
     return families
 
 
