@@ -137,18 +137,22 @@ def _rivals(
         if other != name and name not in term_library()[other].generalises
     }
     screened = screen(fitter, without, points)
+
+    def is_simpler_sibling(other: str) -> bool:
+        return _is_simpler(other, name) and place_of(other) is place_of(name)
+
     # The screening says least about a simple term beside ones that were fitted without it.
     promising = [
         s
         for s in screened
-        if s.share > RIVAL_PROMISE * effect.trial.gain
-        or (_is_simpler(s.name, name) and place_of(s.name) is place_of(name))
+        if s.share > RIVAL_PROMISE * effect.trial.gain or is_simpler_sibling(s.name)
     ]
     tried = [
         s for rank, s in enumerate(promising) if rank < RIVALS_REFITTED or _is_simpler(s.name, name)
     ]
     limit = (1.0 + RIVAL_EXCESS) * final.score
-    # Such an effect stands in for another one: what has no more parameters is fitted to the end.
+    # Such an effect stands in for another one: what acts at its place with no more parameters is
+    # fitted to the end.
     stands_in = ends_at_bound(final, name)
 
     imitated = term_library()[name].imitated_by(final.values)
@@ -161,7 +165,7 @@ def _rivals(
             s.name: s.start,
             **imitated.get(s.name, {}),
         }
-        if stands_in and _is_simpler(s.name, name):
+        if stands_in and is_simpler_sibling(s.name):
             return refitted(fitter, without, s.name, start, evaluations=RIVAL_EVALUATIONS)
         return refitted(fitter, without, s.name, start, evaluations=8, limit=limit)
 
