@@ -16,7 +16,7 @@ from model_discrepancy.search.found import Effect, Found, Trial
 SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
 
 
-USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[])
+USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[], unsteady=[])
 
 
 def found(score, effects=("a term",), contradicted=False, at_bounds=False):
@@ -112,6 +112,31 @@ def test_a_residual_that_stays_predictable_is_not_explained_however_little_torqu
     two = found(0.4, effects=("a term", "another"))
     assert judge(two, moved, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
     assert judge(found(1.0, effects=()), small, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
+
+
+@pytest.mark.parametrize(
+    ("left", "held", "expected"),
+    [
+        (0.22, True, "unexplained"),
+        (0.18, True, "no_mismatch"),
+        (0.4, False, "no_mismatch"),  # torque may have moved the plate
+    ],
+)
+def test_without_names_more_of_the_residual_than_ever_without_a_mismatch_is_one(
+    left, held, expected
+):
+    left = remainder(left, True, torque_share=4e-4, held=held)
+    assert judge(found(1.0, effects=()), left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
+def test_a_stiffness_that_changes_in_time_is_a_mismatch_where_nothing_else_is():
+    nothing = remainder(0.0, True)
+    stiffens = SimpleNamespace(unusual=[], unexplainable=[], unsteady=["the stiffness changes"])
+    assert judge(found(1.0, ()), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
+    assert judge(found(1.0, ()), nothing, [], stiffens, SCORES)[0] == "unexplained"
+    assert judge(found(0.2), nothing, [], stiffens, SCORES)[0] == "explained"
+    # Names that take off next to nothing do not explain it.
+    assert judge(found(0.96), nothing, [], stiffens, SCORES)[0] == "unexplained"
 
 
 @pytest.mark.parametrize(
@@ -229,7 +254,7 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
     assert judge(found(0.9), nothing, [], USUAL_VARIABILITY, useless)[0] == "no_mismatch"
     assert judge(found(0.9), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
     assert judge(found(0.9), much, [], USUAL_VARIABILITY, useless)[0] == "unexplained"
-    line = SimpleNamespace(unusual=["a narrow line"], unexplainable=[])
+    line = SimpleNamespace(unusual=["a narrow line"], unexplainable=[], unsteady=[])
     assert judge(found(0.9), nothing, [], line, useless)[0] == "unexplained"
     # What takes off most of the whitened error is there, however little it raises the VAF.
     assert judge(found(0.3), nothing, [], USUAL_VARIABILITY, useless)[0] == "explained"
@@ -290,10 +315,12 @@ def test_names_that_close_little_of_what_torque_that_moved_the_plate_predicts_ar
 
 
 def test_names_beside_what_is_no_function_of_the_movement_do_not_explain_it():
-    changing = SimpleNamespace(unusual=["responses differ"], unexplainable=[])
+    changing = SimpleNamespace(unusual=["responses differ"], unexplainable=[], unsteady=[])
     assert judge(found(0.2), remainder(0.3, True), [], changing, SCORES)[0] == "unexplained"
     assert judge(found(0.2), remainder(0.02, True), [], changing, SCORES)[0] == "explained"
-    reflex = SimpleNamespace(unusual=["a late reflex"], unexplainable=["a late reflex"])
+    reflex = SimpleNamespace(
+        unusual=["a late reflex"], unexplainable=["a late reflex"], unsteady=[]
+    )
     assert judge(found(0.2), remainder(0.0, True), [], reflex, SCORES)[0] == "unexplained"
     assert judge(found(1.0, ()), remainder(0.0, True), [], reflex, SCORES)[0] == "unexplained"
 

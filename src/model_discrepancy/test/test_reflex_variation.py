@@ -1,19 +1,24 @@
-"""A reflex that changes in the course of time is seen on the independent rig, and a usual one is
-not.
+"""A reflex or a stiffness that changes in the course of time is seen on the independent rig, and a
+usual one is not.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from model_discrepancy.criticism.variability import USUAL_REFLEX_JITTER, variability
+from model_discrepancy.criticism.variability import (
+    USUAL_REFLEX_JITTER,
+    USUAL_STIFFNESS_VARIATION,
+    variability,
+)
 from model_discrepancy.fit.reflex_variation import moved_from_rest
 from model_discrepancy.problem import prepare
 from simulation_study.verdict_cases import Plan, made
 
 
-def varies(*hidden, protocol="random_levels", variability_of_subject="large", seed=77):
+def recording(*hidden, protocol="random_levels", variability_of_subject="large", seed=77):
     plan = Plan(
         *("foreign", 0, seed, hidden, "stiff", protocol, 1000.0),
         velocity=True,
@@ -21,7 +26,15 @@ def varies(*hidden, protocol="random_levels", variability_of_subject="large", se
         noise="quiet",
         variability=variability_of_subject,
     )
-    problem = prepare(made(plan).recording)
+    return made(plan).recording
+
+
+def varies(*hidden, **conditions):
+    return varies_in(recording(*hidden, **conditions))
+
+
+def varies_in(one):
+    problem = prepare(one)
     return variability(problem.fitter, problem.base, problem.recording.torque)
 
 
@@ -31,7 +44,9 @@ def test_the_usual_variation_of_a_reflex_is_independent_and_in_time():
     assert 0.1 < found.reflex[0] < 0.4
     assert found.timing[0] < 0.4 * USUAL_REFLEX_JITTER
     assert abs(found.serial[0]) < 3.0 * found.serial[1]
+    assert found.stiffness[0] < 0.5 * USUAL_STIFFNESS_VARIATION
     assert found.unusual == []
+    assert found.unsteady == []
 
 
 def test_a_delay_that_wanders_is_measured():
@@ -47,11 +62,30 @@ def test_a_reflex_that_is_turned_down_in_bouts_is_seen():
     assert "several stretches at a time" in found.unexplainable[0]
 
 
+def test_the_size_of_changes_of_the_stiffness_is_measured():
+    """The stiffness is larger or smaller by 15 % at random, three times a second."""
+    steady = recording(variability_of_subject="small")
+    problem = prepare(steady)
+    sides = np.random.default_rng(3).choice([-1.0, 1.0], 3 * int(steady.duration) + 3)
+    change = 0.15 * problem.base.values["stiffness"]["K"] * sides[(3.0 * steady.time).astype(int)]
+    angle = steady.position - steady.position.mean()
+    found = varies_in(replace(steady, torque=steady.torque + change * angle))
+    assert found.stiffness[0] == pytest.approx(0.15, abs=0.03)
+    assert "larger and smaller by 1" in found.unsteady[0]
+
+
+def test_a_startle_that_stiffens_the_joint_is_seen_and_is_no_matter_of_the_reflex():
+    found = varies("startle_stiffening", variability_of_subject="small")
+    assert found.stiffness[0] > USUAL_STIFFNESS_VARIATION + 2.0 * found.stiffness[1]
+    assert found.unusual == []
+
+
 @pytest.mark.slow
 def test_responses_that_overlap_do_not_tell_which_stretch_differs():
     found = varies(protocol="multisine")
     assert found.timing is None
     assert found.serial is None
+    assert found.stiffness is None
     assert found.unusual == []
 
 

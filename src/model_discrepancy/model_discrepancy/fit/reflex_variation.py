@@ -50,6 +50,8 @@ class ReflexVariation:
         vary by no more than noise makes them, or responses overlap.
     timing
         Standard deviation of its time [s], with its standard error; None where responses overlap.
+    apart
+        Whether the responses lie apart, so that `residual` is what each of them leaves.
     """
 
     spread: tuple[float, float] | None
@@ -57,6 +59,7 @@ class ReflexVariation:
     torque: np.ndarray
     serial: tuple[float, float] | None = None
     timing: tuple[float, float] | None = None
+    apart: bool = False
 
 
 def reflex_variation(fitter: Fitter, fit: Fit) -> ReflexVariation:
@@ -94,13 +97,15 @@ def reflex_variation(fitter: Fitter, fit: Fit) -> ReflexVariation:
         return none
     size, power, time, timing_power, length = np.array(found).T
     noise = _level_at_rest(fitter, fit.residual)
-    spread = _spread(size, power, noise)
+    spread = spread_beyond_noise(size, power, noise)
     if spread is None or np.sqrt(len(size) * noise / power.sum()) > USUAL_REFLEX_VARIATION:
         return none
     if np.median(length) < _LEAST_COMPLETE * int(_RESPONSE_S * rows.rate):
         return ReflexVariation(spread, residual, varying)
-    timing = _spread(time - np.average(time, weights=timing_power), timing_power, noise)
-    return ReflexVariation(spread, residual, varying, _serial(size, power, noise), timing)
+    timing = spread_beyond_noise(time - np.average(time, weights=timing_power), timing_power, noise)
+    return ReflexVariation(
+        spread, residual, varying, _serial(size, power, noise), timing, apart=True
+    )
 
 
 def _stretch_reflex(fitter: Fitter, fit: Fit) -> np.ndarray:
@@ -130,11 +135,27 @@ def _responses(fitter: Fitter, delay: float) -> Iterator[tuple[int, int]]:
             yield first, last
 
 
-def _spread(value: np.ndarray, power: np.ndarray, noise: float) -> tuple[float, float] | None:
+def spread_beyond_noise(
+    value: np.ndarray, power: np.ndarray, noise: float
+) -> tuple[float, float] | None:
     """Return the standard deviation of values beyond what noise makes, and its standard error.
 
     A stretch with a small response says little about its size and much about the noise, so that
     its weight is the power of its regressor.
+
+    Parameters
+    ----------
+    value
+        Of each stretch, without their mean, shape (n,).
+    power
+        Sum of squares of each stretch's regressor, shape (n,).
+    noise
+        Power of the noise beside it.
+
+    Returns
+    -------
+    tuple or None
+        None where no regressor has any power.
     """
     total = float(power.sum())
     if total <= 0.0:

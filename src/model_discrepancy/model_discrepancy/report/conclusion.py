@@ -135,7 +135,7 @@ def _verdict(
     )
     if named == found.effects and criticism.stated is not found.final:
         reasons.append(PLAIN_SENTENCE)
-    reasons += criticism.varies.unusual
+    reasons += [*criticism.varies.unusual, *criticism.varies.unsteady]
     if named != found.effects:
         names = ", ".join(effect.trial.name for effect in found.effects)
         reasons.append(
