@@ -252,7 +252,7 @@ def knows_movement_better(problem: Problem, final: Fit) -> bool:
 
 def _bank_over_torque(fitter: Fitter) -> GenericBank | None:
     """Return generic regressors of what the muscles held before each movement; None where
-    movements do not begin from rest.
+    that is not known.
     """
     if fitter.motion.preceding is None:
         return None

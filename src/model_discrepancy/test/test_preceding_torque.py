@@ -10,7 +10,8 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import find_onsets
 from model_discrepancy.fit.preceding_torque import (
     MIN_MOVEMENTS,
-    begins_from_rest,
+    RESTLESS_GUARD_S,
+    RESTLESS_WINDOW_S,
     preceding_torque,
 )
 from model_discrepancy.problem import prepare
@@ -19,7 +20,7 @@ from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term
 from model_discrepancy.search.trials import judged, refitted
 from simulation_study.planted_trials import simulate_trial
-from simulation_study.verdict_cases import made, plans
+from simulation_study.verdict_cases import Plan, made, plans
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +49,24 @@ def test_a_continuous_movement_has_nothing_before_it(columns):
     assert preceding_torque(Columns(swinging, columns.rows), np.zeros(len(swinging.time))) is None
 
 
-@pytest.mark.slow
-def test_movements_that_follow_each_other_fast_do_not_begin_from_rest(columns):
-    assert begins_from_rest(columns)
+def test_where_movements_follow_each_other_fast_the_last_response_does_not_count(columns):
     motion = columns.motion
     # The same movements in half the time.
-    hurried = replace(motion, **{n: getattr(motion, n)[::2] for n in ("position", "velocity")})
-    assert not begins_from_rest(Columns(hurried, columns.rows))
+    hurried = Columns(
+        replace(motion, **{n: getattr(motion, n)[::2] for n in ("position", "velocity", "torque")}),
+        columns.rows,
+    )
+    onsets = np.round(find_onsets(hurried).time * motion.rate).astype(int)
+    assert np.median(np.diff(onsets)) < RESTLESS_GUARD_S * motion.rate
+    mean = hurried.motion.torque.mean()
+    after = slice(onsets[9] + 1, onsets[10])
+    response = np.zeros(len(hurried.motion.time))
+    response[onsets[9] - round(RESTLESS_GUARD_S * motion.rate) + 1 : onsets[10]] = 4.0
+    assert preceding_torque(hurried, response)[after] == pytest.approx(mean)
+    # What the muscles held before that response does.
+    earlier = onsets[9] - round((RESTLESS_GUARD_S + RESTLESS_WINDOW_S) * motion.rate)
+    response[earlier : onsets[9]] = 4.0
+    assert preceding_torque(hurried, response)[after] == pytest.approx(mean + 4.0)
 
 
 def test_a_reflex_that_varies_does_not_follow_torque():
@@ -72,10 +84,32 @@ def test_a_reflex_that_follows_torque_exceeds_chance():
     assert trial.exceeds_chance
 
 
-def _followed(recording):
+@pytest.mark.parametrize(
+    ("hidden", "seed", "name", "follows"),
+    [
+        ((), 9004, "activation_reflex_gain", False),
+        (("reflex_follows_torque",), 9002, "activation_reflex_gain", True),
+        pytest.param(
+            *(("stiffness_follows_torque",), 9002, "activation_stiffness", True),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_without_rest_between_movements_too_only_what_follows_torque_exceeds_chance(
+    hidden, seed, name, follows
+):
+    """The independent rig with a binary sequence, and a reflex that varies."""
+    kind = "effect" if hidden else "null"
+    conditions = dict(velocity=False, reference=False, noise="quiet", variability="large")
+    plan = Plan(kind, 0, seed, hidden, "stiff", "binary", 1000.0, **conditions)
+    trial = _followed(made(plan).recording, name)
+    assert trial.gain > trial.by_chance
+    assert trial.exceeds_chance == follows
+
+
+def _followed(recording, name="activation_reflex_gain"):
     problem = prepare(recording)
     fitter, base = problem.fitter, problem.base
-    name = "activation_reflex_gain"
     start = fitter.start_values(with_term(base.terms, name), base.values)
     trial = refitted(fitter, base, name, start)
     null = Null.of(problem.noise, fitter.rows.time, fitter.rows.used)

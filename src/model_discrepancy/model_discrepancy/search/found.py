@@ -220,9 +220,9 @@ class Found:
 def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: float) -> bool:
     """Say whether a term that follows slow torque follows more than its own response.
 
-    Where the movements do not begin from rest and no EMG was recorded, nobody knows: every reflex
-    varies, which makes slow torque that follows it, and a half of a human trial with such terms was
-    predicted from the other half up to four points worse than without.
+    Every reflex varies, which makes slow torque that follows it. Where what the muscles held before
+    is not known, nobody knows, and the term is not taken: a half of a human trial with such terms
+    was predicted from the other half up to four points worse than without.
 
     Parameters
     ----------
