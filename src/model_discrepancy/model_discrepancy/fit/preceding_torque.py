@@ -26,9 +26,8 @@ GUARD_S = 0.01
 # was held before one is the response to the one before. Binary sequences (0.2 s) and the human
 # trials (0.25 s) do; random levels (0.35 s), steps (0.4 s) and pulses (0.6 s) do not.
 SHORTEST_REST_S = WINDOW_S + 0.05
-# There the window ends before the last response, and holds four earlier ones. In human trial 2 a
-# stiffness that follows torque gains a third of its share so. In trial 1 a reflex that only varies
-# gains nothing; with windows of half a second it seemed to gain half.
+# There the window ends before the last response, and holds four earlier ones. In a human
+# trial sizes of successive responses, alike by accident, seemed to follow that of half a second.
 RESTLESS_WINDOW_S = 1.0
 RESTLESS_GUARD_S = 0.35
 # Of the mean power of the share of the torque that is shown: a window with less tells nothing.
