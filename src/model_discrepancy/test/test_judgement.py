@@ -135,6 +135,9 @@ def test_a_stiffness_that_changes_in_time_is_a_mismatch_where_nothing_else_is():
     assert judge(found(1.0, ()), nothing, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
     assert judge(found(1.0, ()), nothing, [], stiffens, SCORES)[0] == "unexplained"
     assert judge(found(0.2), nothing, [], stiffens, SCORES)[0] == "explained"
+    # Torque that moves the plate makes a stiffness that varies.
+    moved = remainder(0.0, False, held=False)
+    assert judge(found(1.0, ()), moved, [], stiffens, SCORES)[0] == "no_mismatch"
     # Names that take off next to nothing do not explain it.
     assert judge(found(0.96), nothing, [], stiffens, SCORES)[0] == "unexplained"
 

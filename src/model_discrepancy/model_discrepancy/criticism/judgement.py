@@ -112,10 +112,12 @@ def judge(
         and remainder.worst > 0.0
         and remainder.torque_share > LARGEST_TORQUE_BY_LEAKAGE
     )
+    # Torque that moves the plate makes a stiffness that varies.
+    unsteady = remainder.judged and bool(varies.unsteady)
     if not found.effects:
         # More than noise lets the movement predict.
         predicts_residual = remainder.held and remainder.criticises and left > LARGEST_WITHOUT_NAMES
-        if predictable or unusual or varies.unsteady or predicts_residual:
+        if predictable or unusual or unsteady or predicts_residual:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
     large = found.cut > LARGEST_CUT_BY_LEAKAGE
@@ -123,7 +125,7 @@ def judge(
     gains_little = gained < MIN_GAP_SHARE * (scores.ceiling - scores.base)
     useless = not large and (gained <= 0.0 or (gains_little and found.cut < LEAST_USEFUL_CUT))
     if useless or found.cut < LEAST_CUT:
-        if varies.unsteady:
+        if unsteady:
             return "unexplained", closed
         if not (predictable or unusual or findings):
             # Names that predict no torque on unseen data follow torque that moved the plate.
