@@ -18,7 +18,7 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term
-from model_discrepancy.search.trials import judged, refitted
+from model_discrepancy.search.trials import RESTLESS_FACTOR, judged, preceding_gain, refitted
 from simulation_study.planted_trials import simulate_trial
 from simulation_study.verdict_cases import Plan, made, plans
 
@@ -88,11 +88,7 @@ def test_a_reflex_that_follows_torque_exceeds_chance():
     ("hidden", "seed", "name", "follows"),
     [
         ((), 9004, "activation_reflex_gain", False),
-        (("reflex_follows_torque",), 9002, "activation_reflex_gain", True),
-        pytest.param(
-            *(("stiffness_follows_torque",), 9002, "activation_stiffness", True),
-            marks=pytest.mark.slow,
-        ),
+        (("stiffness_follows_torque",), 9002, "activation_stiffness", True),
     ],
 )
 def test_without_rest_between_movements_too_only_what_follows_torque_exceeds_chance(
@@ -105,6 +101,13 @@ def test_without_rest_between_movements_too_only_what_follows_torque_exceeds_cha
     trial = _followed(made(plan).recording, name)
     assert trial.gain > trial.by_chance
     assert trial.exceeds_chance == follows
+
+
+def test_what_a_term_gains_without_rest_between_movements_counts_less():
+    recording = simulate_trial({"activation_reflex_gain": {"Gn": 4.0}}, seed=12, duration=40.0)
+    fitter, trial = prepare(recording).fitter, _followed(recording)
+    restless = fitter.along(replace(fitter.motion, restless=True))
+    assert preceding_gain(restless, trial) == pytest.approx(trial.preceding_gain / RESTLESS_FACTOR)
 
 
 def _followed(recording, name="activation_reflex_gain"):

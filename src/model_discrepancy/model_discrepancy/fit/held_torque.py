@@ -17,7 +17,11 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
-from model_discrepancy.fit.preceding_torque import LEAST_POWER, preceding_torque
+from model_discrepancy.fit.preceding_torque import (
+    LEAST_POWER,
+    begins_from_rest,
+    preceding_torque,
+)
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion
 
@@ -108,6 +112,7 @@ def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
         motion,
         activation=mean + held,
         preceding=preceding_torque(fitter.columns, left, shown),
+        restless=not begins_from_rest(fitter.columns),
     )
     return better, gained - known
 

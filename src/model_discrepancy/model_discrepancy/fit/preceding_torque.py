@@ -36,6 +36,18 @@ LEAST_POWER = 0.25
 MIN_MOVEMENTS = 20
 
 
+def begins_from_rest(columns: Columns) -> bool:
+    """Say whether what was held just before a movement holds little of the last response.
+
+    Parameters
+    ----------
+    columns
+        Of the recording.
+    """
+    times = find_onsets(columns).time
+    return len(times) > 1 and float(np.median(np.diff(times))) > SHORTEST_REST_S
+
+
 def preceding_torque(
     columns: Columns, left: np.ndarray, shown: np.ndarray | None = None
 ) -> np.ndarray | None:
@@ -61,7 +73,7 @@ def preceding_torque(
         return None
     motion = columns.motion
     onsets = np.round(times * motion.rate).astype(int)
-    rests = float(np.median(np.diff(times))) > SHORTEST_REST_S
+    rests = begins_from_rest(columns)
     seconds = (WINDOW_S, GUARD_S) if rests else (RESTLESS_WINDOW_S, RESTLESS_GUARD_S)
     window, guard = (round(s * motion.rate) for s in seconds)
     ends = np.maximum(onsets - guard, 1)

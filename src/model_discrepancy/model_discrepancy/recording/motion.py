@@ -57,6 +57,9 @@ class Motion:
     preceding
         What the muscles held before the movement under way [N.m], shape (n,); nothing of the
         response to it. None where this is not known.
+    restless
+        Whether `preceding` was read before the last response, since the movements follow each other
+        without rest.
     """
 
     rate: float
@@ -68,6 +71,7 @@ class Motion:
     sample_time: float = 0.0
     noise: tuple[float, float] = (0.0, math.inf)
     preceding: np.ndarray | None = None
+    restless: bool = False
 
     def position_noise(self, frequency: np.ndarray) -> np.ndarray:
         """Return the power density of the error of `position` [rad^2/Hz] at each frequency [Hz]."""

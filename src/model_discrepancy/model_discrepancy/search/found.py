@@ -34,10 +34,6 @@ REFINEMENT = 0.05
 # movement. On the independent rig effects that follow torque gained 0.25 to 0.9 so, and those
 # that seemed to, in five recordings with a reflex that varies, 0.12 and less.
 MIN_PRECEDING_RATIO = 0.2
-# It must also gain this many times what it would exceed by chance. Where movements follow each
-# other without rest, a reflex that only varies gained up to 1.1 times as much in a human trial,
-# effects that follow torque 1.7 times and more on the independent rig.
-LEAST_PRECEDING_CHANCE = 1.5
 
 Progress = Callable[[str], None]
 
@@ -239,7 +235,7 @@ def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: 
         Gain that it would exceed by chance.
     """
     return preceding_gain is not None and preceding_gain > max(
-        LEAST_PRECEDING_CHANCE * by_chance, MIN_PRECEDING_RATIO * gain
+        by_chance, MIN_PRECEDING_RATIO * gain
     )
 
 
