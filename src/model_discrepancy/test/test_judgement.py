@@ -267,15 +267,27 @@ def test_names_that_predict_no_torque_on_unseen_data_are_no_mismatch():
 
 
 @pytest.mark.parametrize(
-    ("score", "augmented", "expected"),
-    [(0.87, 80.15, "no_mismatch"), (0.87, 80.3, "explained"), (0.5, 80.15, "explained")],
+    ("score", "augmented", "judged", "left", "expected"),
+    [
+        (0.87, 80.15, True, 0.02, "no_mismatch"),
+        (0.87, 80.3, True, 0.02, "explained"),
+        (0.5, 80.15, True, 0.02, "explained"),
+        (0.5, 80.15, False, 0.5, "no_mismatch"),  # torque that moved the plate
+        (0.3, 80.15, False, 0.5, "unexplained"),
+    ],
 )
 def test_names_that_predict_hardly_any_torque_and_take_off_little_are_no_mismatch(
-    score, augmented, expected
+    score, augmented, judged, left, expected
 ):
-    nothing = remainder(0.02, True)
+    nothing = remainder(left, judged, torque_share=2e-3, held=judged)
     scores = Scores(base=80.0, augmented=augmented, ceiling=82.0)
     assert judge(found(score), nothing, [], USUAL_VARIABILITY, scores)[0] == expected
+
+
+def test_names_beside_more_torque_than_leaks_are_a_mismatch_however_little_they_predict():
+    much = remainder(0.5, False, torque_share=0.05, held=False)
+    scores = Scores(base=80.0, augmented=80.15, ceiling=82.0)
+    assert judge(found(0.5), much, [], USUAL_VARIABILITY, scores)[0] == "unexplained"
 
 
 def test_effects_that_take_off_next_to_nothing_are_no_mismatch():

@@ -123,7 +123,10 @@ def judge(
     large = found.cut > LARGEST_CUT_BY_LEAKAGE
     gained = scores.augmented - scores.base
     gains_little = gained < MIN_GAP_SHARE * (scores.ceiling - scores.base)
-    useless = not large and (gained <= 0.0 or (gains_little and found.cut < LEAST_USEFUL_CUT))
+    leaked = not remainder.judged and remainder.torque_share <= LARGEST_TORQUE_BY_LEAKAGE
+    # Torque that moved the plate takes off more.
+    little = found.cut < LEAST_USEFUL_CUT or leaked
+    useless = not large and (gained <= 0.0 or (gains_little and little))
     if useless or found.cut < LEAST_CUT:
         if unsteady:
             return "unexplained", closed
