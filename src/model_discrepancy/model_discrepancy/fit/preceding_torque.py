@@ -44,7 +44,11 @@ def begins_from_rest(columns: Columns) -> bool:
     columns
         Of the recording.
     """
-    times = find_onsets(columns).time
+    return _rest(find_onsets(columns).time)
+
+
+def _rest(times: np.ndarray) -> bool:
+    """Return whether most movements that begin at these times [s] come after a rest."""
     return len(times) > 1 and float(np.median(np.diff(times))) > SHORTEST_REST_S
 
 
@@ -73,8 +77,7 @@ def preceding_torque(
         return None
     motion = columns.motion
     onsets = np.round(times * motion.rate).astype(int)
-    rests = begins_from_rest(columns)
-    seconds = (WINDOW_S, GUARD_S) if rests else (RESTLESS_WINDOW_S, RESTLESS_GUARD_S)
+    seconds = (WINDOW_S, GUARD_S) if _rest(times) else (RESTLESS_WINDOW_S, RESTLESS_GUARD_S)
     window, guard = (round(s * motion.rate) for s in seconds)
     ends = np.maximum(onsets - guard, 1)
     begins = np.maximum(ends - window, 0)
