@@ -226,6 +226,7 @@ def test_a_study_without_a_process_to_compute_it_is_refused(verb):
         (("calibrate", "session", "--seconds", -3), "= -3.0 s is refused; allowed: 30 to 600 s"),
         (("robustness", "--seconds", 3), "'seconds' = 3.0 s is refused; allowed: 50 to 3600 s"),
         (("robustness", "--recordings", 0), "'recordings' = 0 is refused"),
+        (("robustness", "--repeats", 0), "'repeats' = 0 is refused"),
         (("investigate", "bag", "--rounds", 11), "'rounds' = 11 is refused; allowed: whole number"),
         (("course", "demonstration", "--change", 60), "60.0 % is refused; allowed: -50 to 50 %"),
         *(((verb, "--seed", -1), "'seed' = -1 is refused") for verb in STUDIES),

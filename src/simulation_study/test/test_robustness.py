@@ -38,6 +38,9 @@ def test_a_plan_has_every_effect_at_three_strengths_and_both_servos():
     assert planned == conditions(FULL_SIZE, 3)
     assert [c.seed for c in planned] != [c.seed for c in conditions(FULL_SIZE, 4)]
     assert len(conditions(QUICK_SIZE, 1)) == 24
+    three = conditions(FULL_SIZE.repeated(3), 3)
+    assert len(three) == 3 * len(planned) == len({c.name for c in three})
+    assert {c.servo for c in three if c.name.startswith("strap_weak")} == {"stiff", "compliant"}
     drawn = in_drawn_order(planned, 3)
     assert sorted(drawn, key=planned.index) == planned
     assert {c.effect == NO_MISMATCH for c in drawn[:40]} == {True, False}

@@ -12,6 +12,7 @@ from ankle_interfaces.quantity import Quantity
 
 SECONDS = Quantity("seconds", "s", 50.0, 3600.0, 120.0)
 RECORDINGS = Quantity("recordings", "1", 1, 100_000, 159)
+REPEATS = Quantity("repeats", "1", 1, 100, 1)
 
 
 def verb(
@@ -29,6 +30,10 @@ def verb(
             RECORDINGS, "Only so many of them, drawn at random; a larger number goes on."
         ),
     ] = None,
+    repeats: Annotated[
+        int,
+        number_option(REPEATS, "So many recordings of each kind, of different subjects."),
+    ] = 1,
     workers: Workers = CORES,
     scheduler: Scheduler = None,
 ) -> dict[str, Any]:
@@ -42,7 +47,9 @@ def verb(
     """
     from simulation_study.robustness.study import robustness as run_study
 
-    shown = run_study(out, seed, quick, workers, seconds, recordings, scheduler, console)
+    shown = run_study(
+        out, seed, quick, workers, seconds, recordings, scheduler, console, repeats
+    )
     console.print(shown, soft_wrap=True)
     console.print(f"written to {out.resolve()}")
     return {"out": out.resolve()}

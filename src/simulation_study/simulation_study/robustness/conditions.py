@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -77,6 +77,8 @@ class Size:
         Of each effect.
     jumps
         Recordings of each jump.
+    runs
+        Recordings of each effect and strength, of different subjects.
     """
 
     seconds: float
@@ -84,6 +86,16 @@ class Size:
     effects: tuple[str, ...]
     strengths: tuple[str, ...]
     jumps: int
+    runs: int = 1
+
+    def repeated(self, times: int) -> Size:
+        """Return a size with so many times the recordings of each kind."""
+        return replace(
+            self,
+            nulls=times * self.nulls,
+            jumps=times * self.jumps,
+            runs=times * self.runs,
+        )
 
 
 FULL_SIZE = Size(120.0, 1, tuple(MAGNITUDES), tuple(STRENGTHS), 6)
@@ -164,14 +176,15 @@ def conditions(size: Size, seed: int) -> list[Condition]:
                 name, NO_MISMATCH, "", servo, kind, variation, (1.0, 1.0), fresh(), size.seconds
             )
         )
-    for number, (effect, strength) in enumerate(product(size.effects, size.strengths)):
+    kinds_of_effects = list(product(size.effects, size.strengths))
+    for run, (number, (effect, strength)) in product(range(size.runs), enumerate(kinds_of_effects)):
         found.append(
             Condition(
-                f"{effect}_{strength}",
+                f"{effect}_{strength}" + (f"_{run}" if run else ""),
                 effect,
                 strength,
-                servos[number % 2],
-                kinds[(number + number // 4) % 4],
+                servos[(number + run) % 2],
+                kinds[(number + number // 4 + run) % 4],
                 USUAL_VARIATION,
                 (1.0, 1.0),
                 fresh(),

@@ -33,6 +33,7 @@ def robustness(
     recordings: int | None = None,
     scheduler: str | None = None,
     console: Console | None = None,
+    repeats: int = 1,
 ) -> str:
     """Run the study, or go on with it, or estimate again where the estimators changed.
 
@@ -55,6 +56,8 @@ def robustness(
         Address of a running Dask scheduler.
     console
         Shows the progress.
+    repeats
+        So many recordings where there is one by default, each of another subject, with both servos.
 
     Returns
     -------
@@ -69,8 +72,11 @@ def robustness(
     size = QUICK_SIZE if quick else FULL_SIZE
     if seconds is not None:
         size = replace(size, seconds=seconds)
+    size = size.repeated(repeats)
     planned = in_drawn_order(conditions(size, seed), seed)[:recordings]
     asked = {"study": "robustness", "seed": seed, "quick": quick, "seconds": size.seconds}
+    if repeats > 1:
+        asked["repeats"] = repeats
     results = run_study(
         planned,
         asked,
@@ -83,5 +89,6 @@ def robustness(
     )
     command = f"ankle robustness --seed {seed} --seconds {size.seconds:g}"
     command += " --quick" if quick else ""
+    command += f" --repeats {repeats}" if repeats > 1 else ""
     command += f" --recordings {recordings}" if recordings is not None else ""
     return write_report(results, out, command)
