@@ -87,6 +87,17 @@ def test_a_corrected_jacobian_agrees_with_what_the_residual_did():
     assert np.array_equal(problem.jacobian(first + step), corrected)
 
 
+def test_no_derivatives_are_computed_where_a_fit_ends(monkeypatch):
+    fitter = fitter_of(simulate_trial(JOINT, seed=3, duration=40.0))
+    computed = []
+    slope = Fitter.slope
+    monkeypatch.setattr(Fitter, "slope", lambda *a, **k: computed.append(a) or slope(*a, **k))
+    start = {"reflex": {"delay": 0.07, "omega": 12.0, "z": 1.2}}
+    # They are due at the beginning and after each three updates: the last time where it ends.
+    fitter.fit(tuple(JOINT), start, evaluations=projection.UPDATES + 2)
+    assert len(computed) == len(fitter.searched(tuple(JOINT)))
+
+
 def test_a_fit_leaves_the_joint_a_plausible_inertia():
     for joint in ("ankle", "wrist"):
         with JointProfile.load(joint).in_force():

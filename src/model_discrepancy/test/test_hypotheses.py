@@ -9,6 +9,7 @@ from model_discrepancy.search import candidates, hypotheses
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
 from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
+from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import MOST_FORKS, Hypotheses
 
 # What each set of terms leaves. "relaxation" stands in for two terms, and nothing after it leads to
@@ -34,7 +35,8 @@ class Scripted(Hypotheses):
 
     def __init__(self):
         fitter = SimpleNamespace(rows=SimpleNamespace(independent=1000))
-        super().__init__(fitter, fit_of(()), None, None, None, lambda line: self.said.append(line))
+        grids = Grids(None, 60.0)
+        super().__init__(fitter, fit_of(()), None, grids, None, lambda line: self.said.append(line))
         self.said = []
         self.steps = []
 
@@ -222,7 +224,7 @@ def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkey
     """Two minima of a relaxation, of which the one that the screening led to is the worse."""
     gain_from = {0.1: 0.2, 0.2: 0.2, 1.0: 0.6}
 
-    def refitted(fitter, current, name, start, evaluations=12):
+    def refitted(fitter, current, name, start, evaluations=12, limit=None):
         fit = SimpleNamespace(values=start)
         return Trial(name, fit, gain_from[start[name]["T"]], (0.0, 0.0), -1.0)
 
@@ -241,6 +243,25 @@ def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkey
     assert kept.gain == 0.2
     moved = search._refitted_to_the_end(current, first, promised=0.6)
     assert moved.gain == 0.6
+
+
+def test_forks_are_followed_side_by_side_and_learn_on_their_own():
+    search = Scripted()
+    fork = hypotheses.Fork(
+        [],
+        fit_of(()),
+        Trial("dahl_hysteresis", fit_of(("dahl_hysteresis",)), 0.5, (0.5, 0.5), -1.0),
+    )
+    first = hypotheses.Hypothesis(hypotheses.Found(fit_of(()), fit_of(())), fit_of(()))
+    other = search._forked(first, fork)
+    assert other.current.score == 10.0
+    assert "dahl_hysteresis first: looking for term 2: screening" in search.said
+    alone = search._candidates.alone(search._progress)
+    alone._grids.learn(
+        [SimpleNamespace(name="tendon", tried=tuple((k, {"w": k}) for k in range(9)))]
+    )
+    assert alone._grids._kept
+    assert not search._candidates._grids._kept
 
 
 def test_a_term_that_ends_at_a_bound_stands_in_for_one_that_does_not():

@@ -120,6 +120,23 @@ def test_torque_that_moves_a_compliant_plate_is_no_wrong_sign():
     assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
 
 
+def test_a_reflex_beside_which_a_passive_joint_explains_little_is_no_wrong_sign():
+    """A passive joint explains 4 % of the torque, and 9 % of the mirrored one."""
+    plan = Plan(
+        *("pair", 19, 3160584820394786538, ("reflex_position", "torque_delay")),
+        *("compliant", "pulse_step", 500.0),
+        velocity=True,
+        reference=False,
+        noise="noisy",
+        variability="large",
+    )
+    recording = made(plan).recording
+    assert faults(recording) == []
+    assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
+    late = np.roll(recording.torque, int(0.06 * recording.rate))
+    assert "clocks" in faults(replace(recording, torque=late))[0]
+
+
 def test_a_late_reflex_behind_late_torque_is_no_wrong_sign():
     """At the best skew the mirrored torque is explained better, and as it stands the torque is."""
     plan = Plan(

@@ -14,7 +14,7 @@ from model_discrepancy.search import exchange as exchanging
 from model_discrepancy.search import term_search
 from model_discrepancy.search.candidates import special_cases
 from model_discrepancy.search.exchange import (
-    better_rival,
+    better_rivals,
     ends_at_bound,
     exchange,
     second_effect,
@@ -171,7 +171,7 @@ def test_a_rival_takes_no_place_with_what_it_takes_off_by_chance(name, by_chance
     rival = Trial(name, fit, gain=0.4, held_out=(0.0, 0.0), bic=0.0, by_chance=by_chance)
     effect = Effect(replace(SECOND, name="thixotropy"), errors=None, rivals=[rival])
     found = Found(None, SimpleNamespace(size=5, score=80.0), effects=[effect])
-    assert (better_rival(found) == (effect, rival)) == taken
+    assert (better_rivals(found) == [(effect, rival)]) == taken
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_a_rival_with_more_parameters_must_gain_more_than_these_do(score, by_cha
     )
     effect = Effect(replace(SECOND, name="thixotropy"), errors=None, rivals=[rival])
     found = Found(None, SimpleNamespace(size=5, score=80.0), effects=[effect])
-    assert (better_rival(found) == (effect, rival)) == taken
+    assert (better_rivals(found) == [(effect, rival)]) == taken
 
 
 def test_a_rival_may_take_the_place_of_a_small_term_that_ends_at_a_bound():
@@ -197,7 +197,23 @@ def test_a_rival_may_take_the_place_of_a_small_term_that_ends_at_a_bound():
     assert ends_at_bound(final, "torque_sensor_mode")
     assert not ends_at_bound(final, "torque_sensor")
     found = Found(None, final, refinements=[small])
-    assert better_rival(found) == (small, rival)
+    assert better_rivals(found) == [(small, rival)]
+
+
+@pytest.mark.parametrize(
+    ("vaf", "score", "harms"),
+    [(92.0, 98.0, True), (92.9, 98.0, False), (92.0, 80.0, False), (95.0, 98.0, False)],
+)
+def test_a_rival_that_predicts_unseen_torque_worse_than_it_helps_does_harm(
+    vaf, score, harms, monkeypatch
+):
+    """A drift, say, that a half of the recording shows, and that the other does not continue."""
+    unseen = {100.0: 93.0, score: vaf}
+    monkeypatch.setattr(
+        exchanging, "held_out", lambda fitter, fit: SimpleNamespace(vaf=unseen[fit.score])
+    )
+    final, other = SimpleNamespace(score=100.0), SimpleNamespace(score=score)
+    assert exchanging._harms(None, final, other) == harms
 
 
 def test_a_lag_takes_the_place_of_a_resonance_beside_a_much_larger_effect():

@@ -47,9 +47,7 @@ def verb(
     """
     from simulation_study.robustness.study import robustness as run_study
 
-    shown = run_study(
-        out, seed, quick, workers, seconds, recordings, scheduler, console, repeats
-    )
+    shown = run_study(out, seed, quick, workers, seconds, recordings, scheduler, console, repeats)
     console.print(shown, soft_wrap=True)
     console.print(f"written to {out.resolve()}")
     return {"out": out.resolve()}

@@ -54,7 +54,7 @@ shaft, backlash and yielding 0.005 to 0.02."""
 UNREFERENCED_CHANGES = np.array([0.03, 0.05])
 """Or where it changes K or G by this share. Without a mismatch it changed them by up to 1 and 3 %
 where it was likely."""
-UNREFERENCED_FACTORS = np.array([1.0, 10.0, 10.0])
+UNREFERENCED_FACTORS = np.array([1.0, 10.0, 7.0])
 """Without a reference the limits of relaxation, yielding and powers of position are higher by these
 factors: a servo that gives way lets torque into the measured motion, whose yielding and powers then
 gained up to 180 and 340 without a mismatch; relaxation gained up to 40, as with a reference."""

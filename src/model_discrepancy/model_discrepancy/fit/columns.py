@@ -48,8 +48,9 @@ from model_discrepancy.recording.motion import Motion
 # What changes the motion of plate or foot.
 BEFORE_FOOT = (Place.ACTUATOR, Place.COUPLING)
 # Gradients need a handful of neighbours of the current point, for each of the models that are
-# fitted at the same time; a spectrum takes 0.1 to 0.2 MB.
-_CACHE_SIZE = 16
+# fitted at the same time; a spectrum takes 0.1 to 0.2 MB, a movement 3 MB. A diagnosis with nine
+# terms takes a tenth longer with 16 of them, and another half a GB with 32.
+_CACHE_SIZE = 24
 
 
 class Columns:

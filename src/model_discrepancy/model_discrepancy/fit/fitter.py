@@ -40,10 +40,12 @@ from model_discrepancy.recording.motion import Motion
 Spectra = Mapping[Column, np.ndarray]
 # A refit to half of the rows stays within this share of a nonlinear parameter's range.
 _LINEAR_SHARE = 0.1
-# Whitened columns kept: four models of twelve columns each; one takes 0.1 to 0.2 MB.
-_CACHE_SIZE = 48
-# A model is compared with several candidates in turn; the derivatives of one take 3 MB.
-_DERIVATIVES_KEPT = 4
+# Whitened columns kept: four models of twelve columns each, of two hypotheses that are followed at
+# the same time; one takes 0.1 to 0.2 MB.
+_CACHE_SIZE = 96
+# A model is compared with several candidates in turn, in each of two hypotheses; the derivatives of
+# one take 3 MB.
+_DERIVATIVES_KEPT = 8
 # Evaluations after which a fit is asked whether it may still do what it is for. Its steps shrink
 # like a geometric series, by a third and more from stage to stage.
 STAGE_EVALUATIONS = 4
@@ -201,6 +203,7 @@ class Fitter:
         first = problem.first
         if not np.isfinite(problem.residual(first)).all():
             return problem.fit_at(first)
+        problem.allow(evaluations)
         found = least_squares(
             problem.residual,
             first,

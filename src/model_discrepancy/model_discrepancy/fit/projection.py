@@ -4,6 +4,7 @@ Inverse Problems 19, R1).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -83,12 +84,19 @@ class Projection:
         self._foot = foot
         self._at: np.ndarray | None = None
         self._last: _Derivatives | None = None
+        self._left = math.inf
 
     @property
     def first(self) -> np.ndarray:
         """Return where a fit begins, within the bounds, shape (p,)."""
         units = [to_unit(p, self._values[name][p.symbol]) for name, p in self._free]
         return np.clip(units, 2.0 * UNIT_STEP, 1.0 - 2.0 * UNIT_STEP)
+
+    def allow(self, evaluations: float) -> None:
+        """Allow so many evaluations of the residual. No step follows the last one, so that no
+        derivatives are computed there.
+        """
+        self._left = evaluations
 
     def beside(self, foot: Foot | None, fit: Fit) -> None:
         """Begin again from a fit beside another foot; the derivatives are kept."""
@@ -112,6 +120,7 @@ class Projection:
 
     def residual(self, units: np.ndarray) -> np.ndarray:
         """Return the whitened residual of the fitted rows, the linear parameters solved for."""
+        self._left -= 1
         return self.fit_at(units).residual[self._fitted]
 
     def fit_at(self, units: np.ndarray) -> Fit:
@@ -129,6 +138,8 @@ class Projection:
         """
         residual = self.fit_at(units).residual[self._fitted]
         last = self._last
+        if last is not None and self._left <= 0:
+            return last.jacobian
         if last is None or last.updates == UPDATES:
             jacobian, updates = self._differentiated(units), 0
         else:

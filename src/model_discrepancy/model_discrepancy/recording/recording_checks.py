@@ -38,6 +38,8 @@ LARGEST_FLAT_SHARE = 0.3
 # Share of the VAF at the best skew: a recording of which as much is explained without one has none.
 UNSKEWED_VAF_RATIO = 0.8
 _SHIFTS_S = np.arange(-0.15, 0.1501, 0.001)
+# A joint with reflexes is tried at each fifth of these: its torque changes over tens of ms.
+_SHIFTS_PER_TRY = 5
 # Reflexes of short and long latency, and a muscle's own time.
 _REFLEX_DELAYS_S = (0.04, 0.09)
 _MUSCLE_S = 0.045
@@ -222,10 +224,7 @@ def _relation_faults(recording: Recording) -> list[str]:
     right, mirrored = signs[0] if max(signs[0]) > UNSKEWED_VAF_RATIO * vafs[inside] else signs[1]
     # A late reflex behind late torque looks mirrored at the best skew and upright as it stands.
     if mirrored > right + 0.05 and signs[0][1] >= signs[0][0]:
-        return [
-            "torque or position has the wrong sign: torque falls as the foot is moved upwards; "
-            "positive is dorsiflexion for both"
-        ]
+        return _sign_faults(recording, columns, t, inner)
     joint = joint_in_force()
     low, high = joint.inertia_range
     inertia = models[inside][0]
@@ -242,10 +241,53 @@ def _relation_faults(recording: Recording) -> list[str]:
     return []
 
 
+def _sign_faults(
+    recording: Recording, columns: np.ndarray, torque: np.ndarray, inner: slice
+) -> list[str]:
+    """Return what is wrong with a recording whose mirrored torque a passive joint explains better.
+
+    Beside a reflex that is large, a passive joint explains little of either. So the sign is that of
+    a joint with reflexes, each of which acts against its stretch.
+    """
+    rate = recording.rate
+    resisting = np.hstack([columns, _reflexes(recording)])
+    right, mirrored = (_passive_vaf(resisting, s * torque, inner, rate, 0.0) for s in (1.0, -1.0))
+    if right < mirrored + 0.05:
+        return [
+            "torque or position has the wrong sign: torque falls as the foot is moved upwards; "
+            "positive is dorsiflexion for both"
+        ]
+    shifts = _SHIFTS_S[::_SHIFTS_PER_TRY]
+    vafs = [_passive_vaf(resisting, torque, inner, rate, shift) for shift in shifts]
+    best = int(np.argmax(vafs))
+    if abs(shifts[best]) > LARGEST_SKEW_S and vafs[best] > right + 0.05:
+        return [
+            f"the clocks of torque and position are {1000 * shifts[best]:.0f} ms apart; at most "
+            f"{1000 * LARGEST_SKEW_S:g} ms"
+        ]
+    return []
+
+
+def _reflexes(recording: Recording) -> np.ndarray:
+    """Return the torque of reflexes of short and long latency in both muscles, each against its
+    stretch, per unit of its gain, shape (n, 4).
+    """
+    rate = recording.rate
+    velocity = np.gradient(band(recording.position, rate, 0.5, 40.0)) * rate
+    found = []
+    for delay, sign in product(_REFLEX_DELAYS_S, (1.0, -1.0)):
+        late = sign * np.roll(np.maximum(sign * velocity, 0.0), round(delay * rate))
+        torque = _relaxed(_relaxed(late, _MUSCLE_S, rate), _MUSCLE_S, rate)
+        found.append(band(torque, rate, 3.0, 40.0))
+    return np.column_stack(found)
+
+
 def _passive_vaf(
     columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float, skew: float
 ) -> float:
-    """Return the VAF of inertia, viscosity and stiffness, none of them negative, at a skew [s]."""
+    """Return the VAF of torques per unit of what is not negative, inertia, viscosity, stiffness and
+    reflexes, at a skew [s].
+    """
     moved = np.roll(torque, -round(skew * rate))[inner]
     scaled = columns[inner] / np.linalg.norm(columns[inner], axis=0)
     return 1.0 - float(nnls(scaled, moved)[1] ** 2 / (moved @ moved))

@@ -4,6 +4,7 @@ scored on unseen rows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -52,6 +53,10 @@ class Candidates:
     def __init__(self, fitter: Fitter, null: Null, grids: Grids, progress: Progress) -> None:
         self._fitter, self._null, self._grids = fitter, null, grids
         self._progress = progress
+
+    def alone(self, progress: Progress) -> Candidates:
+        """Return one that learns on its own which points of the grids are worth trying."""
+        return Candidates(self._fitter, self._null, self._grids.copy(), progress)
 
     def best(self, current: Fit) -> tuple[list[Trial], float]:
         """Return the most promising candidates, refitted and scored on unseen rows, best first, and
@@ -153,6 +158,7 @@ def begun_anew(
     points: Sequence[Point],
     evaluations: int = 12,
     others: Start | None = None,
+    limit: float = math.inf,
 ) -> Trial:
     """Return the trial of one more term, begun at the best points of its grid.
 
@@ -168,6 +174,8 @@ def begun_anew(
         Of each refit.
     others
         Where the other terms begin; None: as they are in the present model.
+    limit
+        Of the score; a refit that cannot come below it ends early.
     """
     (screened,) = screen(fitter, current, {name: points})
     best = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
@@ -175,7 +183,7 @@ def begun_anew(
     def begun(point: Point) -> Trial:
         (at_point,) = screen(fitter, current, {name: [point]})
         start = {**(current.values if others is None else others), name: at_point.start}
-        return refitted(fitter, current, name, start, evaluations)
+        return refitted(fitter, current, name, start, evaluations, limit)
 
     return max(in_parallel(begun, [point for _, point in best]), key=lambda t: t.gain)
 

@@ -11,6 +11,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
+from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
@@ -41,6 +42,9 @@ SWAP_GAIN = 0.005
 # and what only corrected a shape took off at most so much (see `SECOND_EFFECT_GAIN`).
 LARGER_SWAP_GAIN = 0.1
 MOST_SWAPS = 3
+# Unseen plain torque that is left unexplained grows by this factor at least where a rival does
+# harm; both models predict it alike otherwise, within some per cent of voluntary torque.
+LEAST_HARM = 1.05
 # Share of the whitened error that the others leave, fitted and on unseen rows. A refinement of a
 # model is an effect of its own where it alone takes off so much, changes torque that matters and
 # has no value at a bound. Of 32 development recordings on the independent rig the second of two
@@ -272,8 +276,9 @@ def exchange(
             lambda effect: _rivals(fitter, found, effect, grids, null, progress),
             [*found.effects, *_ending_at_bounds(fitter, found, null)],
         )
-        better = better_rival(found)
-        if better is None or swaps == MOST_SWAPS:
+        options = better_rivals(found) if swaps < MOST_SWAPS else []
+        better = next((o for o in options if not _harms(fitter, found.final, o[1].fit)), None)
+        if better is None:
             break
         _swap(fitter, found, *better, null, yardstick, progress)
         swaps += 1
@@ -306,8 +311,9 @@ def ends_at_bound(final: Fit, name: str) -> bool:
     return any(label.startswith(f"{name}.") for label in final.at_bounds)
 
 
-def better_rival(found: Found) -> tuple[Effect, Trial] | None:
-    """Return the effect and its rival that fits better with no more parameters, if there is one.
+def better_rivals(found: Found) -> list[tuple[Effect, Trial]]:
+    """Return effects and their rivals that fit better with no more parameters, the best rival
+    first.
 
     A rival that takes off no more than by chance, such as a term that follows slow torque where
     the reflex varies, takes no place.
@@ -325,7 +331,17 @@ def better_rival(found: Found) -> tuple[Effect, Trial] | None:
         if rival.exceeds_chance
         and rival.fit.score < (1.0 - _least_gain(rival, final)) * final.score
     ]
-    return min(options, key=lambda option: option[1].fit.score, default=None)
+    return sorted(options, key=lambda option: option[1].fit.score)
+
+
+def _harms(fitter: Fitter, final: Fit, other: Fit) -> bool:
+    """Say whether another model predicts unseen plain torque worse than the final one by a larger
+    factor than it lowers the whitened error: one with a drift that a half of the recording seems to
+    show, and that the other half does not continue.
+    """
+    now, then = in_parallel(lambda fit: held_out(fitter, fit).vaf, [final, other])
+    harm = (100.0 - then) / max(100.0 - now, 1e-9)
+    return harm > max(LEAST_HARM, final.score / other.score)
 
 
 def _least_gain(rival: Trial, final: Fit) -> float:

@@ -40,6 +40,13 @@ class Grids:
             for name in candidates(fit, self._library)
         }
 
+    def copy(self) -> Grids:
+        """Return grids that know the same, and learn on their own."""
+        other = Grids(self._library, self._duration)
+        other._kept = dict(self._kept)
+        other._best = {name: list(points) for name, points in self._best.items()}
+        return other
+
     def learn(self, screened: Sequence[Screened]) -> None:
         """Keep the better half of what was tried."""
         for s in screened:

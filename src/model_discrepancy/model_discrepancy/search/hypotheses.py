@@ -10,7 +10,9 @@ Harpy speech recognition system, Carnegie Mellon University).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import align, bic_change, has_joint
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
@@ -159,21 +162,34 @@ class Hypotheses:
             if self._preferred(again, best):
                 best = again
         many = before is None and len(first.found.effects) >= LEAST_TERMS_FORKED
-        forks = first.forks if many else []
-        for _ in range(min(MOST_FORKS, len(forks))):
-            fork = max(forks, key=lambda fork: fork.gain)
-            self._progress(f"another hypothesis: {fork.trial.name} first")
-            found = Found(self._base, self._base, effects=list(fork.effects))
-            other = Hypothesis(found, fork.current)
-            self._add(other, fork.trial)
-            if self._follow(other, leading=best) and not fork.effects:
-                self._followed_from[fork.trial.name] = other
-            forks = [*(one for one in forks if one is not fork), *other.forks]
-            if self._preferred(other, best):
-                best = other
+        forks, left = first.forks if many else [], MOST_FORKS
+        while forks and left > 0:
+            forks = sorted(forks, key=lambda fork: -fork.gain)
+            ahead, forks = forks[:left], forks[left:]
+            left -= len(ahead)
+            for other in in_parallel(partial(self._forked, best), ahead):
+                forks += other.forks
+                if self._preferred(other, best):
+                    best = other
         best = self._usual(first.first, best)
         alone = self._alone(first.first, best)
         return alone if alone is not None else best
+
+    def _forked(self, leading: Hypothesis, fork: Fork) -> Hypothesis:
+        """Return the hypothesis that goes another way; it learns on its own which points are worth
+        trying, since others may be followed at the same time.
+        """
+        name = fork.trial.name
+        self._progress(f"another hypothesis: {name} first")
+        alone = copy(self)
+        alone._progress = lambda step: self._progress(f"{name} first: {step}")
+        alone._candidates = self._candidates.alone(alone._progress)
+        found = Found(self._base, self._base, effects=list(fork.effects))
+        other = Hypothesis(found, fork.current)
+        alone._add(other, fork.trial)
+        if alone._follow(other, leading=leading) and not fork.effects:
+            self._followed_from[name] = other
+        return other
 
     def _again(self, before: Found) -> Hypothesis:
         """Return the hypothesis of the terms that another search found, as far as they are worth

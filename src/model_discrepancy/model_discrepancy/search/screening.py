@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -94,9 +95,9 @@ def screen(
     def screened(name: str) -> Screened:
         tried = points[name]
         if any(p.linear for p in term_library()[name].parameters):
-            results = [
-                _additive(fitter, fit, name, point, basis, residual, null) for point in tried
-            ]
+            one = partial(_additive, fitter, fit, name, basis, residual, null)
+            # What the points observe of the surrogates goes to one place.
+            results = in_parallel(one, tried) if null is None else [one(point) for point in tried]
         else:
             results = _shaping(fitter, fit, name, tried, slopes)
             if null is not None:
@@ -105,7 +106,9 @@ def screen(
         shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
         return Screened(name, results[best][1], results[best][0], shares)
 
-    return sorted(in_parallel(screened, list(points)), key=lambda s: -s.share)
+    # The longest first, so that no core waits for one at the end.
+    longest_first = sorted(points, key=lambda name: -len(points[name]))
+    return sorted(in_parallel(screened, longest_first), key=lambda s: -s.share)
 
 
 def candidates(fit: Fit, library: Sequence[str] | None = None) -> list[str]:
@@ -178,10 +181,10 @@ def _additive(
     fitter: Fitter,
     fit: Fit,
     name: str,
-    point: Point,
     basis: np.ndarray,
     residual: np.ndarray,
     null: Null | None,
+    point: Point,
 ) -> tuple[float, dict[str, float]]:
     """Return the share and start of a candidate that adds torque."""
     columns, rows = fitter.columns, fitter.rows
@@ -214,12 +217,14 @@ def _shaping(
 ) -> list[tuple[float, dict[str, float]]]:
     """Return the share and start of a candidate that changes a signal on its way, at each point."""
     columns, used = fitter.columns, fitter.rows.fitted
-    results = []
-    for point in points:
+
+    def tried(point: Point) -> tuple[float, dict[str, dict[str, float]], np.ndarray, Foot | None]:
         values = _with(columns, fit, name, point)
         foot = _foot(columns, fit, values)
         left, values = _left(fitter, values, foot)
-        results.append((float(left @ left), values, left, foot))
+        return float(left @ left), values, left, foot
+
+    results = in_parallel(tried, points)
     time, before = fitter.rows.time[used], fit.residual[used]
     shares = [
         1.0 - error / fit.score if acting_in(time, left - before) >= FEWEST_STRETCHES else 0.0

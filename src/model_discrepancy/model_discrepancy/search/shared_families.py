@@ -9,12 +9,14 @@ family that states that it is imitated by one of these belongs to them (`Term.im
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from ankle_physics.term import term_library
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import begun_anew
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
@@ -24,6 +26,8 @@ from model_discrepancy.search.trials import fixed_errors, refitted
 
 # Beside many other terms, whose values follow slowly.
 EVALUATIONS = 40
+# What several terms take off by chance is a small share; all of it would leave no limit.
+LARGEST_BY_CHANCE = 0.5
 
 
 def unite(
@@ -58,9 +62,10 @@ def unite(
             continue
         names = [effect.trial.name for effect in members]
         progress(f"{family}: one term for {', '.join(names)}")
-        trials = [_alone(fitter, found, name, names, grids) for name in names]
+        thresholds = {name: null.threshold(name) for name in names}
+        trials = in_parallel(partial(_alone, fitter, found, thresholds, grids), names)
         best = min(trials, key=lambda trial: trial.fit.score)
-        by_chance = sum(null.threshold(name) for name in names if name != best.name)
+        by_chance = _by_chance_beside(best.name, thresholds)
         if 1.0 - found.final.score / best.fit.score < by_chance:
             _put(fitter, found, members, best, yardstick)
             united = True
@@ -85,17 +90,29 @@ def _imitating(found: Found) -> dict[str, list[Effect]]:
     return families
 
 
-def _alone(fitter: Fitter, found: Found, name: str, members: Sequence[str], grids: Grids) -> Trial:
-    """Return the best model with one term of a family instead of these members."""
+def _by_chance_beside(name: str, thresholds: Mapping[str, float]) -> float:
+    """Return what the other terms of a family take off by chance, of these thresholds."""
+    return sum(threshold for other, threshold in thresholds.items() if other != name)
+
+
+def _alone(
+    fitter: Fitter, found: Found, thresholds: Mapping[str, float], grids: Grids, name: str
+) -> Trial:
+    """Return the best model with one term of a family instead of these members, which each have a
+    threshold. A refit that cannot come near what all of them take off ends early.
+    """
+    members = list(thresholds)
+    by_chance = min(_by_chance_beside(name, thresholds), LARGEST_BY_CHANCE)
+    limit = found.final.score / (1.0 - by_chance)
     terms: Sequence[str] = found.final.terms
     for member in members:
         terms = without_term(terms, member)
     bare = fitter.fit(terms, found.final.values, evaluations=15)
     # The others as they are beside the family: without it, they stand in for a part of it.
     others = {term: found.final.values[term] for term in terms}
-    anew = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, others)
+    anew = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, others, limit)
     swings_alike = [
-        refitted(fitter, bare, name, {**others, **start}, EVALUATIONS)
+        refitted(fitter, bare, name, {**others, **start}, EVALUATIONS, limit)
         for start in _imitations(found, name, members)
     ]
     return max([anew, *swings_alike], key=lambda trial: trial.gain)

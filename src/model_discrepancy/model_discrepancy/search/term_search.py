@@ -140,9 +140,11 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
         if place_of(name) is Place.COUPLING and ends_at_bound(found.final, name):
             progress(f"{name} corrects little and ended at the bound of its range")
             _drop_refinement(fitter, found, effect)
-    while (harmful := _most_harmful(fitter, found)) is not None:
-        progress(f"{harmful.trial.name} lets unseen data be predicted worse than it helps")
-        _drop_refinement(fitter, found, harmful)
+    suspects = list(found.refinements)
+    while suspects := _harmful(fitter, found, suspects):
+        progress(f"{suspects[0].trial.name} lets unseen data be predicted worse than it helps")
+        # Without it, others of these may be useful; one that was useful beside it still is.
+        _drop_refinement(fitter, found, suspects.pop(0))
     while found.refinements and found.final_held_out.vaf < found.base_held_out.vaf:
         progress(f"{found.refinements[-1].trial.name} lets unseen data be predicted worse")
         _drop_refinement(fitter, found, found.refinements[-1])
@@ -154,9 +156,9 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
     return len(found.refinements) < before
 
 
-def _most_harmful(fitter: Fitter, found: Found) -> Effect | None:
-    """Return the refinement without which unseen plain torque is predicted best, of those whose
-    harm is larger than their use; None where there is none.
+def _harmful(fitter: Fitter, found: Found, suspects: Sequence[Effect]) -> list[Effect]:
+    """Return those of some refinements whose harm is larger than their use; the one without which
+    unseen plain torque is predicted best comes first.
     """
 
     def without(effect: Effect) -> tuple[float, float]:
@@ -166,11 +168,9 @@ def _most_harmful(fitter: Fitter, found: Found) -> Effect | None:
         harm = (100.0 - found.final_held_out.vaf) / unseen
         return harm, harm / (fit.score / found.final.score)
 
-    tried = in_parallel(without, found.refinements)
-    harmful = [k for k, (_, ratio) in enumerate(tried) if ratio > 1.0]
-    if not harmful:
-        return None
-    return found.refinements[max(harmful, key=lambda k: tried[k][0])]
+    tried = in_parallel(without, suspects)
+    order = sorted(range(len(suspects)), key=lambda k: -tried[k][0])
+    return [suspects[k] for k in order if tried[k][1] > 1.0]
 
 
 def _drop_refinement(fitter: Fitter, found: Found, effect: Effect) -> None:

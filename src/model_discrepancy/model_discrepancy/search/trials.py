@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.least_squares import bounded, orthonormal
+from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import Start
 from model_discrepancy.search.acting_stretches import acting_in
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
@@ -159,23 +162,35 @@ def drop_superfluous(
     fitter: Fitter, found: Found, newest: Effect, current: Fit, null: Null, progress: Progress
 ) -> Fit:
     """Remove the terms that the newest one made superfluous."""
-    for effect in [one for one in found.effects if one is not newest]:
-        name = effect.trial.name
-        if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
-            continue
-        by_chance = null.threshold(name)
-        without = fitter.fit_below(
-            without_term(current.terms, name),
-            current.values,
-            limit=current.score / (1.0 - min(by_chance, INDISPENSABLE_SHARE)),
-            evaluations=20,
-        )
-        gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
-        if 1.0 - current.score / without.score < by_chance or min(gains) <= 0.0:
-            progress(f"{name} is superfluous now")
-            found.effects.remove(effect)
-            current = without
+    left = [effect for effect in found.effects if effect is not newest]
+    while left:
+        names = [effect.trial.name for effect in left]
+        # All at the same time ask for them.
+        fitter.derivatives(current)
+        fits = in_parallel(partial(_fit_without_superfluous, fitter, current, null), names)
+        first = next((k for k, fit in enumerate(fits) if fit is not None), None)
+        if first is None:
+            break
+        progress(f"{names[first]} is superfluous now")
+        found.effects.remove(left[first])
+        current, left = cast(Fit, fits[first]), left[first + 1 :]
     return current
+
+
+def _fit_without_superfluous(fitter: Fitter, current: Fit, null: Null, name: str) -> Fit | None:
+    """Return the fit without a term; None where the term is worth keeping."""
+    if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
+        return None
+    by_chance = null.threshold(name)
+    without = fitter.fit_below(
+        without_term(current.terms, name),
+        current.values,
+        limit=current.score / (1.0 - min(by_chance, INDISPENSABLE_SHARE)),
+        evaluations=20,
+    )
+    gains = halves_gain(halves_errors(fitter, without), halves_errors(fitter, current))
+    superfluous = 1.0 - current.score / without.score < by_chance or min(gains) <= 0.0
+    return without if superfluous else None
 
 
 def _promised_loss(fitter: Fitter, current: Fit, name: str) -> float:
