@@ -21,7 +21,15 @@ from simulation_study.robustness.conditions import (
 from simulation_study.robustness.estimation import OFFLINE, ONLINE, arrival, estimate_condition
 from simulation_study.robustness.recordings import recording
 from simulation_study.robustness.report import write_report
-from simulation_study.robustness.summary import arrivals, doubt, earlier, errors, select
+from simulation_study.robustness.summary import (
+    arrivals,
+    doubt,
+    earlier,
+    error_ratio,
+    errors,
+    select,
+    share_interval,
+)
 
 
 def test_a_plan_has_every_effect_at_three_strengths_and_both_servos():
@@ -83,6 +91,23 @@ def test_errors_coverage_and_doubt_are_counted():
     assert errors(select(results, NO_MISMATCH), "CE", "G").covered == 100.0
     said = doubt(select(results, None), "CE")
     assert (said.large, said.flagged, said.called) == (2, 50.0, 50.0)
+
+
+def test_an_estimator_that_is_worse_with_an_effect_is_listed_with_the_uncertainty(tmp_path):
+    results = {}
+    for run in range(9):
+        made = result("strap", f"s{run}", 90.0 - run, 10.0)
+        better = {"value": [95.0, 10.0 + 0.01 * (run + 1)]}
+        made["estimates"]["CE all"] = made["estimates"]["CE all"] | better
+        results[f"s{run}"] = made
+    ratio, low, high = error_ratio(select(results, "strap"), "K", "simultaneous", "CE all")
+    assert ratio == pytest.approx(14.0 / 5.0)
+    assert 10.0 / 5.0 <= low < ratio < high <= 18.0 / 5.0
+    text = write_report(results, tmp_path, "ankle robustness")
+    (listed,) = [line for line in text.splitlines() if line.startswith("| strap | 9 |")]
+    assert listed.startswith("| strap | 9 | K | 14.0 | 5.0 | 2.8 (")
+    low, high = share_interval(59, 72)
+    assert (round(low), round(high)) == (71, 90)
 
 
 def test_a_single_estimate_is_compared_with_the_joint_over_its_own_memory():

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from simulation_study.robustness.conditions import JUMP, JUMPS, NO_MISMATCH
@@ -18,6 +19,8 @@ WIDTH = 1.96
 """Standard errors on either side of an estimate that hold the truth in 95 % of cases."""
 LARGE_ERROR = {"K": 15.0, "G": 25.0}
 """Larger errors [%] should be called doubtful."""
+RESAMPLED = 4000
+"""Draws of the bootstrap: the ends of a 95 % interval then vary by some per cent."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,52 @@ def errors(chosen: Iterable[dict[str, Any]], estimator: str, gain: str) -> Error
         float(size.max()),
         100.0 * float(np.mean(covered)) if covered else float("nan"),
     )
+
+
+def error_ratio(
+    chosen: Sequence[dict[str, Any]], gain: str, estimator: str, reference: str
+) -> tuple[float, float, float]:
+    """Return the ratio of the median absolute errors of two estimators over the same recordings,
+    and its 95 % interval by the bootstrap over recordings (Efron & Tibshirani 1993, chapter 13).
+
+    Parameters
+    ----------
+    chosen
+        Results.
+    gain
+        K or G.
+    estimator, reference
+        Names; the ratio is the first one's error over the other one's.
+    """
+    index = GAINS.index(gain)
+    sizes = np.array(
+        [
+            [abs(found["value"][index] / found["truth"][index] - 1.0) for found in both]
+            for both in (
+                [result["estimates"][name] for name in (estimator, reference)] for result in chosen
+            )
+        ]
+    )
+    drawn = np.random.default_rng(0).integers(len(sizes), size=(RESAMPLED, len(sizes)))
+    medians = np.nanmedian(sizes[drawn], axis=1)
+    # A ratio of two errors that are zero is none.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mine, other = np.nanmedian(sizes, axis=0)
+        ratios = medians[:, 0] / medians[:, 1]
+        low, high = np.quantile(ratios, [0.025, 0.975])
+        return float(mine / other), float(low), float(high)
+
+
+def share_interval(part: int, whole: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of a share [%] (Clopper & Pearson 1934, Biometrika 26, 404).
+
+    Parameters
+    ----------
+    part, whole
+        Numbers of cases, those that count and all.
+    """
+    low, high = binomtest(part, whole).proportion_ci(0.95)
+    return 100.0 * float(low), 100.0 * float(high)
 
 
 def doubt(chosen: Iterable[dict[str, Any]], estimator: str) -> Doubt:
