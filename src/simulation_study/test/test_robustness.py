@@ -28,7 +28,6 @@ from simulation_study.robustness.summary import (
     error_ratio,
     errors,
     select,
-    share_interval,
 )
 
 
@@ -106,8 +105,6 @@ def test_an_estimator_that_is_worse_with_an_effect_is_listed_with_the_uncertaint
     text = write_report(results, tmp_path, "ankle robustness")
     (listed,) = [line for line in text.splitlines() if line.startswith("| strap | 9 |")]
     assert listed.startswith("| strap | 9 | K | 14.0 | 5.0 | 2.8 (")
-    low, high = share_interval(59, 72)
-    assert (round(low), round(high)) == (71, 90)
 
 
 def test_a_single_estimate_is_compared_with_the_joint_over_its_own_memory():

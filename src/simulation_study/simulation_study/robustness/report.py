@@ -23,8 +23,8 @@ from simulation_study.robustness.summary import (
     error_ratio,
     errors,
     select,
-    share_interval,
 )
+from simulation_study.verdict_report import rate_with_interval
 
 TABLE, PICTURE = "robustness.md", "robustness.png"
 REFERENCE = "CE all"
@@ -119,11 +119,10 @@ def _arrivals(results: Results) -> list[str]:
     for name in ONLINE:
         first, runs = earlier(results, name, REFERENCE)
         if name != REFERENCE and runs:
-            low, high = share_interval(first, runs)
             lines += [
                 "",
-                f"`{name}` arrives before `{REFERENCE}` in {first} of {runs} runs "
-                f"({100 * first / runs:.0f} %, 95 % interval {low:.0f} to {high:.0f}).",
+                f"Runs in which `{name}` arrives before `{REFERENCE}`: "
+                f"{rate_with_interval(first, runs)}.",
             ]
     return lines
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from simulation_study.robustness.conditions import JUMP, JUMPS, NO_MISMATCH
@@ -165,18 +164,6 @@ def error_ratio(
         ratios = medians[:, 0] / medians[:, 1]
         low, high = np.quantile(ratios, [0.025, 0.975])
         return float(mine / other), float(low), float(high)
-
-
-def share_interval(part: int, whole: int) -> tuple[float, float]:
-    """Return the exact 95 % interval of a share [%] (Clopper & Pearson 1934, Biometrika 26, 404).
-
-    Parameters
-    ----------
-    part, whole
-        Numbers of cases, those that count and all.
-    """
-    low, high = binomtest(part, whole).proportion_ci(0.95)
-    return 100.0 * float(low), 100.0 * float(high)
 
 
 def doubt(chosen: Iterable[dict[str, Any]], estimator: str) -> Doubt:
