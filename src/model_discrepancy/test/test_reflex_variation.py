@@ -69,9 +69,17 @@ def test_the_size_of_changes_of_the_stiffness_is_measured():
     sides = np.random.default_rng(3).choice([-1.0, 1.0], 3 * int(steady.duration) + 3)
     change = 0.15 * problem.base.values["stiffness"]["K"] * sides[(3.0 * steady.time).astype(int)]
     angle = steady.position - steady.position.mean()
-    found = varies_in(replace(steady, torque=steady.torque + change * angle))
+    varied = replace(steady, torque=steady.torque + change * angle)
+    found = varies_in(varied)
     assert found.stiffness[0] == pytest.approx(0.15, abs=0.03)
     assert "larger and smaller by 1" in found.unsteady[0]
+    # It is a share of the base model's stiffness, whatever a found model leaves of it.
+    problem = prepare(varied)
+    hidden = replace(
+        problem.base, values={**problem.base.values, "stiffness": {"K": 0.01, "x0": 0.0}}
+    )
+    beside = variability(problem.fitter, hidden, varied.torque, problem.base)
+    assert beside.stiffness == pytest.approx(found.stiffness, rel=0.1)
 
 
 def test_a_startle_that_stiffens_the_joint_is_seen_and_is_no_matter_of_the_reflex():

@@ -96,7 +96,7 @@ def criticise(
     base_scored, final_scored = found.base_held_out, found.final_held_out
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
-    varies = variability(fitter, final, problem.recording.torque)
+    varies = variability(fitter, final, problem.recording.torque, problem.base)
     scores = Scores(base_scored.vaf, final_scored.vaf, ceiling[1])
     verdict, closed = judge(found, after, findings, varies, scores)
     block = None

@@ -210,7 +210,9 @@ def _exceeds(found: tuple[float, float], limit: float) -> bool:
     return value - 2.0 * error > limit
 
 
-def variability(fitter: Fitter, fit: Fit, torque: np.ndarray) -> Variability:
+def variability(
+    fitter: Fitter, fit: Fit, torque: np.ndarray, base: Fit | None = None
+) -> Variability:
     """Look for it in the residual of a fit.
 
     Parameters
@@ -219,11 +221,14 @@ def variability(fitter: Fitter, fit: Fit, torque: np.ndarray) -> Variability:
         Of the recording.
     torque
         As it was recorded [N.m], shape (n,).
+    base
+        The base model's fit, of whose stiffness a variation is a share; None: `fit` itself.
     """
     tremor, line = _peaks(fitter, fit)
     reflex = reflex_variation(fitter, fit)
     variation, window, share = _variation(fitter, fit, reflex.residual)
     slow = fitter.rows.slow(fit.left, _SLOW_HZ)
+    mean = (fit if base is None else base).values.get("stiffness", {"K": 0.0})["K"]
     return Variability(
         tremor,
         reflex.spread,
@@ -234,7 +239,7 @@ def variability(fitter: Fitter, fit: Fit, torque: np.ndarray) -> Variability:
         share,
         reflex.serial,
         reflex.timing,
-        stiffness_variation(fitter, fit, reflex),
+        stiffness_variation(fitter, fit, reflex, mean),
         coarse_step(torque),
     )
 

@@ -15,7 +15,7 @@ _FEWEST_PIECES = 50
 
 
 def stiffness_variation(
-    fitter: Fitter, fit: Fit, reflex: ReflexVariation
+    fitter: Fitter, fit: Fit, reflex: ReflexVariation, mean: float
 ) -> tuple[float, float] | None:
     """Return the standard deviation of the stiffness over short pieces of a recording, beyond what
     noise makes, as a share of its mean, with its standard error.
@@ -26,18 +26,20 @@ def stiffness_variation(
         A model with stiffness, and its residual.
     reflex
         How its reflex varies. Where responses overlap, what that leaves is not known well enough.
+    mean
+        Stiffness of the base model [N.m/rad]: beside terms that act like a spring a model's own may
+        be next to nothing.
 
     Returns
     -------
     tuple or None
         None where responses overlap, and without stiffness.
     """
-    stiffness = fit.values.get("stiffness", {"K": 0.0})["K"]
-    if not reflex.apart or stiffness <= 0.0:
+    if not reflex.apart or mean <= 0.0 or "stiffness" not in fit.values:
         return None
     rows = fitter.rows
     spectrum = fitter.columns.spectra(fit.values)[("stiffness", "K")]
-    torque = rows.whitened(stiffness * spectrum)
+    torque = rows.whitened(mean * spectrum)
     length = int(_PIECE_S * rows.rate)
     kept = rows.count // length * length
     whole = rows.used[:kept].reshape(-1, length).all(axis=1)
