@@ -19,7 +19,7 @@ SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
 USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[], unsteady=[])
 
 
-def found(score, effects=("a term",), contradicted=False, at_bounds=False):
+def found(score, effects=("a term",), contradicted=False, at_bounds=False, stands_in=False):
     """A search whose model leaves `score` of the whitened error of the base model."""
     return SimpleNamespace(
         effects=list(effects),
@@ -27,6 +27,7 @@ def found(score, effects=("a term",), contradicted=False, at_bounds=False):
         shape_corrected=False,
         contradicted=contradicted,
         ends_at_bounds=at_bounds,
+        reflex_stands_in=stands_in,
     )
 
 
@@ -127,6 +128,18 @@ def test_without_names_more_of_the_residual_than_ever_without_a_mismatch_is_one(
 ):
     left = remainder(left, True, torque_share=4e-4, held=held)
     assert judge(found(1.0, effects=()), left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
+def test_a_reflex_at_the_bound_of_its_range_is_a_mismatch_where_nothing_else_is():
+    """A late reflex: the paper's takes its place, with the longest delay that it may have."""
+    nothing = remainder(0.0, True)
+    for effects, score in (((), 1.0), (("a term",), 0.96)):
+        found_so = found(score, effects, stands_in=True)
+        assert judge(found_so, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
+        found_so = found(score, effects)
+        assert judge(found_so, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
+    named = found(0.2, stands_in=True)
+    assert judge(named, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
 
 
 def test_a_stiffness_that_changes_in_time_is_a_mismatch_where_nothing_else_is():

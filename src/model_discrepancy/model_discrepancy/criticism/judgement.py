@@ -105,7 +105,7 @@ def judge(
     scores
         VAF on unseen data.
     """
-    left, unusual = max(remainder.share, 0.0), varies.unusual
+    left = max(remainder.share, 0.0)
     closed = found.cut / (found.cut + (1.0 - found.cut) * left) if found.effects else 0.0
     predictable = remainder.significant or (
         closed < GAP_CLOSED_BESIDE_LEAKAGE
@@ -114,10 +114,11 @@ def judge(
     )
     # Torque that moves the plate makes a stiffness that varies.
     unsteady = remainder.judged and bool(varies.unsteady)
+    unusual = bool(varies.unusual)
     if not found.effects:
         # More than noise lets the movement predict.
         predicts_residual = remainder.held and remainder.criticises and left > LARGEST_WITHOUT_NAMES
-        if predictable or unusual or unsteady or predicts_residual:
+        if predictable or unusual or unsteady or predicts_residual or found.reflex_stands_in:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
     large = found.cut > LARGEST_CUT_BY_LEAKAGE
@@ -128,7 +129,7 @@ def judge(
     little = found.cut < LEAST_USEFUL_CUT or leaked
     useless = not large and (gained <= 0.0 or (gains_little and little))
     if useless or found.cut < LEAST_CUT:
-        if unsteady:
+        if unsteady or found.reflex_stands_in:
             return "unexplained", closed
         if not (predictable or unusual or findings):
             # Names that predict no torque on unseen data follow torque that moved the plate.
@@ -147,11 +148,11 @@ def judge(
         or ((found.contradicted or found.ends_at_bounds) and not in_doubt)
         or (remainder.judged and len(found.effects) >= MANY_NAMES and criticised(found, remainder))
         or (len(found.effects) == 1 and remainder.judged and strongly_criticised(remainder))
-        or (gains_little and (predictable or bool(unusual)))
-        or (remainder.exceeds_chance and bool(unusual))
+        or (gains_little and (predictable or unusual))
+        or (remainder.exceeds_chance and unusual)
         or bool(varies.unexplainable)
     )
-    if unexplained:
+    if unexplained or (in_doubt and found.reflex_stands_in):
         return "unexplained", closed
     if in_doubt and not (unusual or findings):
         return "no_mismatch", float("nan")

@@ -12,7 +12,7 @@ from model_discrepancy.criticism.judgement import criticised
 from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.criticism.stated_fit import stated_fit
-from model_discrepancy.fit.base_model import ALIGNMENT, is_alignment
+from model_discrepancy.fit.base_model import ALIGNMENT, is_alignment, reflex_at_bound
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.rows import WHITENING_ORDER, autoregression
@@ -22,7 +22,6 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.effect_size import size_of
 from model_discrepancy.report.operating_point import (
     operating_point,
-    reflex_at_bound,
     stated_impedance,
     with_model_error,
 )

@@ -14,6 +14,7 @@ import numpy as np
 from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, impedance, shapes_effective_stiffness
 from ankle_physics.term import Place, term_library
+from model_discrepancy.fit.base_model import reflex_at_bound
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.movements import Onsets
 from model_discrepancy.fit.parallel import in_parallel
@@ -183,15 +184,6 @@ def _model_shares(found: Found, unexplained: bool) -> dict[str, float]:
             squares.append(UNEXPLAINED_SHARE[name])
         shares.append((name, float(np.linalg.norm(squares))))
     return dict(shares)
-
-
-def reflex_at_bound(fit: Fit) -> bool:
-    """Tell whether the reflex's delay, frequency or damping ends at the bound of its range, of a
-    reflex that makes torque.
-    """
-    bounds = set(fit.at_bounds)
-    shape = {f"reflex.{p.symbol}" for p in term_library()["reflex"].parameters if not p.linear}
-    return bool(bounds & shape) and "reflex.G" not in bounds
 
 
 def _rest_torque(fit: Fit) -> float:

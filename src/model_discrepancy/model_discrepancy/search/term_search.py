@@ -13,7 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ankle_physics.term import Place
-from model_discrepancy.fit.base_model import ALIGNMENT, bic_change, is_alignment
+from model_discrepancy.fit.base_model import (
+    ALIGNMENT,
+    bic_change,
+    is_alignment,
+    reflex_stands_in,
+)
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import held_out
@@ -95,6 +100,7 @@ def search(
         name_second_effect(fitter, found, grids, null, progress)
     found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
+    found.reflex_stands_in = reflex_stands_in(fitter, found.final)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
 
