@@ -1,26 +1,16 @@
 """An investigation keeps what no recording excludes, ends by itself, and asks before it moves."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ankle_physics.model import Model
-from model_discrepancy.problem import prepare
 from model_discrepancy.report.investigation_report import write_investigation
 from model_discrepancy.tools import experiment_design, investigation
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import RivalSet, _ranked
-from model_discrepancy.tools.investigation import (
-    MOST_SHOWN,
-    OpenSet,
-    investigate,
-    join,
-    judge,
-    remaining,
-    shown_by,
-)
+from model_discrepancy.tools.investigation import OpenSet, investigate, remaining
 from model_discrepancy.tools.simulated_conduct import SimulatedConduct
 from simulation_study.planted_trials import simulate_trial
 
@@ -126,69 +116,11 @@ def test_the_next_movement_is_designed_with_what_the_last_recording_made_of_each
         for name in ("maxwell_relaxation", "short_range_stiffness")
     }
     one = OpenSet("maxwell_relaxation", dict(models))
-    judge([one], prepare(recording).fitter)
+    investigation._judge([one], recording)
     assert one.models["maxwell_relaxation"]["maxwell_relaxation"]["T"] == pytest.approx(
         0.1, rel=0.3
     )
     assert one.models["short_range_stiffness"] != models["short_range_stiffness"]
-
-
-def test_a_name_that_a_further_recording_shows_joins_and_wins_where_it_is_right():
-    """Two imitations of a relaxation are open, and a further movement shows the relaxation."""
-    planted = {"maxwell_relaxation": {"k": 60.0, "T": 0.1}}
-    fitters = [
-        prepare(
-            simulate_trial(planted, seed=seed, duration=30.0, rate=1024.0, protocol=protocol)
-        ).fitter
-        for seed, protocol in ((3, "equal"), (4, "random"))
-    ]
-    base = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
-
-    def fitted(name, fitter):
-        model = {e.term.name: dict(e.values) for e in Model.of({**base, name: {}}).entries}
-        return fitter.fit(list(model), model)
-
-    found = {n: fitted(n, fitters[0]) for n in ("short_range_stiffness", "long_latency_reflex")}
-    best = min(fit.score for fit in found.values())
-    one = OpenSet("short_range_stiffness", {n: fit.values for n, fit in found.items()})
-    one.excess = {n: [fit.score / best - 1.0] for n, fit in found.items()}
-    shown = {
-        "maxwell_relaxation": fitted("maxwell_relaxation", fitters[1]).values,
-        "short_range_stiffness": {},
-    }
-    assert join(one, shown, fitters[:1]) == ["maxwell_relaxation"]
-    assert one.excess["maxwell_relaxation"][0] < 0.0
-    said = judge([one], fitters[1])
-    assert one.left == ["maxwell_relaxation"]
-    assert one.joined == ["maxwell_relaxation"]
-    assert "maxwell relaxation is left" in said
-    # Where it is not right, it joins and goes.
-    wrong = OpenSet(
-        "maxwell_relaxation",
-        {"maxwell_relaxation": fitted("maxwell_relaxation", fitters[0]).values},
-    )
-    wrong.excess = {"maxwell_relaxation": [0.0]}
-    join(
-        wrong,
-        {"long_latency_reflex": fitted("long_latency_reflex", fitters[1]).values},
-        fitters[:1],
-    )
-    judge([wrong], fitters[1])
-    assert wrong.left == ["maxwell_relaxation"]
-
-
-def test_names_of_an_effect_that_a_recording_hardly_shows_do_not_join():
-    def found(rivals):
-        fit = SimpleNamespace(values={"tendon": {}})
-        effect = SimpleNamespace(
-            trial=SimpleNamespace(name="tendon"),
-            rivals=[SimpleNamespace(name=f"term {k}", fit=fit) for k in range(rivals)],
-        )
-        return SimpleNamespace(found=SimpleNamespace(effects=[effect], final=fit))
-
-    assert set(shown_by(found(2))) == {"tendon", "term 0", "term 1"}
-    assert shown_by(found(MOST_SHOWN)) == {}
-    assert shown_by(SimpleNamespace(found=None)) == {}
 
 
 def test_torque_levels_are_simulated_one_after_the_other():

@@ -50,8 +50,7 @@ def run_case(plan: Plan, out: Path) -> Entry:
         "share": shares[plan.hidden[0]],
         "right": right_names(plan)[0],
         "verdict": story.first.verdict.verdict,
-        "sets": [s.opened_with for s in story.sets],
-        "joined": [s.joined for s in story.sets],
+        "sets": [list(s.models) for s in story.sets],
         "left": [s.left for s in story.sets],
         "recordings": [r.title for r in story.rounds if r.duration > 0.0],
         "ended": story.ended,
@@ -59,19 +58,21 @@ def run_case(plan: Plan, out: Path) -> Entry:
     }
 
 
-def outcome(left: list[str], right: list[str]) -> str:
+def outcome(names: list[str], left: list[str], right: list[str]) -> str:
     """Return what became of a set, in words.
 
     Parameters
     ----------
-    left
-        Names that are not excluded.
+    names, left
+        Of the set, before and after.
     right
         Names that answer the hidden effect.
     """
+    if not set(names) & set(right):
+        return "did not hold the right name"
     if set(left) <= set(right):
         return "right"
-    return "open" if set(left) & set(right) else "wrong"
+    return "wrong" if len(left) == 1 else "open"
 
 
 def report(entries: list[Entry], command: str) -> str:
@@ -85,17 +86,13 @@ def report(entries: list[Entry], command: str) -> str:
         With which they are made again.
     """
     rows = [
-        (entry, names, joined, left, outcome(left, entry["right"]))
+        (entry, names, left, outcome(names, left, entry["right"]))
         for entry in entries
-        for names, joined, left in zip(entry["sets"], entry["joined"], entry["left"], strict=True)
+        for names, left in zip(entry["sets"], entry["left"], strict=True)
     ]
-    holding = [row for row in rows if set(row[1]) & set(row[0]["right"])]
-    without = [row for row in rows if row not in holding]
-    shown = [row for row in without if set(row[2]) & set(row[0]["right"])]
-
-    def counted(word: str, chosen: list[Any]) -> str:
-        return rate_with_interval(sum(row[4] == word for row in chosen), len(chosen))
-
+    holding = [row for row in rows if row[3] != "did not hold the right name"]
+    before = sum(set(row[1]) <= set(row[0]["right"]) for row in holding)
+    counts = {word: sum(row[3] == word for row in holding) for word in ("right", "wrong", "open")}
     lines = [
         "# Investigations of ambiguous recordings",
         "",
@@ -105,24 +102,22 @@ def report(entries: list[Entry], command: str) -> str:
         "| | counted (95 % interval) |",
         "| --- | --- |",
         f"| sets of names that the first recording left open | {len(rows)} |",
-        f"| of all: only right names are left | {counted('right', rows)} |",
-        f"| right and wrong ones are left | {counted('open', rows)} |",
-        f"| only wrong ones are left | {counted('wrong', rows)} |",
-        f"| the right name was in the set | {rate_with_interval(len(holding), len(rows))} |",
-        f"| of those: only right names are left | {counted('right', holding)} |",
-        "| of the others: a further recording showed the right name | "
-        f"{rate_with_interval(len(shown), len(without))} |",
-        f"| only right names are left | {counted('right', without)} |",
+        f"| of these, the right name was in it | {rate_with_interval(len(holding), len(rows))} |",
+        "| of those: only right names are left | "
+        f"{rate_with_interval(counts['right'], len(holding))} |",
+        f"| only a wrong name is left | {rate_with_interval(counts['wrong'], len(holding))} |",
+        f"| still open | {rate_with_interval(counts['open'], len(holding))} |",
+        f"| every name was right from the first | {rate_with_interval(before, len(holding))} |",
         "",
-        "| hidden (share of the torque's variance) | protocol | open set | joined later | left | "
-        "further recordings | outcome |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| hidden (share of the torque's variance) | protocol | open set | left | further "
+        "recordings | outcome |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
-    for entry, names, joined, left, became in rows:
+    for entry, names, left, became in rows:
         lines.append(
             f"| {entry['hidden']} ({100 * entry['share']:.1f} %) | {entry['protocol']} | "
-            f"{', '.join(names)} | {', '.join(joined) or 'none'} | {', '.join(left)} | "
-            f"{'; '.join(entry['recordings']) or 'none'} | {became} |"
+            f"{', '.join(names)} | {', '.join(left)} | {'; '.join(entry['recordings']) or 'none'} "
+            f"| {became} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -23,7 +23,9 @@ STEPS = Candidate("steps", {"signal": "random_steps", "amplitude": 0.02, "direct
     ],
 )
 def test_a_set_is_right_where_only_right_names_are_left(left, became):
-    assert outcome(left, ["tendon", "fractional_damping"]) == became
+    names = ["tendon", "fractional_damping", "backlash"]
+    assert outcome(names, left, ["tendon", "fractional_damping"]) == became
+    assert outcome(["backlash"], ["backlash"], ["tendon"]) == "did not hold the right name"
 
 
 def test_the_report_counts_sets_and_not_recordings():
@@ -33,19 +35,17 @@ def test_the_report_counts_sets_and_not_recordings():
         "protocol": "pulse_step",
         "share": 0.02,
         "right": ["tendon"],
-        "sets": [["backlash", "tendon"], ["viscosity", "inertia"], ["viscosity", "inertia"]],
-        "joined": [[], [], ["tendon"]],
-        "left": [["tendon"], ["viscosity"], ["tendon"]],
+        "sets": [["backlash", "tendon"], ["viscosity", "inertia"]],
+        "left": [["tendon"], ["viscosity"]],
         "recordings": ["steps"],
     }
-    closed = {**entry, "sets": [], "joined": [], "left": []}
+    closed = {**entry, "sets": [], "left": []}
     text = report([entry, closed], "command")
     assert "2 recordings" in text
-    assert "first recording left open | 3 |" in text
-    assert "| of all: only right names are left | 2 of 3" in text
-    assert "| the right name was in the set | 1 of 3" in text
-    assert "a further recording showed the right name | 1 of 2" in text
-    assert text.count("| wrong |") == 1
+    assert "first recording left open | 2 |" in text
+    assert "the right name was in it | 1 of 2" in text
+    assert "only right names are left | 1 of 1" in text
+    assert "| every name was right from the first | 0 of 1" in text
 
 
 def test_a_round_records_the_designed_movement_of_the_same_subject():

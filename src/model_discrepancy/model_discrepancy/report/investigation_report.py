@@ -21,7 +21,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
         f"<p>{escape(story.ended)}</p>",
         "<h2>How it began</h2>",
         "<p><a href='first/report.html'>The first recording</a> left open: "
-        + escape("; ".join(_plain(" or ".join(s.opened_with)) for s in story.sets) or "nothing")
+        + escape("; ".join(_plain(" or ".join(s.models)) for s in story.sets) or "nothing")
         + ".</p>",
     ]
     for number, one in enumerate(story.rounds, start=1):
@@ -42,7 +42,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
         parts += ["<h2>What excludes what</h2>", image(encoded(_excess_picture(judged)))]
         rows = [
             [
-                _plain(name) + (" (joined later)" if name in one.joined else ""),
+                _plain(name),
                 ", ".join(f"{100 * e:.1f}" for e in one.excess.get(name, [])),
                 f"{one.evidence.get(name, float('nan')):.0f}",
                 "left" if name in one.left else "excluded",

@@ -4,16 +4,12 @@ This goes on until each effect has one name, until no movement within the limits
 left, or until the budget of recordings is spent. A rival is fitted to every recording anew, since a
 subject's state changes from one to the next; what counts is how much more whitened error it leaves
 than the best name of its set.
-
-The first recording may have left out the right name: another movement shows an effect in another
-light. So each further recording is diagnosed on its own, too, and the names that it shows join the
-sets. They are fitted to all recordings before.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,10 +20,12 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.fit_result import Fit
-from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.problem import prepare
+from model_discrepancy.recording.channel_gains import channel_findings, trusted
+from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.candidate_movements import Candidate
@@ -39,9 +37,6 @@ LONGEST_S = 180.0
 SHORTEST_S = 60.0
 # Evaluations of the refit of a rival on a new recording.
 EVALUATIONS = 25
-
-# More names than these for one effect of a further recording say that its movement hardly shows it.
-MOST_SHOWN = 5
 
 Progress = Callable[[str], None]
 Conduct = Callable[[Candidate, float, int], Recording | None]
@@ -67,8 +62,6 @@ class OpenSet:
         Log-likelihood of each name below that of the best, over all designed recordings.
     left
         Names that are not excluded.
-    joined
-        Names that only a further recording showed.
     """
 
     effect: str
@@ -76,15 +69,9 @@ class OpenSet:
     excess: dict[str, list[float]] = field(default_factory=dict)
     evidence: dict[str, float] = field(default_factory=dict)
     left: list[str] = field(default_factory=list)
-    joined: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.left = self.left or list(self.models)
-
-    @property
-    def opened_with(self) -> list[str]:
-        """Return the names that the first recording left open."""
-        return [name for name in self.models if name not in self.joined]
 
     @property
     def settled(self) -> bool:
@@ -134,15 +121,12 @@ class Investigation:
         In order.
     ended
         Why it ended, in one sentence.
-    fitters
-        Of all recordings that were judged, the first one included.
     """
 
     first: Diagnosis
     sets: list[OpenSet]
     rounds: list[Round] = field(default_factory=list)
     ended: str = ""
-    fitters: list[Fitter] = field(default_factory=list, repr=False)
 
     @property
     def names(self) -> list[str]:
@@ -163,7 +147,6 @@ class Investigation:
                     "effect": s.effect,
                     "names": list(s.models),
                     "left": s.left,
-                    "joined": s.joined,
                     "excess": s.excess,
                     "log_likelihood_below_best": s.evidence,
                 }
@@ -216,10 +199,9 @@ def investigate(
     first = diagnose(recording, folder / "first", library=library, progress=progress)
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
-    assert first.problem is not None
-    story = Investigation(first, _open_sets(first), fitters=[first.problem.fitter])
+    story = Investigation(first, _open_sets(first))
     while not story.ended:
-        story.ended = _next_round(story, conduct, folder, rounds, library, progress)
+        story.ended = _next_round(story, conduct, folder, rounds, progress)
     story.save(folder)
     return story
 
@@ -241,12 +223,7 @@ def _open_sets(first: Diagnosis) -> list[OpenSet]:
 
 
 def _next_round(
-    story: Investigation,
-    conduct: Conduct,
-    folder: Path,
-    rounds: int,
-    library: Sequence[str] | None,
-    progress: Progress,
+    story: Investigation, conduct: Conduct, folder: Path, rounds: int, progress: Progress
 ) -> str:
     """Run one round; why the investigation ends, empty where it goes on."""
     unsettled = [s for s in story.sets if not s.settled]
@@ -278,86 +255,8 @@ def _next_round(
         round_.answer = f"The recording cannot be used: {reasons[0]}."
         return ""
     progress(f"round {number}: judging {recording.name}")
-    own = diagnose(recording, library=library, progress=lambda _: None)
-    if own.problem is None:
-        round_.answer = f"The recording cannot be used: {own.verdict.reasons[0]}."
-        return ""
-    joined = [name for one in unsettled for name in join(one, shown_by(own), story.fitters)]
-    story.fitters.append(own.problem.fitter)
-    round_.answer, round_.judged = judge(unsettled, own.problem.fitter), True
-    if joined:
-        names = ", ".join(dict.fromkeys(joined)).replace("_", " ")
-        round_.answer = f"It shows {names} by itself. {round_.answer}"
+    round_.answer, round_.judged = _judge(unsettled, recording), True
     return ""
-
-
-def shown_by(diagnosis: Diagnosis) -> dict[str, Values]:
-    """Return the models of one recording by what stands for an effect in them: a name and its
-    rivals, where these are few.
-
-    Parameters
-    ----------
-    diagnosis
-        Of the recording.
-    """
-    found = diagnosis.found
-    if found is None:
-        return {}
-    shown: dict[str, Values] = {}
-    for effect in found.effects:
-        if len(effect.rivals) < MOST_SHOWN:
-            shown |= {rival.name: rival.fit.values for rival in effect.rivals}
-            shown[effect.trial.name] = found.final.values
-    return shown
-
-
-def join(one: OpenSet, shown: Mapping[str, Values], fitters: Sequence[Fitter]) -> list[str]:
-    """Let the names that a further recording shows join a set, and return those that are new to it.
-
-    What speaks against one in the recordings before counts in full, in the first one too: it was
-    chosen for what it does in a later one.
-
-    Parameters
-    ----------
-    one
-        The set; changed.
-    shown
-        Models of the new recording by name, as `shown_by` returns them.
-    fitters
-        Of all recordings before, the first one included.
-    """
-    # One that is left was judged by every recording.
-    known = one.left[0]
-    others = without_term(list(one.models[known]), known)
-    new = [name for name in shown if name not in one.models and name not in others]
-    for name in new:
-        terms = with_term(others, name)
-        one.models[name] = {
-            term: (one.models[known] if term in others else shown[name])[term] for term in terms
-        }
-        one.excess[name], one.evidence[name] = [], 0.0
-        for place, fitter in enumerate(fitters):
-            score = _fitted(one, name, fitter).score
-            best = _fitted(one, known, fitter).score / (1.0 + one.excess[known][place])
-            one.excess[name].append(score / best - 1.0)
-            one.evidence[name] += _evidence(fitter, score, best)
-    one.joined += new
-    one.left += new
-    return new
-
-
-def _fitted(one: OpenSet, name: str, fitter: Fitter) -> Fit:
-    """Return the model with one name of a set, fitted to a recording."""
-    values = one.models[name]
-    terms = list(values)
-    if name != one.effect:
-        terms = with_term(without_term(terms, one.effect), name)
-    return fitter.fit(terms, values, evaluations=EVALUATIONS)
-
-
-def _evidence(fitter: Fitter, score: float, best: float) -> float:
-    """Return the log-likelihood of a score below that of the best."""
-    return 0.5 * fitter.rows.independent * float(np.log(score / best))
 
 
 def _design(story: Investigation, folder: Path, number: int, progress: Progress) -> Design:
@@ -365,7 +264,7 @@ def _design(story: Investigation, folder: Path, number: int, progress: Progress)
     sets = [
         RivalSet(
             {name: one.models[name] for name in one.left},
-            min((max(*one.excess[n], 0.0) for n in one.left[1:] if n in one.excess), default=0.0),
+            min((max(one.excess[n]) for n in one.left[1:] if n in one.excess), default=0.0),
         )
         for one in story.sets
         if not one.settled
@@ -376,29 +275,28 @@ def _design(story: Investigation, folder: Path, number: int, progress: Progress)
     return design
 
 
-def judge(sets: list[OpenSet], fitter: Fitter) -> str:
-    """Fit every name that is left to a new recording, exclude what it excludes, and return what it
-    said in words.
-
-    Parameters
-    ----------
-    sets
-        Open ones; changed.
-    fitter
-        Of the new recording.
-    """
+def _judge(sets: list[OpenSet], recording: Recording) -> str:
+    """Fit every name that is left to a new recording and exclude what it excludes."""
+    findings = channel_findings(recording, identify_servo(recording, motion_step(recording)))
+    problem = prepare(trusted(recording, findings), joint_in_force().terms)
+    fitter = problem.fitter
     said = []
     for one in sets:
         scores = {}
         for name in one.left:
-            fit = _fitted(one, name, fitter)
+            values = one.models[name]
+            terms = list(values)
+            if name != one.effect:
+                terms = with_term(without_term(terms, one.effect), name)
+            fit = fitter.fit(terms, values, evaluations=EVALUATIONS)
             scores[name] = fit.score
             # The next movement is designed with what this recording made of each name.
             one.models[name] = fit.values
         best = min(scores.values())
         for name, score in scores.items():
             one.excess.setdefault(name, []).append(score / best - 1.0)
-            one.evidence[name] = one.evidence.get(name, 0.0) + _evidence(fitter, score, best)
+            gain = 0.5 * fitter.rows.independent * float(np.log(score / best))
+            one.evidence[name] = one.evidence.get(name, 0.0) + gain
         one.left = remaining(one, list(scores))
         out = [name for name in scores if name not in one.left]
         said.append(
