@@ -106,35 +106,22 @@ def test_physics_that_rings_and_answers_late_is_no_clock_that_is_off():
     assert faults(late)
 
 
+NOISY_SUBJECT = {"velocity": True, "noise": "noisy", "variability": "large"}
+
+
 def test_torque_that_moves_a_compliant_plate_is_no_wrong_sign():
     """Slow and strongly varying torque moves the plate downwards, against the perturbation."""
-    plan = Plan(
-        *("null", 9, 4409085742087500358, (), "compliant", "pulse_step", 500.0),
-        velocity=True,
-        reference=True,
-        noise="noisy",
-        variability="large",
-    )
-    recording = made(plan).recording
+    case = ("null", 9, 4409085742087500358, (), "compliant", "pulse_step", 500.0)
+    recording = made(Plan(*case, reference=True, **NOISY_SUBJECT)).recording
     assert faults(recording) == []
     assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
 
 
 def test_a_reflex_beside_which_a_passive_joint_explains_little_is_no_wrong_sign():
     """A passive joint explains 4 % of the torque, and 9 % of the mirrored one."""
-    plan = Plan(
-        *("pair", 19, 3160584820394786538, ("reflex_position", "torque_delay")),
-        *("compliant", "pulse_step", 500.0),
-        velocity=True,
-        reference=False,
-        noise="noisy",
-        variability="large",
-    )
-    recording = made(plan).recording
-    assert faults(recording) == []
-    assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
-    late = np.roll(recording.torque, int(0.06 * recording.rate))
-    assert "clocks" in faults(replace(recording, torque=late))[0]
+    hidden = ("reflex_position", "torque_delay")
+    case = ("pair", 19, 3160584820394786538, hidden, "compliant", "pulse_step", 500.0)
+    assert faults(made(Plan(*case, reference=False, scaled=True, **NOISY_SUBJECT)).recording) == []
 
 
 def test_a_late_reflex_behind_late_torque_is_no_wrong_sign():

@@ -32,7 +32,7 @@ REFERENCE = "CE all"
 LARGEST_SHOWN_ERROR = 100.0
 """[%] The picture's axis ends here; larger errors lie on its edge."""
 LARGEST_RATIO = 1.2
-"""Of the median errors, from which an effect is listed as one with which the default is worse."""
+"""An effect is listed as worse where the ratio of the median errors is larger."""
 COLOURS = dict(zip(ESTIMATORS, ("tab:blue", "tab:orange", "tab:red", "tab:green"), strict=True))
 
 
