@@ -14,7 +14,13 @@ from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
-from model_discrepancy.tools.experiment_design import RivalSet, design_experiment, rank
+from model_discrepancy.tools.experiment_design import (
+    Design,
+    Proposal,
+    RivalSet,
+    design_experiment,
+    rank,
+)
 from perturbation_generator.limits import Limits
 from simulation_study.planted_trials import simulate_trial
 
@@ -58,6 +64,16 @@ def test_equal_models_cannot_be_told_apart_and_different_ones_can(monkeypatch):
     assert same.excess < 1e-6
     assert other.excess > 1e-3
     assert other.refitted
+
+
+def test_the_slowest_movements_can_be_drawn(tmp_path):
+    """Their longest cycle is longer than what the picture shows."""
+    slowest = [c for c in candidates_for(0.09, levels=False) if "150 ms" in c.title]
+    assert slowest
+    for number, candidate in enumerate(slowest):
+        proposals = [Proposal(candidate, 0.01, 1.0, ("a", "b"), {("a", "b"): 0.01}, True)]
+        Design([], proposals, []).save(tmp_path / str(number))
+        assert (tmp_path / str(number) / "design.yaml").is_file()
 
 
 def test_what_is_no_verdict_is_refused(tmp_path):

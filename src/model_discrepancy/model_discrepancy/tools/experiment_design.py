@@ -358,7 +358,8 @@ def _picture(design: Design) -> Figure:
     figure = Figure(figsize=(11, 4.2))
     left, right = figure.subplots(1, 2)
     best = design.proposals[0].candidate
-    reference = best.reference(_SHOWN_S)
+    # A signal is at least as long as its longest cycle, which may be longer than what is shown.
+    reference = best.reference(SIMULATED_S)[: round(_SHOWN_S * 2048.0)]
     left.plot(np.arange(len(reference)) / 2048.0, 1000 * reference[:, 0], color="k", lw=1.0)
     left.set_xlabel("time [s]")
     left.set_ylabel("commanded position [mrad]")
