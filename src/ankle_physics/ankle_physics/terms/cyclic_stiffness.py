@@ -51,10 +51,10 @@ class CyclicStiffness(Term):
         Parameter(
             "frequency",
             "Hz",
-            0.05,
+            0.02,
             2.0,
             0.25,
-            "breathing 0.2 to 0.3 Hz, stepping 0.5 to 1.2 Hz, slow tracking from 0.05 Hz",
+            "breathing 0.2 to 0.3 Hz, stepping 0.5 to 1.2 Hz, slower tracking from 0.02 Hz",
             description="It is the frequency of the rhythm.",
         ),
         operating_angle("It is the angle about which the spring acts."),
