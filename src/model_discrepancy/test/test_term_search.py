@@ -12,7 +12,7 @@ from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import exchange as exchanging
 from model_discrepancy.search import term_search
-from model_discrepancy.search.candidates import special_cases
+from model_discrepancy.search.candidates import _near_best, special_cases
 from model_discrepancy.search.exchange import (
     better_rivals,
     ends_at_bound,
@@ -248,6 +248,23 @@ def test_a_rival_begins_beside_the_others_as_they_are_with_the_effect(monkeypatc
     (without,) = (effect.without for effect in found.effects)
     assert starts["dahl_hysteresis"]["viscosity"] == final.values["viscosity"]
     assert final.values["viscosity"] != without.values["viscosity"]
+
+
+def test_a_large_promise_is_followed_though_its_first_steps_lead_nowhere():
+    """A soft strap takes the joint far from the base model; smaller promises are no reason."""
+    strap, mode, lag = (
+        Trial(name, None, gain, (0.0, 0.0), 0.0)
+        for name, gain in (
+            ("fixation_compliance", -0.08),
+            ("partial_sensor_mode", 0.42),
+            ("torque_sensor_lag", 0.1),
+        )
+    )
+    chance = dict.fromkeys((strap.name, mode.name, lag.name), 0.004)
+    promised = {strap.name: 0.54, mode.name: 0.52, lag.name: 0.3}
+    assert _near_best([strap, mode, lag], chance, promised) == ([strap, mode], [lag])
+    promised[strap.name] = 0.4
+    assert _near_best([strap, mode, lag], chance, promised) == ([mode], [strap, lag])
 
 
 def test_a_special_case_is_tried_where_a_general_term_was_accepted():
