@@ -9,8 +9,9 @@ from ankle_physics.model import Model
 from model_discrepancy.report.investigation_report import write_investigation
 from model_discrepancy.tools import experiment_design, investigation
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import RivalSet, _ranked
-from model_discrepancy.tools.investigation import OpenSet, investigate, remaining
+from model_discrepancy.tools.experiment_design import Proposal, RivalSet, _ranked
+from model_discrepancy.tools.investigation import investigate
+from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.simulated_conduct import SimulatedConduct
 from simulation_study.planted_trials import simulate_trial
 
@@ -130,6 +131,25 @@ def test_torque_levels_are_simulated_one_after_the_other():
     means = made.torque.reshape(3, -1).mean(axis=1)
     np.testing.assert_allclose(means, [0.0, 4.0, 8.0], atol=0.5)
     assert made.reference is not None
+
+
+def test_names_that_no_movement_tells_apart_are_checked_in_another_one_once(monkeypatch, tmp_path):
+    recording = simulate_trial({}, seed=4, duration=20.0, rate=1024.0, protocol="equal")
+    hopeless = Proposal(Candidate("steps", {}), 0.001, 1.0, ("a", "b"), {}, True)
+    design = investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], [hopeless], [])
+    monkeypatch.setattr(investigation, "_design", lambda *_: design)
+    monkeypatch.setattr(investigation, "_judge", lambda *_: "nothing excluded")
+    story = investigation.Investigation(
+        None, [OpenSet("a", {"a": {}, "b": {}})], recordings=[recording]
+    )
+
+    def next_round():
+        return investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
+
+    assert next_round() == ""
+    assert len(story.recordings) == 2
+    assert next_round() == design.sentence
+    assert len(story.recordings) == 2
 
 
 @pytest.mark.slow

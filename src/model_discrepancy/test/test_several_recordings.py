@@ -11,6 +11,8 @@ from ankle_physics.term import Owner
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.several_report import write_several
+from model_discrepancy.tools.joint_judgement import judge_together
+from model_discrepancy.tools.open_set import OpenSet
 from model_discrepancy.tools.several_recordings import diagnose_together
 from model_discrepancy.tools.shared_effects import LEAST_PROBABILITY_SAME
 
@@ -47,6 +49,30 @@ def recording(
         torque + 0.03 * np.std(torque) * noise[1],
         name=f"visit {number}",
     )
+
+
+def open_set(*names):
+    """A set of which each name stands beside the paper's equations in a model."""
+    paper = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
+    models = {
+        name: {e.term.name: dict(e.values) for e in Model.of({**paper, name: {}}).entries}
+        for name in names
+    }
+    return OpenSet(names[0], models)
+
+
+def test_a_set_without_the_right_name_gives_way_to_what_all_recordings_say():
+    """A sensor that rings was called a lag, or a stiffness of short range, in the first one."""
+    recordings = [recording(1, 60.0, 0.0, seconds=20.0), recording(2, 90.0, 0.0, seconds=20.0)]
+    wrong = open_set("torque_sensor_lag", "short_range_stiffness")
+    right = open_set("torque_sensor_mode", "torque_sensor_lag")
+    said = judge_together([wrong], recordings, LIBRARY)
+    assert wrong.left == wrong.together == ["torque_sensor_mode"]
+    assert "torque sensor mode takes the place of torque sensor lag or short range" in said
+    said = judge_together([right], recordings, LIBRARY)
+    assert right.left == ["torque_sensor_mode", "torque_sensor_lag"]
+    assert right.together == []
+    assert "replaces nothing" in said
 
 
 @pytest.mark.slow

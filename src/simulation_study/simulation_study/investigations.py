@@ -52,6 +52,7 @@ def run_case(plan: Plan, out: Path) -> Entry:
         "verdict": story.first.verdict.verdict,
         "sets": [list(s.models) for s in story.sets],
         "left": [s.left for s in story.sets],
+        "together": story.together,
         "recordings": [r.title for r in story.rounds if r.duration > 0.0],
         "ended": story.ended,
         "answers": [r.answer for r in story.rounds],
@@ -68,11 +69,11 @@ def outcome(names: list[str], left: list[str], right: list[str]) -> str:
     right
         Names that answer the hidden effect.
     """
-    if not set(names) & set(right):
-        return "did not hold the right name"
-    if set(left) <= set(right):
+    if left and set(left) <= set(right):
         return "right"
-    return "wrong" if len(left) == 1 else "open"
+    if set(left) & set(right):
+        return "open"
+    return "wrong" if set(names) & set(right) else "wrong, as it was from the first"
 
 
 def report(entries: list[Entry], command: str) -> str:
@@ -90,9 +91,12 @@ def report(entries: list[Entry], command: str) -> str:
         for entry in entries
         for names, left in zip(entry["sets"], entry["left"], strict=True)
     ]
-    holding = [row for row in rows if row[3] != "did not hold the right name"]
+    holding = [row for row in rows if set(row[1]) & set(row[0]["right"])]
     before = sum(set(row[1]) <= set(row[0]["right"]) for row in holding)
-    counts = {word: sum(row[3] == word for row in holding) for word in ("right", "wrong", "open")}
+
+    def count(word: str, among: list[tuple[Entry, list[str], list[str], str]]) -> str:
+        return rate_with_interval(sum(row[3].startswith(word) for row in among), len(among))
+
     lines = [
         "# Investigations of ambiguous recordings",
         "",
@@ -103,11 +107,13 @@ def report(entries: list[Entry], command: str) -> str:
         "| --- | --- |",
         f"| sets of names that the first recording left open | {len(rows)} |",
         f"| of these, the right name was in it | {rate_with_interval(len(holding), len(rows))} |",
-        "| of those: only right names are left | "
-        f"{rate_with_interval(counts['right'], len(holding))} |",
-        f"| only a wrong name is left | {rate_with_interval(counts['wrong'], len(holding))} |",
-        f"| still open | {rate_with_interval(counts['open'], len(holding))} |",
-        f"| every name was right from the first | {rate_with_interval(before, len(holding))} |",
+        f"| every name was right from the first | {rate_with_interval(before, len(rows))} |",
+        f"| only right names are left in the end | {count('right', rows)} |",
+        f"| right and wrong names are left | {count('open', rows)} |",
+        f"| no right name is left | {count('wrong', rows)} |",
+        f"| of the sets that held the right name: only right names are left | "
+        f"{count('right', holding)} |",
+        f"| no right name is left | {count('wrong', holding)} |",
         "",
         "| hidden (share of the torque's variance) | protocol | open set | left | further "
         "recordings | outcome |",

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from model_discrepancy.report.html_report import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
 from model_discrepancy.search.exchange import RIVAL_EXCESS
-from model_discrepancy.tools.investigation import Investigation, OpenSet
+from model_discrepancy.tools.investigation import Investigation
+from model_discrepancy.tools.open_set import OpenSet
 
 
 def write_investigation(story: Investigation, path: Path) -> None:
@@ -37,6 +38,8 @@ def write_investigation(story: Investigation, path: Path) -> None:
                 ]
             ),
         ]
+    if story.together:
+        parts += ["<h2>All recordings together</h2>", f"<p>{escape(story.together)}</p>"]
     judged = [s for s in story.sets if s.evidence]
     if judged:
         parts += ["<h2>What excludes what</h2>", image(encoded(_excess_picture(judged)))]

@@ -3,7 +3,8 @@
 This goes on until each effect has one name, until no movement within the limits would tell what is
 left, or until the budget of recordings is spent. A rival is fitted to every recording anew, since a
 subject's state changes from one to the next; what counts is how much more whitened error it leaves
-than the best name of its set.
+than the best name of its set. In the end all recordings are searched together, which may name what
+was in no set.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from ankle_physics.joint_profile import joint_in_force
-from ankle_physics.term import term_library
 from model_discrepancy.diagnose import Diagnosis, diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.problem import prepare
@@ -29,7 +29,9 @@ from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import Design, RivalSet, Values, rank
+from model_discrepancy.tools.experiment_design import Design, RivalSet, rank
+from model_discrepancy.tools.joint_judgement import judge_together
+from model_discrepancy.tools.open_set import OpenSet, remaining
 
 # Longer than this is asked of no subject at once.
 LONGEST_S = 180.0
@@ -42,41 +44,6 @@ Progress = Callable[[str], None]
 Conduct = Callable[[Candidate, float, int], Recording | None]
 """Records a movement: the candidate, its duration [s] and the number of the round from 1; None
 where the operator does not consent."""
-
-
-@dataclass
-class OpenSet:
-    """Holds names that could each stand for one effect.
-
-    Attributes
-    ----------
-    effect
-        The name that the first recording preferred.
-    models
-        Values by term and symbol of the model with each name, the preferred one first; as the last
-        recording that judged it has them.
-    excess
-        Whitened error that each name leaves beyond the best of the set, one number for each
-        recording, the first one included; 0 is the best.
-    evidence
-        Log-likelihood of each name below that of the best, over all designed recordings.
-    left
-        Names that are not excluded.
-    """
-
-    effect: str
-    models: dict[str, Values]
-    excess: dict[str, list[float]] = field(default_factory=dict)
-    evidence: dict[str, float] = field(default_factory=dict)
-    left: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.left = self.left or list(self.models)
-
-    @property
-    def settled(self) -> bool:
-        """Tell whether one name is left."""
-        return len(self.left) == 1
 
 
 @dataclass
@@ -121,12 +88,18 @@ class Investigation:
         In order.
     ended
         Why it ended, in one sentence.
+    recordings
+        The first one and those that were judged.
+    together
+        What all of them said together, in one sentence; empty where there is one only.
     """
 
     first: Diagnosis
     sets: list[OpenSet]
     rounds: list[Round] = field(default_factory=list)
     ended: str = ""
+    recordings: list[Recording] = field(default_factory=list)
+    together: str = ""
 
     @property
     def names(self) -> list[str]:
@@ -147,12 +120,14 @@ class Investigation:
                     "effect": s.effect,
                     "names": list(s.models),
                     "left": s.left,
+                    "together": s.together,
                     "excess": s.excess,
                     "log_likelihood_below_best": s.evidence,
                 }
                 for s in self.sets
             ],
             "rounds": [vars(r) for r in self.rounds],
+            "together": self.together,
         }
 
     def save(self, out: Path) -> None:
@@ -199,9 +174,12 @@ def investigate(
     first = diagnose(recording, folder / "first", library=library, progress=progress)
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
-    story = Investigation(first, _open_sets(first))
+    story = Investigation(first, _open_sets(first), recordings=[recording])
     while not story.ended:
         story.ended = _next_round(story, conduct, folder, rounds, progress)
+    if len(story.recordings) > 1:
+        progress("all recordings together")
+        story.together = judge_together(story.sets, story.recordings, library, progress)
     story.save(folder)
     return story
 
@@ -239,7 +217,8 @@ def _next_round(
     progress(f"round {number}: designing")
     design = _design(story, folder, number, progress)
     best = design.proposals[0] if design.proposals else None
-    if best is None or best.excess < RIVAL_EXCESS:
+    # Though no movement tells them apart, another one shows whether they hold at all.
+    if best is None or (best.excess < RIVAL_EXCESS and len(story.recordings) > 1):
         return design.sentence
     duration = float(np.clip(60.0 * best.minutes, SHORTEST_S, LONGEST_S))
     question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
@@ -256,6 +235,7 @@ def _next_round(
         return ""
     progress(f"round {number}: judging {recording.name}")
     round_.answer, round_.judged = _judge(unsettled, recording), True
+    story.recordings.append(recording)
     return ""
 
 
@@ -306,39 +286,3 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
             " more error than the best)"
         )
     return ("; ".join(said) + ".").replace("_", " ")
-
-
-def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
-    """Return the names of a set that no recording excludes, the likeliest first.
-
-    A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
-    or all recordings together leave it so much more than the likeliest name, and all designed
-    recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
-    and those of independent recordings multiply. A name of which another is a general case goes
-    with it only if the special one is excluded.
-
-    Parameters
-    ----------
-    one
-        The set with what was judged so far.
-    judged
-        Names that the last recording judged.
-    """
-    best = min(judged, key=lambda name: one.evidence[name])
-
-    def excluded(name: str) -> bool:
-        largest = max(one.excess[name])
-        together = sum(one.excess[name]) - sum(one.excess[best])
-        return max(largest, together) >= RIVAL_EXCESS and one.evidence[name] > one.evidence[best]
-
-    kept = [name for name in judged if not excluded(name)]
-    # A general term that does no better than its special case says nothing of its own.
-    kept = [
-        name
-        for name in kept
-        if not any(
-            special in kept and one.evidence[special] - one.evidence[name] < 1.0
-            for special in term_library()[name].generalises
-        )
-    ]
-    return sorted(kept, key=lambda name: one.evidence[name])

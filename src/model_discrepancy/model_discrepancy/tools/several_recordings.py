@@ -33,7 +33,15 @@ from model_discrepancy.search.candidates import MIN_PROMISE, REFITS_PER_STEP
 from model_discrepancy.search.found import Progress, follows_beyond_chance
 from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null, thresholds
-from model_discrepancy.search.screening import Point, Screened, candidates, grid, screen, with_term
+from model_discrepancy.search.screening import (
+    Point,
+    Screened,
+    candidates,
+    grid,
+    screen,
+    with_term,
+    without_term,
+)
 from model_discrepancy.search.trials import halves_errors, preceding_errors
 from model_discrepancy.tools.shared_effects import (
     LEAST_PROBABILITY_SAME,
@@ -181,24 +189,15 @@ def _best_step(
     """
     members = found.members
     scores = np.array([m.fit.score for m in members])
-    names = set.intersection(*(set(s) for s in screened))
-    promise = {
-        name: float(scores @ [s[name].share for s in screened]) / scores.sum() for name in names
-    }
-    ranked = sorted(names, key=lambda n: -promise[n])[:REFITS_PER_STEP]
+    promise = _promise(members, screened)
+    ranked = sorted(promise, key=lambda n: -promise[n])[:REFITS_PER_STEP]
     tried: dict[str, tuple[list[Fit], float]] = {}
     for name in ranked:
         by_chance = found.by_chance.get(name, max(found.by_chance.values()))
         if promise[name] < max(MIN_PROMISE, 0.5 * by_chance):
             continue
         progress(f"refitting all recordings with {name}")
-        starts = _starts(name, screened)
-        fits = [
-            m.problem.fitter.fit(
-                with_term(m.fit.terms, name), {**m.fit.values, name: start}, evaluations=12
-            )
-            for m, start in zip(members, starts, strict=True)
-        ]
+        fits = _refitted(members, name, screened)
         gain = 1.0 - sum(f.score for f in fits) / scores.sum()
         if _accepted(members, fits, name, gain, by_chance):
             tried[name] = fits, gain
@@ -210,6 +209,76 @@ def _best_step(
     near = [name for name in tried if name == best or tried[name][1] > least]
     simplest = min(near, key=lambda name: (len(term_library()[name].parameters), -tried[name][1]))
     return simplest, *tried[simplest]
+
+
+def _promise(
+    members: Sequence[Member], screened: Sequence[Mapping[str, Screened]]
+) -> dict[str, float]:
+    """Return the share of all recordings' whitened error that each term takes off at its best point
+    of the grid.
+    """
+    scores = np.array([m.fit.score for m in members])
+    names = set.intersection(*(set(s) for s in screened))
+    return {
+        name: float(scores @ [s[name].share for s in screened]) / scores.sum() for name in names
+    }
+
+
+def _refitted(
+    members: Sequence[Member], name: str, screened: list[dict[str, Screened]]
+) -> list[Fit]:
+    """Return the fit of each recording with one term more."""
+    return [
+        m.problem.fitter.fit(
+            with_term(m.fit.terms, name), {**m.fit.values, name: start}, evaluations=12
+        )
+        for m, start in zip(members, _starts(name, screened), strict=True)
+    ]
+
+
+def rivals_together(
+    found: Together, name: str, library: Sequence[str] | None = None
+) -> tuple[dict[str, list[float]], dict[str, float]]:
+    """Fit other terms in the place of one that several recordings need together.
+
+    Parameters
+    ----------
+    found
+        What they need together; the joint profile must be in force.
+    name
+        One of its effects.
+    library
+        Terms that may be tried; None for all. The most promising `REFITS_PER_STEP` are.
+
+    Returns
+    -------
+    dict[str, list[float]]
+        Whitened error of each term, and of the effect itself, beyond the best of them in each
+        recording; 0 is the best.
+    dict[str, float]
+        Log-likelihood of each below that of the best, over all recordings.
+    """
+    bare = [
+        Member(
+            m.problem,
+            m.null,
+            m.problem.fitter.fit(without_term(m.fit.terms, name), m.fit.values, evaluations=12),
+        )
+        for m in found.members
+    ]
+    screened = [_screened(m, library, first=False) for m in bare]
+    promise = _promise(bare, screened)
+    others = sorted((n for n in promise if n != name), key=lambda n: -promise[n])
+    scores = {name: np.array([m.fit.score for m in found.members])}
+    for other in others[:REFITS_PER_STEP]:
+        scores[other] = np.array([fit.score for fit in _refitted(bare, other, screened)])
+    best = np.min(list(scores.values()), axis=0)
+    independent = np.array([m.problem.fitter.rows.independent for m in found.members])
+    excess = {other: (score / best - 1.0).tolist() for other, score in scores.items()}
+    evidence = {
+        other: float(0.5 * independent @ np.log(score / best)) for other, score in scores.items()
+    }
+    return excess, evidence
 
 
 def _starts(name: str, screened: list[dict[str, Screened]]) -> list[dict[str, float]]:

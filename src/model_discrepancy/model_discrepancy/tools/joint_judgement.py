@@ -1,0 +1,102 @@
+"""Judge the open sets of an investigation by a search of all its recordings together.
+
+A set holds what fits the first recording about as well as the name that was preferred there. Where
+that name stood in for something else, the right one may not be in the set, and no experiment that
+tells its members apart brings it in. A search of all recordings together does: what stands in for
+an effect in one movement seldom does so in another one. A set goes where that search names another
+effect that is larger than whatever it names of the set, and the set's names leave all recordings
+less likely, by BIC, than what the search found. The other effect takes its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.parallel import side_by_side
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.search.found import Progress
+from model_discrepancy.search.screening import with_term, without_term
+from model_discrepancy.tools.open_set import OpenSet, remaining
+from model_discrepancy.tools.several_recordings import diagnose_together, rivals_together
+from model_discrepancy.tools.shared_effects import Together
+
+# Names of a set that are compared with what all recordings say, the likeliest first: each is fitted
+# to every recording, and the others were less likely.
+MOST_COMPARED = 3
+# Evaluations of the fit of such a name to a recording.
+EVALUATIONS = 25
+
+
+def judge_together(
+    sets: Sequence[OpenSet],
+    recordings: Sequence[Recording],
+    library: Sequence[str] | None = None,
+    progress: Progress = lambda _: None,
+) -> str:
+    """Search all recordings together, replace what is left of the sets that this contradicts, and
+    return what it said in one sentence.
+
+    Parameters
+    ----------
+    sets
+        Changed where what is left of them is replaced.
+    recordings
+        The first one and those that were designed, two at least.
+    library
+        Terms that may be named; None for all.
+    progress
+        Called with one line for each step.
+
+    Raises
+    ------
+    DiagnosisError
+        One of the recordings cannot be used.
+    """
+    named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
+    found = diagnose_together(named, library, progress)
+    gains = {effect.name: effect.gain for effect in found.effects}
+    known = {name for one in sets for name in one.left}
+    new = sorted(gains.keys() - known, key=lambda name: -gains[name])
+    said = []
+    for one in sets:
+        if not new or any(gains.get(name, 0.0) > gains[new[0]] for name in one.left):
+            continue
+        if _worse(one, found):
+            refuted = " or ".join(one.left)
+            one.together = _with_rivals(found, new.pop(0), library)
+            one.left = list(one.together)
+            said.append(
+                f"{' or '.join(one.left)} takes the place of {refuted}, which leaves all "
+                "recordings less likely"
+            )
+    if not said:
+        said = [f"{', '.join(gains) or 'nothing'} is named, which replaces nothing"]
+    return f"All recordings together: {'; '.join(said)}.".replace("_", " ")
+
+
+def _worse(one: OpenSet, found: Together) -> bool:
+    """Say whether every name of a set leaves all recordings less likely, by BIC, than what was
+    found in them together.
+    """
+    changes = []
+    for name in one.left[:MOST_COMPARED]:
+        change = 0.0
+        for member in found.members:
+            values = one.models[name]
+            terms = list(values)
+            if name != one.effect:
+                terms = with_term(without_term(terms, one.effect), name)
+            fit = member.problem.fitter.fit(terms, values, evaluations=EVALUATIONS)
+            change += bic_change(member.problem.fitter, member.fit, fit)
+        changes.append(change)
+    return bool(changes) and min(changes) > 0.0
+
+
+def _with_rivals(found: Together, name: str, library: Sequence[str] | None) -> list[str]:
+    """Return a name and the others that fit all recordings about as well in its place."""
+    with side_by_side():
+        excess, evidence = rivals_together(found, name, library)
+    one = OpenSet(name, {other: {} for other in excess}, excess, evidence)
+    return remaining(one, list(excess))

@@ -1,0 +1,84 @@
+"""Names that could each stand for one effect, and what recordings exclude of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ankle_physics.term import term_library
+from model_discrepancy.search.exchange import RIVAL_EXCESS
+from model_discrepancy.tools.experiment_design import Values
+
+
+@dataclass
+class OpenSet:
+    """Holds names that could each stand for one effect.
+
+    Attributes
+    ----------
+    effect
+        The name that the first recording preferred.
+    models
+        Values by term and symbol of the model with each name, the preferred one first; as the last
+        recording that judged it has them.
+    excess
+        Whitened error that each name leaves beyond the best of the set, one number for each
+        recording, the first one included; 0 is the best.
+    evidence
+        Log-likelihood of each name below that of the best, over all designed recordings.
+    left
+        Names that are not excluded.
+    together
+        Names that a search of all recordings together put in their place (`joint_judgement`).
+    """
+
+    effect: str
+    models: dict[str, Values]
+    excess: dict[str, list[float]] = field(default_factory=dict)
+    evidence: dict[str, float] = field(default_factory=dict)
+    left: list[str] = field(default_factory=list)
+    together: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.left = self.left or list(self.models)
+
+    @property
+    def settled(self) -> bool:
+        """Tell whether one name is left."""
+        return len(self.left) == 1
+
+
+def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
+    """Return the names of a set that no recording excludes, the likeliest first.
+
+    A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
+    or all recordings together leave it so much more than the likeliest name, and all designed
+    recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
+    and those of independent recordings multiply. A name of which another is a general case goes
+    with it only if the special one is excluded.
+
+    Parameters
+    ----------
+    one
+        The set with what was judged so far.
+    judged
+        Names that the last recording judged.
+    """
+    best = min(judged, key=lambda name: one.evidence[name])
+
+    def excluded(name: str) -> bool:
+        largest = max(one.excess[name])
+        together = sum(one.excess[name]) - sum(one.excess[best])
+        return max(largest, together) >= RIVAL_EXCESS and one.evidence[name] > one.evidence[best]
+
+    kept = [name for name in judged if not excluded(name)]
+    # A general term that does no better than its special case says nothing of its own.
+    kept = [
+        name
+        for name in kept
+        if not any(
+            special in kept and one.evidence[special] - one.evidence[name] < 1.0
+            for special in term_library()[name].generalises
+        )
+    ]
+    return sorted(kept, key=lambda name: one.evidence[name])
