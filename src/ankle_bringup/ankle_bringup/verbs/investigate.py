@@ -39,9 +39,9 @@ def verb(
     """Diagnose, design the movement that tells the rivals apart, record it, and judge all of them.
 
     Goes on until each effect has one name, no movement within the limits would tell more, or the
-    budget is spent. The rig has to run, with the subject in it; you are shown each movement and
-    nothing moves before you agree. Writes report.html with the story, the first diagnosis, each
-    design and each bag.
+    budget is spent; then all recordings are searched together. The rig has to run, with the
+    subject in it; you are shown each movement and nothing moves before you agree. Writes
+    report.html with the story, the first diagnosis, each design and each bag.
 
     Example: ankle investigate session --out session_investigation --rounds 2
     """
@@ -65,6 +65,8 @@ def verb(
     write_investigation(story, out / "report.html")
     for one in story.rounds:
         console.print(f"{one.title}, {one.duration:.0f} s: {one.answer}")
+    if story.together:
+        console.print(story.together)
     console.print(f"left: {', '.join(story.names) or 'nothing'}. {story.ended}")
     console.print(f"report: {(out / 'report.html').resolve()}")
     return {"out": out.resolve(), **story.content()}
