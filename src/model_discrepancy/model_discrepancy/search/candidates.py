@@ -33,8 +33,8 @@ SCORED_CANDIDATES = 3
 # begins again at so many of the best points of the whole grid.
 LEAST_OF_PROMISE = 0.8
 RESTARTS = 3
-# Who promises so much, and more than the best one takes off in its first steps, is refitted to the
-# end: a strap that is soft takes the joint far from the base model, and its first steps lead
+# What promises so much, and about as much as the best one takes off in its first steps, is refitted
+# to the end: a strap that is soft takes the joint far from the base model, and its first steps lead
 # nowhere.
 LARGE_PROMISE = 0.1
 
@@ -233,7 +233,7 @@ def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
 def _near_best(
     trials: Sequence[Trial], by_chance: dict[str, float], promised: dict[str, float]
 ) -> tuple[list[Trial], list[Trial]]:
-    """Return the trials that gain about as much as the best one, or promise more than that, and the
+    """Return the trials that gain about as much as the best one, or promise as much, and the
     others: the first steps of a refit tell which ones are worth the further steps.
     """
     beyond = [t for t in trials if t.gain > 0.5 * by_chance[t.name]]
@@ -242,6 +242,6 @@ def _near_best(
         t
         for t in trials
         if (t in beyond and t.gain > NEAR_BEST_RATIO * best)
-        or promised[t.name] > max(best, LARGE_PROMISE)
+        or promised[t.name] > max(NEAR_BEST_RATIO * best, LARGE_PROMISE)
     ]
     return near, [t for t in trials if t not in near]

@@ -23,13 +23,20 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_background, side_by_side
+from model_discrepancy.fit.parameter_scale import nonlinear
 from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
-from model_discrepancy.search.candidates import MIN_PROMISE, REFITS_PER_STEP
+from model_discrepancy.search.candidates import (
+    LARGE_PROMISE,
+    LEAST_OF_PROMISE,
+    MIN_PROMISE,
+    REFITS_PER_STEP,
+    begun_anew,
+)
 from model_discrepancy.search.found import Progress, follows_beyond_chance
 from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null, thresholds
@@ -52,6 +59,9 @@ from model_discrepancy.tools.shared_effects import (
 
 # A standard error below this share of the parameter is not believed: models are not that exact.
 LEAST_RELATIVE_ERROR = 0.02
+# Evaluations of a refit that was begun anew, beyond those with which its beginnings are compared:
+# a soft strap takes the joint far from the base model, and thirty evaluations lead it there.
+FURTHER_EVALUATIONS = 20
 
 
 def diagnose_together(
@@ -227,13 +237,22 @@ def _promise(
 def _refitted(
     members: Sequence[Member], name: str, screened: list[dict[str, Screened]]
 ) -> list[Fit]:
-    """Return the fit of each recording with one term more."""
-    return [
-        m.problem.fitter.fit(
-            with_term(m.fit.terms, name), {**m.fit.values, name: start}, evaluations=12
-        )
-        for m, start in zip(members, _starts(name, screened), strict=True)
-    ]
+    """Return the fit of each recording with one term more; where it takes off much less than a
+    large promise, the best of several beginnings.
+    """
+    fits = []
+    for member, start, listed in zip(members, _starts(name, screened), screened, strict=True):
+        fitter, current, promised = member.problem.fitter, member.fit, listed[name].share
+        begin = {**current.values, name: start}
+        fit = fitter.fit(with_term(current.terms, name), begin, evaluations=12)
+        short = 1.0 - fit.score / current.score < LEAST_OF_PROMISE * promised
+        if short and promised > LARGE_PROMISE and nonlinear([name]):
+            points = [point for _, point in listed[name].tried]
+            anew = begun_anew(fitter, current, name, points).fit
+            fit = min(fit, anew, key=lambda one: one.score)
+            fit = fitter.fit(fit.terms, fit.values, evaluations=FURTHER_EVALUATIONS)
+        fits.append(fit)
+    return fits
 
 
 def rivals_together(
