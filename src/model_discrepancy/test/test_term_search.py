@@ -250,6 +250,20 @@ def test_a_rival_begins_beside_the_others_as_they_are_with_the_effect(monkeypatc
     assert final.values["viscosity"] != without.values["viscosity"]
 
 
+def test_a_soft_strap_is_found_where_the_base_model_is_far_from_the_joint():
+    """The base model ends with the least inertia and half of the stiffness, about which no linear
+    step shows what straps would do.
+    """
+    planted = {"fixation_compliance": {"k_s": 300.0, "b_s": 0.8}}
+    problem = prepare(simulate_trial(planted, seed=8, duration=40.0, rate=1024.0))
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    library = (*planted, "partial_sensor_mode", "torque_sensor_mode", "plate_appendage")
+    library = (*library, "torque_sensor_lag")
+    found = search(problem.fitter, problem.base, null, library)
+    assert [effect.trial.name for effect in found.effects] == ["fixation_compliance"]
+    assert found.final.values["fixation_compliance"]["k_s"] == pytest.approx(300.0, rel=0.02)
+
+
 def test_a_large_promise_is_followed_though_its_first_steps_lead_nowhere():
     """A soft strap takes the joint far from the base model; smaller promises are no reason."""
     strap, mode, lag = (

@@ -37,6 +37,12 @@ RESTARTS = 3
 # to the end: a strap that is soft takes the joint far from the base model, and its first steps lead
 # nowhere.
 LARGE_PROMISE = 0.1
+# Where one term takes off so much, the present model is too far from the joint for the screening,
+# which is linear, to tell what straps would do: they are tried whatever they promise. It costs as
+# much as one more candidate.
+MUCH_TAKEN_OFF = 0.3
+# Evaluations of such a refit, beyond those that compare its beginnings: thirty lead there.
+FURTHER_EVALUATIONS = 20
 
 
 class Candidates:
@@ -92,9 +98,33 @@ class Candidates:
             tried = _best_of_each([*tried, *trials])
             if any(t.accepted for t in trials):
                 break
+        if tried and tried[0].gain > MUCH_TAKEN_OFF:
+            tried = _best_of_each([*tried, *self._usual(current, tried, by_chance)])
         if tried:
             return tried, tried[0].by_chance
         return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
+
+    def _usual(
+        self, current: Fit, tried: Sequence[Trial], by_chance: dict[str, float]
+    ) -> list[Trial]:
+        """Return what is usual in any rig and not among the best, refitted from its whole grid."""
+        library, fitter = term_library(), self._fitter
+        known = {t.name for t in tried if t.accepted} | set(current.terms)
+        names = [
+            name
+            for name in by_chance
+            if library[name].usual
+            and nonlinear([name])
+            and not known & {name, *library[name].generalises}
+            and not any(library[other].usual for other in library[name].generalises)
+        ]
+        found = []
+        for name in names:
+            self._progress(f"refitting with {name}, which is usual")
+            begun = begun_anew(fitter, current, name, self._grids.whole(name))
+            trial = refitted(fitter, current, name, begun.fit.values, FURTHER_EVALUATIONS)
+            found.append(judged(fitter, current, trial, by_chance[name]))
+        return found
 
     def _refitted_and_judged(
         self, current: Fit, few: Sequence[Screened], by_chance: dict[str, float]

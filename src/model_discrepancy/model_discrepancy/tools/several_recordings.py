@@ -31,6 +31,7 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.candidates import (
+    FURTHER_EVALUATIONS,
     LARGE_PROMISE,
     LEAST_OF_PROMISE,
     MIN_PROMISE,
@@ -59,9 +60,6 @@ from model_discrepancy.tools.shared_effects import (
 
 # A standard error below this share of the parameter is not believed: models are not that exact.
 LEAST_RELATIVE_ERROR = 0.02
-# Evaluations of a refit that was begun anew, beyond those with which its beginnings are compared:
-# a soft strap takes the joint far from the base model, and thirty evaluations lead it there.
-FURTHER_EVALUATIONS = 20
 
 
 def diagnose_together(
