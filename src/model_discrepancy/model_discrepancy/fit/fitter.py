@@ -153,6 +153,8 @@ class Fitter:
                 values[name] |= given.get(name, {})
         return values
 
+    # A foot that runs away in a trial step gives an infinite residual, and the step is taken back.
+    @np.errstate(over="ignore", invalid="ignore")
     def fit(
         self,
         names: Sequence[str],
