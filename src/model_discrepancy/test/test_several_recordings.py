@@ -69,7 +69,11 @@ def test_a_set_without_the_right_name_gives_way_to_what_all_recordings_say():
     said = judge_together([wrong], recordings, LIBRARY)
     assert wrong.left == wrong.together == ["torque_sensor_mode"]
     assert "torque sensor mode takes the place of torque sensor lag or short range" in said
-    said = judge_together([right], recordings, LIBRARY)
+    beside = open_set("torque_sensor_lag")
+    for values in beside.models.values():
+        values["torque_sensor_mode"] = {"frequency": 28.0, "damping": 0.1}
+    said = judge_together([right, beside], recordings, LIBRARY)
+    assert beside.left == ["torque_sensor_lag"]
     assert right.left == ["torque_sensor_mode", "torque_sensor_lag"]
     assert right.together == []
     assert "replaces nothing" in said

@@ -57,7 +57,9 @@ def judge_together(
     named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
     found = diagnose_together(named, library, progress)
     gains = {effect.name: effect.gain for effect in found.effects}
-    known = {name for one in sets for name in one.left}
+    # What stands beside the sets in the first model is none of theirs.
+    beside = {name for one in sets for name in one.models[one.effect]}
+    known = beside - {one.effect for one in sets} | {name for one in sets for name in one.left}
     new = sorted(gains.keys() - known, key=lambda name: -gains[name])
     said = []
     for one in sets:
