@@ -62,6 +62,8 @@ class Screened:
     tried: tuple[tuple[float, Point], ...]
 
 
+# At a point of a grid a foot may run away; such a point takes nothing off.
+@np.errstate(over="ignore", invalid="ignore")
 def screen(
     fitter: Fitter,
     fit: Fit,
