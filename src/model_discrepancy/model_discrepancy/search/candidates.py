@@ -38,8 +38,8 @@ RESTARTS = 3
 # nowhere.
 LARGE_PROMISE = 0.1
 # Where one term takes off so much, the present model is too far from the joint for the screening,
-# which is linear, to tell what straps would do: they are tried whatever they promise. It costs as
-# much as one more candidate.
+# which is linear, to tell what straps would do: beside the base model they are tried whatever they
+# promise. It costs as much as one more candidate.
 MUCH_TAKEN_OFF = 0.3
 # Evaluations of such a refit, beyond those that compare its beginnings: thirty lead there.
 FURTHER_EVALUATIONS = 20
@@ -81,6 +81,7 @@ class Candidates:
         """
         fitter, null, grids = self._fitter, self._null, self._grids
         # The library is tried on the noise once: later models imitate no less of it.
+        beginning = not null.observed
         screened = screen(
             fitter,
             current,
@@ -98,7 +99,7 @@ class Candidates:
             tried = _best_of_each([*tried, *trials])
             if any(t.accepted for t in trials):
                 break
-        if tried and tried[0].gain > MUCH_TAKEN_OFF:
+        if beginning and tried and tried[0].gain > MUCH_TAKEN_OFF:
             tried = _best_of_each([*tried, *self._usual(current, tried, by_chance)])
         if tried:
             return tried, tried[0].by_chance
@@ -107,7 +108,9 @@ class Candidates:
     def _usual(
         self, current: Fit, tried: Sequence[Trial], by_chance: dict[str, float]
     ) -> list[Trial]:
-        """Return what is usual in any rig and not among the best, refitted from its whole grid."""
+        """Return what is usual in any rig and not among the best, refitted from its whole grid, as
+        far as it gains about as much as these.
+        """
         library, fitter = term_library(), self._fitter
         known = {t.name for t in tried if t.accepted} | set(current.terms)
         names = [
@@ -123,7 +126,8 @@ class Candidates:
             self._progress(f"refitting with {name}, which is usual")
             begun = begun_anew(fitter, current, name, self._grids.whole(name))
             trial = refitted(fitter, current, name, begun.fit.values, FURTHER_EVALUATIONS)
-            found.append(judged(fitter, current, trial, by_chance[name]))
+            if trial.gain > NEAR_BEST_RATIO * tried[0].gain:
+                found.append(judged(fitter, current, trial, by_chance[name]))
         return found
 
     def _refitted_and_judged(
