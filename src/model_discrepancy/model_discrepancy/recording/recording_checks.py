@@ -234,7 +234,8 @@ def _relation_faults(recording: Recording) -> list[str]:
     if mirrored > right + 0.05 and signs[0][1] >= signs[0][0]:
         return _sign_faults(recording, columns, t, inner)
     if max(right, mirrored) < PASSIVE_VAF:
-        right, mirrored = _reflexive_vafs(recording, columns, t, inner)
+        resisting = np.hstack([columns, _reflexes(recording)])
+        right, mirrored = _both_signs(resisting, t, inner, rate)
         if mirrored > right + 0.05:
             return [_WRONG_SIGN]
     joint = joint_in_force()
@@ -261,10 +262,10 @@ def _sign_faults(
     The sign is that of a joint with reflexes; the torque may be late, too.
     """
     rate = recording.rate
-    right, mirrored = _reflexive_vafs(recording, columns, torque, inner)
+    resisting = np.hstack([columns, _reflexes(recording)])
+    right, mirrored = _both_signs(resisting, torque, inner, rate)
     if right < mirrored + 0.05:
         return [_WRONG_SIGN]
-    resisting = np.hstack([columns, _reflexes(recording)])
     shifts = _SHIFTS_S[::_SHIFTS_PER_TRY]
     vafs = [_passive_vaf(resisting, torque, inner, rate, shift) for shift in shifts]
     best = int(np.argmax(vafs))
@@ -276,17 +277,15 @@ def _sign_faults(
     return []
 
 
-def _reflexive_vafs(
-    recording: Recording, columns: np.ndarray, torque: np.ndarray, inner: slice
+def _both_signs(
+    resisting: np.ndarray, torque: np.ndarray, inner: slice, rate: float
 ) -> tuple[float, float]:
-    """Return how much of the torque, and of the mirrored torque, a joint with reflexes explains.
+    """Return how much of the torque, and of the mirrored torque, what resists a movement explains.
 
-    Beside a reflex that is large, a passive joint explains little of either. Each reflex acts
-    against its stretch.
+    Beside a reflex that is large, a passive joint explains little of either.
     """
-    resisting = np.hstack([columns, _reflexes(recording)])
     right, mirrored = (
-        _passive_vaf(resisting, sign * torque, inner, recording.rate, 0.0) for sign in (1.0, -1.0)
+        _passive_vaf(resisting, sign * torque, inner, rate, 0.0) for sign in (1.0, -1.0)
     )
     return right, mirrored
 

@@ -27,7 +27,6 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
-from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Design, RivalSet, rank
 from model_discrepancy.tools.joint_judgement import judge_together
@@ -37,8 +36,6 @@ from model_discrepancy.tools.open_set import OpenSet, remaining
 LONGEST_S = 180.0
 # Shorter recordings have too few stretches for a null and for errors.
 SHORTEST_S = 60.0
-# Evaluations of the refit of a rival on a new recording.
-EVALUATIONS = 25
 
 Progress = Callable[[str], None]
 Conduct = Callable[[Candidate, float, int], Recording | None]
@@ -264,11 +261,7 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
     for one in sets:
         scores = {}
         for name in one.left:
-            values = one.models[name]
-            terms = list(values)
-            if name != one.effect:
-                terms = with_term(without_term(terms, one.effect), name)
-            fit = fitter.fit(terms, values, evaluations=EVALUATIONS)
+            fit = one.fitted(fitter, name)
             scores[name] = fit.score
             # The next movement is designed with what this recording made of each name.
             one.models[name] = fit.values

@@ -17,7 +17,6 @@ from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.search.found import Progress
-from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.several_recordings import diagnose_together, rivals_together
 from model_discrepancy.tools.shared_effects import Together
@@ -25,8 +24,6 @@ from model_discrepancy.tools.shared_effects import Together
 # Names of a set that are compared with what all recordings say, the likeliest first: each is fitted
 # to every recording, and the others were less likely.
 MOST_COMPARED = 3
-# Evaluations of the fit of such a name to a recording.
-EVALUATIONS = 25
 
 
 def judge_together(
@@ -82,18 +79,15 @@ def _worse(one: OpenSet, found: Together) -> bool:
     """Say whether every name of a set leaves all recordings less likely, by BIC, than what was
     found in them together.
     """
-    changes = []
-    for name in one.left[:MOST_COMPARED]:
-        change = 0.0
-        for member in found.members:
-            values = one.models[name]
-            terms = list(values)
-            if name != one.effect:
-                terms = with_term(without_term(terms, one.effect), name)
-            fit = member.problem.fitter.fit(terms, values, evaluations=EVALUATIONS)
-            change += bic_change(member.problem.fitter, member.fit, fit)
-        changes.append(change)
-    return bool(changes) and min(changes) > 0.0
+    fitters = [member.problem.fitter for member in found.members]
+    changes = [
+        sum(
+            bic_change(fitter, member.fit, one.fitted(fitter, name))
+            for fitter, member in zip(fitters, found.members, strict=True)
+        )
+        for name in one.left[:MOST_COMPARED]
+    ]
+    return min(changes, default=0.0) > 0.0
 
 
 def _with_rivals(found: Together, name: str, library: Sequence[str] | None) -> list[str]:

@@ -6,8 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ankle_physics.term import term_library
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.search.exchange import RIVAL_EXCESS
+from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.experiment_design import Values
+
+# Evaluations of the refit of a name to another recording.
+EVALUATIONS = 25
 
 
 @dataclass
@@ -46,6 +52,22 @@ class OpenSet:
     def settled(self) -> bool:
         """Tell whether one name is left."""
         return len(self.left) == 1
+
+    def fitted(self, fitter: Fitter, name: str) -> Fit:
+        """Return the model with one of the names, fitted to another recording.
+
+        Parameters
+        ----------
+        fitter
+            Of that recording.
+        name
+            One of `models`.
+        """
+        values = self.models[name]
+        terms = list(values)
+        if name != self.effect:
+            terms = with_term(without_term(terms, self.effect), name)
+        return fitter.fit(terms, values, evaluations=EVALUATIONS)
 
 
 def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
