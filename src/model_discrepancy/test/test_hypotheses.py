@@ -40,7 +40,8 @@ class Scripted(Hypotheses):
         self.said = []
         self.steps = []
 
-    def _step(self, current):
+    def _step(self, hypothesis):
+        current = hypothesis.current
         self.steps.append(current.terms)
         longer = [t for t in SCORES if t[:-1] == current.terms and len(t) > len(current.terms)]
         trials = [
@@ -113,6 +114,34 @@ def test_a_hypothesis_that_stays_behind_is_given_up(monkeypatch):
     monkeypatch.setitem(SCORES, ("dahl_hysteresis", "tendon"), 44.0)
     monkeypatch.setitem(SCORES, ("dahl_hysteresis", "tendon", "backlash"), 1.0)
     assert Scripted().best().current.score == 33.0
+
+
+def test_the_first_hypothesis_is_given_up_where_a_fork_is_well_ahead(monkeypatch):
+    first = ("maxwell_relaxation", "tendon", "backlash")
+    ahead = ("dahl_hysteresis", "long_latency_reflex", "backlash")
+    monkeypatch.setitem(SCORES, (*first, "lost_motion"), 32.0)
+    monkeypatch.setitem(SCORES, ahead, 9.0)
+    search = Scripted()
+    assert search.best().current.terms == ahead
+    assert first not in search.steps
+    # As far as nothing is ahead, it is followed.
+    monkeypatch.delitem(SCORES, ahead)
+    monkeypatch.setitem(SCORES, ahead[:2], 34.5)
+    search = Scripted()
+    assert search.best().current.score == 32.0
+    assert first in search.steps
+
+
+def test_a_usual_first_term_is_given_up_where_it_is_far_behind(monkeypatch):
+    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
+    monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 53.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon", "backlash"), 1.0)
+    search = Scripted()
+    assert search.best().current.score == 33.0
+    assert ("fixation_compliance", "tendon") not in search.steps
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 52.0)
+    assert Scripted().best().current.score == 1.0
 
 
 @pytest.mark.parametrize(("alone", "names"), [(36.0, 1), (39.0, 3)])
@@ -252,10 +281,11 @@ def test_forks_are_followed_side_by_side_and_learn_on_their_own():
         fit_of(()),
         Trial("dahl_hysteresis", fit_of(("dahl_hysteresis",)), 0.5, (0.5, 0.5), -1.0),
     )
-    first = hypotheses.Hypothesis(hypotheses.Found(fit_of(()), fit_of(())), fit_of(()))
-    other = search._forked(first, fork)
+    other = search._another(fork)
+    search._follow(other)
     assert other.current.score == 10.0
     assert "dahl_hysteresis first: looking for term 2: screening" in search.said
+    assert other.candidates is not search._candidates
     alone = search._candidates.alone(search._progress)
     alone._grids.learn(
         [SimpleNamespace(name="tendon", tried=tuple((k, {"w": k}) for k in range(9)))]

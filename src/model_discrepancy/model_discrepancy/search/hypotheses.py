@@ -2,17 +2,15 @@
 
 Which of two terms comes first depends on what is still missing, and a search that only ever takes
 the best one does not find back from a term that stood in for two others. Where a second candidate
-did about as well as the chosen one, the search forks: that hypothesis is followed, too, as long as
-it keeps up with the first, and the one of the least BIC wins (a beam search; Lowerre 1976, The
-Harpy speech recognition system, Carnegie Mellon University).
+did about as well as the chosen one, the search forks: hypotheses are followed side by side, each as
+long as it keeps up with the others, and the one of the least BIC wins (a beam search; Lowerre 1976,
+The Harpy speech recognition system, Carnegie Mellon University).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -44,9 +42,11 @@ MOST_STEPS = 2 * MOST_TERMS
 LEAST_TERMS_FORKED = 3
 # Hypotheses beside the first one; each may take as long as that one.
 MOST_FORKS = 2
-# A hypothesis that is behind by more than the next term gains, two terms after its fork, stays so.
-TERMS_TO_CATCH_UP = 2
+# A hypothesis that is behind by more than this, two terms after the fork, stays so.
 BEHIND_RATIO = 1.05
+# One that begins with what is usual is given up where it is behind by so much: each of several
+# terms stands in for a part of the others, so that it may be behind until they are there, too.
+FAR_BEHIND_RATIO = 1.5
 
 
 @dataclass
@@ -83,16 +83,35 @@ class Hypothesis:
         Its effects and near misses.
     current
         The model with them.
+    candidates
+        Finds the next one. Hypotheses that are followed at the same time learn each on its own
+        which points of the grids are worth trying.
+    progress
+        Called with one line for each step.
+    begun
+        Number of effects that it began with.
+    steps
+        Taken so far.
+    ended
+        No further term is worth it, or another hypothesis is well ahead.
+    behind
+        Another hypothesis is well ahead.
     scores
         Least whitened sum of squares by number of effects.
     forks
-        Steps at which it might have gone another way.
+        Steps at which it might have gone another way, and that way was not followed.
     first
         What was accepted at its first step.
     """
 
     found: Found
     current: Fit
+    candidates: Candidates
+    progress: Progress
+    begun: int = 0
+    steps: int = 0
+    ended: bool = False
+    behind: bool = False
     scores: dict[int, float] = field(default_factory=dict)
     forks: list[Fork] = field(default_factory=list)
     first: list[Trial] = field(default_factory=list)
@@ -101,6 +120,22 @@ class Hypothesis:
     def plausible(self) -> bool:
         """Tell whether the model leaves the joint a plausible inertia."""
         return has_joint(self.current)
+
+    @property
+    def count(self) -> int:
+        """Return the number of effects."""
+        return len(self.found.effects)
+
+    def is_behind(self, other: Hypothesis, ratio: float) -> bool:
+        """Tell whether another hypothesis leaves less by this ratio with as many effects.
+
+        It is not told before it has more effects than it began with, nor where the other one leaves
+        the joint no plausible inertia.
+        """
+        if self.count <= self.begun or other.plausible < self.plausible:
+            return False
+        ahead = other.scores.get(self.count, other.current.score if other.ended else None)
+        return ahead is not None and self.current.score > ratio * ahead
 
 
 class Hypotheses:
@@ -134,7 +169,7 @@ class Hypotheses:
         self._fitter, self._base, self._null = fitter, base, null
         self._candidates = Candidates(fitter, null, grids, progress)
         self._yardstick, self._progress = yardstick, progress
-        # Followed to the end from the base model, by their first term.
+        # Those that began with the base model, by their first term.
         self._followed_from: dict[str, Hypothesis] = {}
 
     def followed(self, found: Found) -> Hypothesis:
@@ -142,7 +177,7 @@ class Hypotheses:
         beside these.
         """
         effects = [*found.effects, *found.refinements]
-        further = Hypothesis(replace(found, effects=effects, refinements=[]), found.final)
+        further = self._begun(replace(found, effects=effects, refinements=[]), found.final)
         self._follow(further)
         return further
 
@@ -155,39 +190,70 @@ class Hypotheses:
             What another search found in this recording. Its terms are a hypothesis, too, which
             takes the place of the forks.
         """
-        first = best = Hypothesis(Found(self._base, self._base), self._base)
-        self._follow(first)
-        if before is not None:
-            again = self._again(before)
-            if self._preferred(again, best):
-                best = again
-        many = before is None and len(first.found.effects) >= LEAST_TERMS_FORKED
-        forks, left = first.forks if many else [], MOST_FORKS
-        while forks and left > 0:
-            forks = sorted(forks, key=lambda fork: -fork.gain)
-            ahead, forks = forks[:left], forks[left:]
-            left -= len(ahead)
-            for other in in_parallel(partial(self._forked, best), ahead):
-                forks += other.forks
-                if self._preferred(other, best):
-                    best = other
+        first = self._begun()
+        if before is None:
+            followed = self._side_by_side(first)
+        else:
+            self._follow(first)
+            followed = [first, self._again(before)]
+        best = first
+        for other in followed[1:]:
+            if self._preferred(other, best):
+                best = other
         best = self._usual(first.first, best)
         alone = self._alone(first.first, best)
         return alone if alone is not None else best
 
-    def _forked(self, leading: Hypothesis, fork: Fork) -> Hypothesis:
-        """Return the hypothesis that goes another way; it learns on its own which points are worth
-        trying, since others may be followed at the same time.
+    def _begun(self, found: Found | None = None, current: Fit | None = None) -> Hypothesis:
+        """Return a hypothesis with what was found already; nothing beside the base model where
+        nothing is given.
         """
+        base = self._base
+        found = Found(base, base) if found is None else found
+        current = base if current is None else current
+        begun = len(found.effects)
+        return Hypothesis(found, current, self._candidates, self._progress, begun)
+
+    def _side_by_side(self, first: Hypothesis) -> list[Hypothesis]:
+        """Return a hypothesis and its forks, followed until each ends or is well behind another.
+
+        Those with the fewest terms are the next in turn, so that what is compared is equally long.
+        """
+        while not first.ended and first.count < LEAST_TERMS_FORKED:
+            self._add_one(first)
+        followed = [first]
+        while active := [hypothesis for hypothesis in followed if not hypothesis.ended]:
+            followed += (forked := self._forked(followed))
+            active += forked
+            least = min(hypothesis.count for hypothesis in active)
+            in_parallel(self._add_one, [h for h in active if h.count == least])
+            for hypothesis in active:
+                others = [other for other in followed if other is not hypothesis]
+                if any(hypothesis.is_behind(other, BEHIND_RATIO) for other in others):
+                    hypothesis.ended = hypothesis.behind = True
+        return followed
+
+    def _forked(self, followed: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Return the hypotheses that go another way at the forks of some, as many as there may be
+        beside the first one; those that gain most come first.
+        """
+        left = MOST_FORKS - (len(followed) - 1)
+        forks = [(fork, hypothesis) for hypothesis in followed for fork in hypothesis.forks]
+        largest = sorted(forks, key=lambda entry: -entry[0].gain)[:left]
+        for fork, hypothesis in largest:
+            hypothesis.forks.remove(fork)
+        return in_parallel(self._another, [fork for fork, _ in largest])
+
+    def _another(self, fork: Fork) -> Hypothesis:
+        """Return the hypothesis that goes another way."""
         name = fork.trial.name
         self._progress(f"another hypothesis: {name} first")
-        alone = copy(self)
-        alone._progress = lambda step: self._progress(f"{name} first: {step}")
-        alone._candidates = self._candidates.alone(alone._progress)
-        found = Found(self._base, self._base, effects=list(fork.effects))
-        other = Hypothesis(found, fork.current)
-        alone._add(other, fork.trial)
-        if alone._follow(other, leading=leading) and not fork.effects:
+        other = self._begun(Found(self._base, self._base, effects=list(fork.effects)), fork.current)
+        other.progress = lambda step: self._progress(f"{name} first: {step}")
+        other.candidates = self._candidates.alone(other.progress)
+        self._add(other, fork.trial)
+        other.begun = other.count
+        if not fork.effects:
             self._followed_from[name] = other
         return other
 
@@ -196,7 +262,7 @@ class Hypotheses:
         it, and of what is worth it beside them.
         """
         self._progress("what was found before")
-        other = Hypothesis(Found(self._base, self._base), self._base)
+        other = self._begun()
         for effect in (*before.effects, *before.refinements):
             name = effect.trial.name
             start = {**before.final.values, **other.current.values}
@@ -227,8 +293,8 @@ class Hypotheses:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
         self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
-        other = self._beginning_with(trial)
-        near = other.current.score < BEHIND_RATIO * best.current.score
+        other = self._beginning_with(trial, best)
+        near = not other.behind and other.current.score < BEHIND_RATIO * best.current.score
         return other if near or self._preferred(other, best) else best
 
     def _alone(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis | None:
@@ -245,43 +311,44 @@ class Hypotheses:
         self._progress(f"{trial.name} explains as much alone")
         return self._beginning_with(trial)
 
-    def _beginning_with(self, trial: Trial) -> Hypothesis:
-        """Return the hypothesis that begins with this first term, followed to its end once."""
-        known = self._followed_from.get(trial.name)
-        if known is not None:
-            return known
-        other = Hypothesis(Found(self._base, self._base), self._base)
-        self._add(other, trial)
-        self._follow(other)
-        self._followed_from[trial.name] = other
+    def _beginning_with(self, trial: Trial, leading: Hypothesis | None = None) -> Hypothesis:
+        """Return the hypothesis that begins with this first term, followed on from where it was
+        left to its end, or until the leading one is far ahead.
+        """
+        other = self._followed_from.get(trial.name)
+        if other is None:
+            other = self._begun()
+            self._add(other, trial)
+            other.begun = other.count
+            self._followed_from[trial.name] = other
+        if other.behind:
+            other.ended = other.behind = False
+        self._follow(other, leading)
         return other
 
-    def _follow(self, hypothesis: Hypothesis, leading: Hypothesis | None = None) -> bool:
-        """Add as many terms as are worth it; stop, and return False, where the leading hypothesis
-        is well ahead.
-        """
-        found, begun = hypothesis.found, len(hypothesis.found.effects)
-        for _ in range(MOST_STEPS):
-            count = len(found.effects)
-            if count >= MOST_TERMS or (
-                leading is not None
-                and count >= begun - 1 + TERMS_TO_CATCH_UP
-                and hypothesis.current.score
-                > BEHIND_RATIO * leading.scores.get(count, leading.current.score)
-            ):
-                return count >= MOST_TERMS
-            self._progress(f"looking for term {count + 1}: screening")
-            trials, found.by_chance = self._step(hypothesis.current)
-            good = [t for t in trials if t.accepted]
-            if not good:
-                found.near = trials[:3]
-                return True
-            if not found.effects:
-                hypothesis.first = good
-            if not self._added(hypothesis, good):
-                found.near = trials[:3]
-                return True
-        return True
+    def _follow(self, hypothesis: Hypothesis, leading: Hypothesis | None = None) -> None:
+        """Add as many terms as are worth it; stop where the leading hypothesis is far ahead."""
+        while not hypothesis.ended:
+            if leading is not None and hypothesis.is_behind(leading, FAR_BEHIND_RATIO):
+                hypothesis.ended = hypothesis.behind = True
+            else:
+                self._add_one(hypothesis)
+
+    def _add_one(self, hypothesis: Hypothesis) -> None:
+        """Add the term that is worth most; where none is, the hypothesis has ended."""
+        found = hypothesis.found
+        if hypothesis.count >= MOST_TERMS or hypothesis.steps >= MOST_STEPS:
+            hypothesis.ended = True
+            return
+        hypothesis.steps += 1
+        hypothesis.progress(f"looking for term {hypothesis.count + 1}: screening")
+        trials, found.by_chance = self._step(hypothesis)
+        good = [t for t in trials if t.accepted]
+        if good and not found.effects:
+            hypothesis.first = good
+        if not good or not self._added(hypothesis, good):
+            found.near = trials[:3]
+            hypothesis.ended = True
 
     def _added(self, hypothesis: Hypothesis, good: list[Trial]) -> bool:
         """Add the best of the accepted terms that leaves the joint a plausible inertia once it is
@@ -300,7 +367,7 @@ class Hypotheses:
                     if other is not chosen
                 ]
                 return True
-            self._progress(f"{chosen.name} leaves the joint no plausible inertia")
+            hypothesis.progress(f"{chosen.name} leaves the joint no plausible inertia")
             found.effects, hypothesis.current, hypothesis.scores = before
             good = [trial for trial in good if trial is not chosen]
         return False
@@ -312,16 +379,16 @@ class Hypotheses:
         newest = Effect(trial, fixed_errors(current, self._yardstick))
         found.effects.append(newest)
         hypothesis.current = drop_superfluous(
-            fitter, found, newest, current, self._null, self._progress
+            fitter, found, newest, current, self._null, hypothesis.progress
         )
         count, score = len(found.effects), hypothesis.current.score
         hypothesis.scores[count] = min(score, hypothesis.scores.get(count, score))
 
-    def _step(self, current: Fit) -> tuple[list[Trial], float]:
+    def _step(self, hypothesis: Hypothesis) -> tuple[list[Trial], float]:
         """Return the most promising candidates beside the current model, best first, and what the
         best one gains by chance.
         """
-        return self._candidates.best(current)
+        return hypothesis.candidates.best(hypothesis.current)
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:

@@ -17,8 +17,9 @@ from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.search.found import Progress
+from model_discrepancy.tools.joint_candidates import rivals_together
 from model_discrepancy.tools.open_set import OpenSet, remaining
-from model_discrepancy.tools.several_recordings import diagnose_together, rivals_together
+from model_discrepancy.tools.several_recordings import diagnose_together
 from model_discrepancy.tools.shared_effects import Together
 
 # Names of a set that are compared with what all recordings say, the likeliest first: each is fitted

@@ -23,34 +23,16 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_background, side_by_side
-from model_discrepancy.fit.parameter_scale import nonlinear
 from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
-from model_discrepancy.search.candidates import (
-    FURTHER_EVALUATIONS,
-    LARGE_PROMISE,
-    LEAST_OF_PROMISE,
-    MIN_PROMISE,
-    REFITS_PER_STEP,
-    begun_anew,
-)
-from model_discrepancy.search.found import Progress, follows_beyond_chance
+from model_discrepancy.search.found import Progress
 from model_discrepancy.search.hypotheses import MOST_TERMS
-from model_discrepancy.search.null import Null, thresholds
-from model_discrepancy.search.screening import (
-    Point,
-    Screened,
-    candidates,
-    grid,
-    screen,
-    with_term,
-    without_term,
-)
-from model_discrepancy.search.trials import halves_errors, preceding_errors
+from model_discrepancy.search.null import Null
+from model_discrepancy.tools.joint_candidates import best_step
 from model_discrepancy.tools.shared_effects import (
     LEAST_PROBABILITY_SAME,
     Member,
@@ -150,9 +132,7 @@ def _search(found: Together, library: Sequence[str] | None, progress: Progress) 
     gains: dict[str, float] = {}
     while len(gains) < MOST_TERMS:
         progress(f"looking for term {len(gains) + 1}: screening all recordings")
-        screened = [_screened(m, library, first=not gains) for m in found.members]
-        found.by_chance = _joint_chance(found.members)
-        best = _best_step(found, screened, progress)
+        best = best_step(found, library, progress)
         if best is None:
             break
         name, fits, gain = best
@@ -161,183 +141,6 @@ def _search(found: Together, library: Sequence[str] | None, progress: Progress) 
             member.fit = fitter.fit(fit.terms, fit.values, evaluations=15)
         gains[name] = gain
     return gains
-
-
-def _screened(member: Member, library: Sequence[str] | None, first: bool) -> dict[str, Screened]:
-    fitter, rows = member.problem.fitter, member.problem.fitter.rows
-    points = {name: grid(name, rows.count / rows.rate) for name in candidates(member.fit, library)}
-    listed = screen(
-        fitter,
-        member.fit,
-        points,
-        member.null if first else None,
-    )
-    return {s.name: s for s in listed}
-
-
-def _joint_chance(members: Sequence[Member]) -> dict[str, float]:
-    """Return the joint gain that each term must exceed: its best in each recording, added up draw
-    by draw, which no single point of its grid can exceed.
-    """
-    scores = np.array([m.fit.score for m in members])
-    names = set.intersection(*(set(m.null.gains) for m in members))
-    return thresholds(
-        {
-            name: scores @ np.array([m.null.gains[name] for m in members]) / scores.sum()
-            for name in sorted(names)
-        }
-    )
-
-
-def _best_step(
-    found: Together, screened: list[dict[str, Screened]], progress: Progress
-) -> tuple[str, list[Fit], float] | None:
-    """Find the term that gains most in all recordings together, with its fits; None where none is
-    worth it.
-    """
-    members = found.members
-    scores = np.array([m.fit.score for m in members])
-    promise = _promise(members, screened)
-    ranked = sorted(promise, key=lambda n: -promise[n])[:REFITS_PER_STEP]
-    tried: dict[str, tuple[list[Fit], float]] = {}
-    for name in ranked:
-        by_chance = found.by_chance.get(name, max(found.by_chance.values()))
-        if promise[name] < max(MIN_PROMISE, 0.5 * by_chance):
-            continue
-        progress(f"refitting all recordings with {name}")
-        fits = _refitted(members, name, screened)
-        gain = 1.0 - sum(f.score for f in fits) / scores.sum()
-        if _accepted(members, fits, name, gain, by_chance):
-            tried[name] = fits, gain
-    if not tried:
-        return None
-    best = max(tried, key=lambda name: tried[name][1])
-    # A term with fewer parameters is taken where the best one gains no more than chance beyond it.
-    least = tried[best][1] - found.by_chance.get(best, 0.0)
-    near = [name for name in tried if name == best or tried[name][1] > least]
-    simplest = min(near, key=lambda name: (len(term_library()[name].parameters), -tried[name][1]))
-    return simplest, *tried[simplest]
-
-
-def _promise(
-    members: Sequence[Member], screened: Sequence[Mapping[str, Screened]]
-) -> dict[str, float]:
-    """Return the share of all recordings' whitened error that each term takes off at its best point
-    of the grid.
-    """
-    scores = np.array([m.fit.score for m in members])
-    names = set.intersection(*(set(s) for s in screened))
-    return {
-        name: float(scores @ [s[name].share for s in screened]) / scores.sum() for name in names
-    }
-
-
-def _refitted(
-    members: Sequence[Member], name: str, screened: list[dict[str, Screened]]
-) -> list[Fit]:
-    """Return the fit of each recording with one term more; where it takes off much less than a
-    large promise, the best of several beginnings.
-    """
-    fits = []
-    for member, start, listed in zip(members, _starts(name, screened), screened, strict=True):
-        fitter, current, promised = member.problem.fitter, member.fit, listed[name].share
-        begin = {**current.values, name: start}
-        fit = fitter.fit(with_term(current.terms, name), begin, evaluations=12)
-        short = 1.0 - fit.score / current.score < LEAST_OF_PROMISE * promised
-        if short and promised > LARGE_PROMISE and nonlinear([name]):
-            points = [point for _, point in listed[name].tried]
-            anew = begun_anew(fitter, current, name, points).fit
-            fit = min(fit, anew, key=lambda one: one.score)
-            fit = fitter.fit(fit.terms, fit.values, evaluations=FURTHER_EVALUATIONS)
-        fits.append(fit)
-    return fits
-
-
-def rivals_together(
-    found: Together, name: str, library: Sequence[str] | None = None
-) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """Fit other terms in the place of one that several recordings need together.
-
-    Parameters
-    ----------
-    found
-        What they need together; the joint profile must be in force.
-    name
-        One of its effects.
-    library
-        Terms that may be tried; None for all. The most promising `REFITS_PER_STEP` are.
-
-    Returns
-    -------
-    dict[str, list[float]]
-        Whitened error of each term, and of the effect itself, beyond the best of them in each
-        recording; 0 is the best.
-    dict[str, float]
-        Log-likelihood of each below that of the best, over all recordings.
-    """
-    bare = [
-        Member(
-            m.problem,
-            m.null,
-            m.problem.fitter.fit(without_term(m.fit.terms, name), m.fit.values, evaluations=12),
-        )
-        for m in found.members
-    ]
-    screened = [_screened(m, library, first=False) for m in bare]
-    promise = _promise(bare, screened)
-    others = sorted((n for n in promise if n != name), key=lambda n: -promise[n])
-    scores = {name: np.array([m.fit.score for m in found.members])}
-    for other in others[:REFITS_PER_STEP]:
-        scores[other] = np.array([fit.score for fit in _refitted(bare, other, screened)])
-    best = np.min(list(scores.values()), axis=0)
-    independent = np.array([m.problem.fitter.rows.independent for m in found.members])
-    excess = {other: (score / best - 1.0).tolist() for other, score in scores.items()}
-    evidence = {
-        other: float(0.5 * independent @ np.log(score / best)) for other, score in scores.items()
-    }
-    return excess, evidence
-
-
-def _starts(name: str, screened: list[dict[str, Screened]]) -> list[dict[str, float]]:
-    """Return where a refit begins: for a rig's term at the one point that suits all recordings."""
-    starts = [dict(s[name].start) for s in screened]
-    if term_library()[name].belongs_to is not Owner.RIG:
-        return starts
-    shares = np.array([[share for share, _ in s[name].tried] for s in screened])
-    if len({len(s[name].tried) for s in screened}) > 1:
-        return starts
-    point: Point = screened[0][name].tried[int(np.argmax(shares.sum(axis=0)))][1]
-    return [{**start, **point} for start in starts]
-
-
-def _accepted(
-    members: Sequence[Member], fits: Sequence[Fit], name: str, gain: float, by_chance: float
-) -> bool:
-    """Return whether the joint gain exceeds chance and holds on unseen rows in both directions."""
-    if gain <= by_chance:
-        return False
-    if term_library()[name].follows_torque and not follows_beyond_chance(
-        gain, _preceding_gain(members, fits), by_chance
-    ):
-        return False
-    old, new = np.zeros(2), np.zeros(2)
-    for member, fit in zip(members, fits, strict=True):
-        old += halves_errors(member.problem.fitter, member.fit)
-        new += halves_errors(member.problem.fitter, fit)
-    return bool(np.all(new < old))
-
-
-def _preceding_gain(members: Sequence[Member], fits: Sequence[Fit]) -> float | None:
-    """Return the joint gain from what the muscles held before each movement; None where that is
-    not known of every recording.
-    """
-    old, new = 0.0, 0.0
-    for member, fit in zip(members, fits, strict=True):
-        errors = preceding_errors(member.problem.fitter, fit)
-        if errors is None:
-            return None
-        old, new = old + errors[0], new + errors[1]
-    return 1.0 - new / old
 
 
 def _settle(found: Together, gains: dict[str, float], progress: Progress) -> None:
