@@ -73,10 +73,11 @@ def test_a_set_without_the_right_name_gives_way_to_what_all_recordings_say():
     for values in beside.models.values():
         values["torque_sensor_mode"] = {"frequency": 28.0, "damping": 0.1}
     said = judge_together([right, beside], recordings, LIBRARY)
-    assert beside.left == ["torque_sensor_lag"]
+    assert beside.left == []
     assert right.left == ["torque_sensor_mode", "torque_sensor_lag"]
     assert right.together == []
-    assert "replaces nothing" in said
+    assert "torque sensor lag is withdrawn" in said
+    assert "torque sensor mode" not in said
 
 
 @pytest.mark.slow

@@ -73,6 +73,8 @@ def outcome(names: list[str], left: list[str], right: list[str]) -> str:
         return "right"
     if set(left) & set(right):
         return "open"
+    if not left and not set(names) & set(right):
+        return "withdrawn"
     return "wrong" if set(names) & set(right) else "wrong, as it was from the first"
 
 
@@ -110,10 +112,11 @@ def report(entries: list[Entry], command: str) -> str:
         f"| every name was right from the first | {rate_with_interval(before, len(rows))} |",
         f"| only right names are left in the end | {count('right', rows)} |",
         f"| right and wrong names are left | {count('open', rows)} |",
-        f"| no right name is left | {count('wrong', rows)} |",
+        f"| withdrawn, and no right name was in it | {count('withdrawn', rows)} |",
+        f"| wrong names are left, or a right one was withdrawn | {count('wrong', rows)} |",
         f"| of the sets that held the right name: only right names are left | "
         f"{count('right', holding)} |",
-        f"| no right name is left | {count('wrong', holding)} |",
+        f"| wrong names are left, or it was withdrawn | {count('wrong', holding)} |",
         "",
         "| hidden (share of the torque's variance) | protocol | open set | left | further "
         "recordings | outcome |",
@@ -122,7 +125,8 @@ def report(entries: list[Entry], command: str) -> str:
     for entry, names, left, became in rows:
         lines.append(
             f"| {entry['hidden']} ({100 * entry['share']:.1f} %) | {entry['protocol']} | "
-            f"{', '.join(names)} | {', '.join(left)} | {'; '.join(entry['recordings']) or 'none'} "
+            f"{', '.join(names)} | {', '.join(left) or 'nothing'} | "
+            f"{'; '.join(entry['recordings']) or 'none'} "
             f"| {became} |"
         )
     return "\n".join(lines) + "\n"

@@ -48,7 +48,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
                 _plain(name),
                 ", ".join(f"{100 * e:.1f}" for e in one.excess.get(name, [])),
                 f"{one.evidence.get(name, float('nan')):.0f}",
-                "left" if name in one.left else "excluded",
+                "left" if name in one.left else "excluded" if one.left else "withdrawn",
             ]
             for one in judged
             for name in one.models
@@ -64,6 +64,8 @@ def write_investigation(story: Investigation, path: Path) -> None:
 
 
 def _headline(story: Investigation) -> str:
+    if not story.names and story.sets:
+        return "No name is confirmed by all recordings."
     if not story.names:
         return f"Nothing was left to ask: {story.first.verdict.verdict.replace('_', ' ')}."
     return f"The base model leaves out {_plain(', '.join(story.names))}."

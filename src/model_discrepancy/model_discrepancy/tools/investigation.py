@@ -101,10 +101,11 @@ class Investigation:
     @property
     def names(self) -> list[str]:
         """Return the names that are left: one of each settled set, all of an open one, joined by a
-        slash.
+        slash; none of a set that was withdrawn.
         """
         known = {s.effect: "/".join(s.left) for s in self.sets}
-        return [known.get(e["name"], e["name"]) for e in self.first.verdict.effects]
+        names = (known.get(e["name"], e["name"]) for e in self.first.verdict.effects)
+        return [name for name in names if name]
 
     def content(self) -> dict[str, Any]:
         """Return plain data of ``investigation.json``."""

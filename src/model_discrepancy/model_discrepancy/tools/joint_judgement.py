@@ -3,20 +3,24 @@
 A set holds what fits the first recording about as well as the name that was preferred there. Where
 that name stood in for something else, the right one may not be in the set, and no experiment that
 tells its members apart brings it in. A search of all recordings together does: what stands in for
-an effect in one movement seldom does so in another one. A set goes where that search names another
-effect that is larger than whatever it names of the set, and the set's names leave all recordings
-less likely, by BIC, than what the search found. The other effect takes its place.
+an effect in one movement seldom does so in another one.
+
+- A set is replaced where that search names another effect that is larger than whatever it names of
+  the set, and the set's names leave all recordings less likely, by BIC, than what the search found.
+- A set is withdrawn where that search confirms none of its names: they take off next to nothing of
+  what all effects take off together. Where the search leaves a recording unexplained, only its
+  largest effect is confirmed, since what is missing has stand-ins of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.search.found import Progress
+from model_discrepancy.search.found import REFINEMENT, Progress
 from model_discrepancy.tools.joint_candidates import rivals_together
 from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.several_recordings import diagnose_together
@@ -33,13 +37,13 @@ def judge_together(
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
 ) -> str:
-    """Search all recordings together, replace what is left of the sets that this contradicts, and
-    return what it said in one sentence.
+    """Search all recordings together, replace or withdraw what is left of the sets that this
+    contradicts, and return what it said in one sentence.
 
     Parameters
     ----------
     sets
-        Changed where what is left of them is replaced.
+        Changed where what is left of them is replaced or withdrawn.
     recordings
         The first one and those that were designed, two at least.
     library
@@ -54,26 +58,45 @@ def judge_together(
     """
     named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
     found = diagnose_together(named, library, progress)
-    gains = {effect.name: effect.gain for effect in found.effects}
+    shares = _shares(found)
     # What stands beside the sets in the first model is none of theirs.
     beside = {name for one in sets for name in one.models[one.effect]}
     known = beside - {one.effect for one in sets} | {name for one in sets for name in one.left}
-    new = sorted(gains.keys() - known, key=lambda name: -gains[name])
+    new = sorted(shares.keys() - known, key=lambda name: -shares[name])
     said = []
     for one in sets:
-        if not new or any(gains.get(name, 0.0) > gains[new[0]] for name in one.left):
-            continue
-        if _worse(one, found):
-            refuted = " or ".join(one.left)
+        names, largest = " or ".join(one.left), max(shares.get(name, 0.0) for name in one.left)
+        if new and shares[new[0]] > max(largest, REFINEMENT) and _worse(one, found):
             one.together = _with_rivals(found, new.pop(0), library)
             one.left = list(one.together)
             said.append(
-                f"{' or '.join(one.left)} takes the place of {refuted}, which leaves all "
+                f"{' or '.join(one.left)} takes the place of {names}, which leaves all "
                 "recordings less likely"
             )
+        elif not _confirmed(largest, shares, found) and (
+            found.verdict == "unexplained" or _worse(one, found)
+        ):
+            one.left = []
+            said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
     if not said:
-        said = [f"{', '.join(gains) or 'nothing'} is named, which replaces nothing"]
+        said = [f"{', '.join(shares) or 'nothing'} is named, which replaces nothing"]
     return f"All recordings together: {'; '.join(said)}.".replace("_", " ")
+
+
+def _shares(found: Together) -> dict[str, float]:
+    """Return the share that each effect has of the whitened error that all of them take off."""
+    left, taken = 1.0, {}
+    for effect in found.effects:
+        taken[effect.name] = left * effect.gain
+        left -= taken[effect.name]
+    return {name: part / (1.0 - left) for name, part in taken.items()}
+
+
+def _confirmed(largest: float, shares: Mapping[str, float], found: Together) -> bool:
+    """Say whether all recordings confirm a set whose largest effect has this share."""
+    if found.verdict == "unexplained":
+        return largest > 0.0 and largest == max(shares.values())
+    return largest >= REFINEMENT
 
 
 def _worse(one: OpenSet, found: Together) -> bool:

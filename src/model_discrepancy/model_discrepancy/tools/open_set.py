@@ -33,7 +33,7 @@ class OpenSet:
     evidence
         Log-likelihood of each name below that of the best, over all designed recordings.
     left
-        Names that are not excluded.
+        Names that are not excluded; none where the set was withdrawn (`joint_judgement`).
     together
         Names that a search of all recordings together put in their place (`joint_judgement`).
     """
