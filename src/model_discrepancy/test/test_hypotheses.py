@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from model_discrepancy.search import candidates, hypotheses
+from model_discrepancy.search import candidates, hypotheses, hypothesis
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
 from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
@@ -190,13 +190,13 @@ def test_straps_are_not_preferred_to_a_model_of_two_terms(monkeypatch):
 
 
 def test_a_model_that_leaves_the_joint_no_inertia_loses_to_one_that_does(monkeypatch):
-    monkeypatch.setattr(hypotheses, "has_joint", lambda fit: fit.terms[:1] != ("dahl_hysteresis",))
+    monkeypatch.setattr(hypothesis, "has_joint", lambda fit: fit.terms[:1] != ("dahl_hysteresis",))
     best = Scripted().best()
     assert best.found.effects[0].trial.name == "maxwell_relaxation"
 
 
 def test_a_term_that_takes_the_inertia_once_it_is_fitted_to_the_end_is_taken_back(monkeypatch):
-    monkeypatch.setattr(hypotheses, "has_joint", lambda fit: "backlash" not in fit.terms)
+    monkeypatch.setattr(hypothesis, "has_joint", lambda fit: "backlash" not in fit.terms)
     search = Scripted()
     best = search.best()
     assert [effect.trial.name for effect in best.found.effects] == ["maxwell_relaxation", "tendon"]
@@ -276,7 +276,7 @@ def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkey
 
 def test_forks_are_followed_side_by_side_and_learn_on_their_own():
     search = Scripted()
-    fork = hypotheses.Fork(
+    fork = hypothesis.Fork(
         [],
         fit_of(()),
         Trial("dahl_hysteresis", fit_of(("dahl_hysteresis",)), 0.5, (0.5, 0.5), -1.0),

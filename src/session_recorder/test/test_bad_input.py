@@ -161,7 +161,7 @@ def damaged_bags(folder, seed, cases):
 
 
 def test_damaged_files_are_read_or_refused(tmp_path):
-    damaged_files(tmp_path, 1, 200)
+    damaged_files(tmp_path, 1, 100)
 
 
 def test_damaged_blocks_do_not_end_a_recording():
