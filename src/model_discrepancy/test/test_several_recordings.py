@@ -11,6 +11,7 @@ from ankle_physics.term import Owner
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.several_report import write_several
+from model_discrepancy.tools import shared_effects
 from model_discrepancy.tools.joint_judgement import judge_together
 from model_discrepancy.tools.open_set import OpenSet
 from model_discrepancy.tools.several_recordings import diagnose_together
@@ -107,7 +108,12 @@ def test_what_is_the_rigs_is_shared_and_what_is_the_subjects_is_free(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_rig_that_was_changed_between_the_recordings_is_not_shared():
+@pytest.mark.parametrize("least_probability", [shared_effects.LEAST_PROBABILITY_SAME, -1.0])
+def test_a_rig_that_was_changed_between_the_recordings_is_not_shared(
+    monkeypatch, least_probability
+):
+    """Neither where the errors are so large that they cannot tell: one value fits one of them."""
+    monkeypatch.setattr(shared_effects, "LEAST_PROBABILITY_SAME", least_probability)
     found = diagnose_together(
         [recording(1, 60.0, 0.0, mode=22.0), recording(2, 90.0, 0.0, mode=34.0)], LIBRARY
     )
@@ -115,6 +121,7 @@ def test_a_rig_that_was_changed_between_the_recordings_is_not_shared():
     assert effect.name == "torque_sensor_mode"
     assert not effect.shared
     assert "the rig was changed" in effect.sentence
+    assert ("more error in one of them" in effect.sentence) == (least_probability < 0.0)
 
 
 def test_one_recording_or_a_name_twice_or_a_dead_channel_is_refused():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from model_discrepancy.report.html_report import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
@@ -83,6 +84,7 @@ def _excess_picture(sets: list[OpenSet]) -> Figure:
         for name, excess in one.excess.items():
             axis.plot(range(1, len(excess) + 1), 100 * np.array(excess), "o-", label=_plain(name))
         axis.axhline(100 * RIVAL_EXCESS, color="0.5", ls="--", lw=1)
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.set_xlabel("recording")
         axis.set_ylabel("error beyond the best [%]")
         axis.legend(fontsize=7)

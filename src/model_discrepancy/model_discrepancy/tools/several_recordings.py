@@ -4,12 +4,13 @@ A candidate is screened on every recording and counts by what it gains in all of
 that an effect too weak for one recording is found in three. Every recording keeps its own values of
 what belongs to the subject. What belongs to the rig is the same in all of them: its values are
 pooled by their errors and held, unless Cochran's Q (1954, Biometrics 10, 101) says that they
-differ.
+differ, or a recording is described worse by one value for all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,12 @@ from scipy.stats import chi2
 
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.rig_file import RigFile
-from ankle_physics.term import Owner, term_library
+from ankle_physics.term import term_library
 from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
-from model_discrepancy.fit.parallel import in_background, side_by_side
+from model_discrepancy.fit.parallel import in_background, in_parallel, side_by_side
 from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
@@ -34,7 +35,6 @@ from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null
 from model_discrepancy.tools.joint_candidates import best_step
 from model_discrepancy.tools.shared_effects import (
-    LEAST_PROBABILITY_SAME,
     Member,
     SharedEffect,
     Together,
@@ -42,6 +42,9 @@ from model_discrepancy.tools.shared_effects import (
 
 # A standard error below this share of the parameter is not believed: models are not that exact.
 LEAST_RELATIVE_ERROR = 0.02
+
+Held = dict[str, dict[str, float]]
+"""Values by term and symbol that are the same in all recordings."""
 
 
 def diagnose_together(
@@ -147,12 +150,15 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
     """Compare the recordings' values, share what is the rig's, and score everything."""
     for member in found.members:
         member.fit = member.problem.fitter.with_errors(member.fit)
-    held: dict[str, dict[str, float]] = {}
+    held: Held = {}
     for name, gain in gains.items():
         effect = _compared(found.members, name, gain)
-        found.effects.append(effect)
         if effect.shared:
-            held[name] = _pooled(effect, found.members[0].fit.values[name])
+            progress(f"{name} with one value in all recordings")
+            pooled = held | {name: _pooled(effect, found.members[0].fit.values[name])}
+            effect = replace(effect, excess=_excess(found.members, pooled))
+            held = pooled if effect.shared else held
+        found.effects.append(effect)
     for member in found.members:
         progress(f"{member.name}: scoring on unseen data")
         problem = member.problem
@@ -169,6 +175,16 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
             problem.parts,
             member.null.noise,
         )
+
+
+def _excess(members: Sequence[Member], held: Held) -> float:
+    """Return the largest share by which held values raise the whitened error of a recording."""
+
+    def one(member: Member) -> float:
+        fit = member.problem.fitter.holding(held).fit(member.fit.terms, member.fit.values)
+        return fit.score / member.fit.score - 1.0
+
+    return max(in_parallel(one, members))
 
 
 def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect:
@@ -192,8 +208,7 @@ def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect
         q += float(weights @ (given[:, 0] - mean) ** 2)
         freedom += len(given) - 1
     same = float(chi2.sf(q, freedom)) if freedom else 1.0
-    shared = term.belongs_to is Owner.RIG and same > LEAST_PROBABILITY_SAME
-    return SharedEffect(name, term.belongs_to, gain, values, same, shared)
+    return SharedEffect(name, term.belongs_to, gain, values, same)
 
 
 def _pooled(effect: SharedEffect, given: Mapping[str, float]) -> dict[str, float]:

@@ -14,11 +14,15 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.problem import Problem
 from model_discrepancy.report.fitted_model import fitted_model
+from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.search.null import Null
 
 # Values of a rig's term differ between recordings where Q is that improbable. Standard errors of a
 # fit are good to some ten per cent, so that a milder limit would call every rig unsteady.
 LEAST_PROBABILITY_SAME = 1e-3
+# One value for all recordings may leave so much more whitened error in one of them: as much as
+# excludes a name. Where values differ though their errors are large, the errors are wrong.
+LARGEST_SHARED_EXCESS = RIVAL_EXCESS
 
 
 @dataclass
@@ -65,8 +69,8 @@ class SharedEffect:
         before anything is shared.
     probability_same
         Of differences as large as these between the recordings if all had the same values.
-    shared
-        Whether its values are held to be the same in all recordings.
+    excess
+        Share by which one value for all raises the whitened error of a recording, the largest.
     """
 
     name: str
@@ -74,14 +78,29 @@ class SharedEffect:
     gain: float
     values: dict[str, list[tuple[float, float]]]
     probability_same: float
-    shared: bool
+    excess: float = 0.0
+
+    @property
+    def shared(self) -> bool:
+        """Tell whether its values are held to be the same in all recordings."""
+        return self.belongs_to is Owner.RIG and self.same
+
+    @property
+    def same(self) -> bool:
+        """Tell whether the recordings may have the same values."""
+        agree = self.probability_same > LEAST_PROBABILITY_SAME
+        return agree and self.excess <= LARGEST_SHARED_EXCESS
 
     @property
     def sentence(self) -> str:
         """Say to whom it belongs and why, in plain words."""
         what = term_library()[self.name].sentence
-        same = self.probability_same > LEAST_PROBABILITY_SAME
-        odds = f"p = {self.probability_same:.2g}"
+        same = self.same
+        odds = (
+            f"p = {self.probability_same:.2g}"
+            if self.excess <= LARGEST_SHARED_EXCESS
+            else f"one value for all leaves {100 * self.excess:.0f} % more error in one of them"
+        )
         if self.belongs_to is Owner.RIG:
             whose = (
                 f"It is the rig's, and the same in all recordings ({odds})."
