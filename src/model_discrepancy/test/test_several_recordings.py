@@ -1,6 +1,7 @@
 """Several recordings of one rig together, on recordings that scipy alone makes."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from model_discrepancy.tools import shared_effects
 from model_discrepancy.tools.joint_judgement import judge_together
 from model_discrepancy.tools.open_set import OpenSet
 from model_discrepancy.tools.several_recordings import diagnose_together
-from model_discrepancy.tools.shared_effects import LEAST_PROBABILITY_SAME
+from model_discrepancy.tools.shared_effects import LEAST_PROBABILITY_SAME, SharedEffect, Together
 
 RATE = 1000.0
 LIBRARY = ("torque_sensor_mode", "torque_sensor_lag", "maxwell_relaxation", "short_range_stiffness")
@@ -122,6 +123,23 @@ def test_a_rig_that_was_changed_between_the_recordings_is_not_shared(
     assert not effect.shared
     assert "the rig was changed" in effect.sentence
     assert ("more error in one of them" in effect.sentence) == (least_probability < 0.0)
+
+
+def test_what_takes_off_next_to_nothing_is_not_named(tmp_path):
+    def effect(name, share):
+        return SharedEffect(name, Owner.RIG, 0.5, {"k": [(1.0, 0.1), (1.1, 0.1)]}, share, 1.0)
+
+    visits = [SimpleNamespace(name=n, base=None, final=None, after=None) for n in ("first", "next")]
+    effects = [effect("fixation_compliance", 0.96), effect("channel_skew", 0.04)]
+    found = Together(visits, effects)
+    assert [e.name for e in found.named] == ["fixation_compliance"]
+    assert [e["refines"] for e in found.content()["effects"]] == [False, True]
+    write_several(found, tmp_path / "report.html")
+    headline, rest = (tmp_path / "report.html").read_text().split("</h1>", 1)
+    assert "of the rig: fixation compliance." in headline
+    assert "hold channel skew too: less than 5 %" in rest
+    write_several(Together(visits, effects[:1]), tmp_path / "report.html")
+    assert "less than 5 %" not in (tmp_path / "report.html").read_text()
 
 
 def test_one_recording_or_a_name_twice_or_a_dead_channel_is_refused():

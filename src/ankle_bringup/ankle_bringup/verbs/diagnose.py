@@ -58,7 +58,7 @@ def verb(
             with profile.in_force():
                 together.save(out)
                 write_several(together, out / "report.html")
-            return _findings(out, [e.sentence for e in together.effects], together.verdict)
+            return _findings(out, [e.sentence for e in together.named], together.verdict)
         found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=rig)
     lines = [f"- {effect['sentence']}" for effect in found.verdict.effects]
     lines += [f"  {reason}" for reason in found.verdict.reasons]

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from ankle_physics.term import Owner
 from model_discrepancy.report.html_report import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
+from model_discrepancy.search.found import REFINEMENT
 from model_discrepancy.tools.shared_effects import SharedEffect, Together
 
 
@@ -19,7 +20,14 @@ def write_several(found: Together, path: Path) -> None:
     names = [m.name for m in found.members]
     parts = [f"<h1>{escape(_headline(found))}</h1>", f"<p>{escape(', '.join(names))}</p>"]
     if found.effects:
-        parts += ["<h2>What was left out</h2>", html_list([_line(e) for e in found.effects])]
+        parts += ["<h2>What was left out</h2>", html_list([_line(e) for e in found.named])]
+        refining = [e.name.replace("_", " ") for e in found.effects if e.refines]
+        if refining:
+            parts.append(
+                f"<p>The models hold {escape(', '.join(refining))} too: less than "
+                f"{100 * REFINEMENT:g} % of what all of them take off the error each, which "
+                "corrects the equation of a larger one.</p>"
+            )
         parts += ["<h2>The same in all recordings?</h2>"]
         parts += [image(encoded(_values_picture(effect, names))) for effect in found.effects]
     rows = [
@@ -44,12 +52,10 @@ def write_several(found: Together, path: Path) -> None:
 def _headline(found: Together) -> str:
     if found.verdict == "no_mismatch":
         return f"The base model is enough for all {len(found.members)} recordings."
-    rig = [e.name.replace("_", " ") for e in found.effects if e.shared]
-    subject = [e.name.replace("_", " ") for e in found.effects if e.belongs_to is Owner.SUBJECT]
+    rig = [e.name.replace("_", " ") for e in found.named if e.shared]
+    subject = [e.name.replace("_", " ") for e in found.named if e.belongs_to is Owner.SUBJECT]
     rest = [
-        e.name.replace("_", " ")
-        for e in found.effects
-        if e.belongs_to is Owner.RIG and not e.shared
+        e.name.replace("_", " ") for e in found.named if e.belongs_to is Owner.RIG and not e.shared
     ]
     said = [
         f"{owner}: {', '.join(names)}"

@@ -58,7 +58,7 @@ def judge_together(
     """
     named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
     found = diagnose_together(named, library, progress)
-    shares = _shares(found)
+    shares = {effect.name: effect.share for effect in found.effects}
     # What stands beside the sets in the first model is none of theirs.
     beside = {name for one in sets for name in one.models[one.effect]}
     known = beside - {one.effect for one in sets} | {name for one in sets for name in one.left}
@@ -79,17 +79,9 @@ def judge_together(
             one.left = []
             said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
     if not said:
-        said = [f"{', '.join(shares) or 'nothing'} is named, which replaces nothing"]
+        names = ", ".join(effect.name for effect in found.named)
+        said = [f"{names or 'nothing'} is named, which replaces nothing"]
     return f"All recordings together: {'; '.join(said)}.".replace("_", " ")
-
-
-def _shares(found: Together) -> dict[str, float]:
-    """Return the share that each effect has of the whitened error that all of them take off."""
-    left, taken = 1.0, {}
-    for effect in found.effects:
-        taken[effect.name] = left * effect.gain
-        left -= taken[effect.name]
-    return {name: part / (1.0 - left) for name, part in taken.items()}
 
 
 def _confirmed(largest: float, shares: Mapping[str, float], found: Together) -> bool:

@@ -151,8 +151,9 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
     for member in found.members:
         member.fit = member.problem.fitter.with_errors(member.fit)
     held: Held = {}
+    shares = _shares(gains)
     for name, gain in gains.items():
-        effect = _compared(found.members, name, gain)
+        effect = _compared(found.members, name, gain, shares[name])
         if effect.shared:
             progress(f"{name} with one value in all recordings")
             pooled = held | {name: _pooled(effect, found.members[0].fit.values[name])}
@@ -177,6 +178,15 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
         )
 
 
+def _shares(gains: Mapping[str, float]) -> dict[str, float]:
+    """Return the share of each term, in the order found, of the error that all take off."""
+    left, taken = 1.0, {}
+    for name, gain in gains.items():
+        taken[name] = left * gain
+        left -= taken[name]
+    return {name: part / (1.0 - left) for name, part in taken.items()}
+
+
 def _excess(members: Sequence[Member], held: Held) -> float:
     """Return the largest share by which held values raise the whitened error of a recording."""
 
@@ -187,7 +197,7 @@ def _excess(members: Sequence[Member], held: Held) -> float:
     return max(in_parallel(one, members))
 
 
-def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect:
+def _compared(members: Sequence[Member], name: str, gain: float, share: float) -> SharedEffect:
     term = term_library()[name]
     values: dict[str, list[tuple[float, float]]] = {}
     q, freedom = 0.0, 0
@@ -208,7 +218,7 @@ def _compared(members: Sequence[Member], name: str, gain: float) -> SharedEffect
         q += float(weights @ (given[:, 0] - mean) ** 2)
         freedom += len(given) - 1
     same = float(chi2.sf(q, freedom)) if freedom else 1.0
-    return SharedEffect(name, term.belongs_to, gain, values, same)
+    return SharedEffect(name, term.belongs_to, gain, values, share, same)
 
 
 def _pooled(effect: SharedEffect, given: Mapping[str, float]) -> dict[str, float]:

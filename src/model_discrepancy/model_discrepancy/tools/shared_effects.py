@@ -15,6 +15,7 @@ from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.problem import Problem
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.search.exchange import RIVAL_EXCESS
+from model_discrepancy.search.found import REFINEMENT
 from model_discrepancy.search.null import Null
 
 # Values of a rig's term differ between recordings where Q is that improbable. Standard errors of a
@@ -67,6 +68,8 @@ class SharedEffect:
     values
         Value and standard error of each fitted parameter, by its key, one pair for each recording,
         before anything is shared.
+    share
+        Of the whitened error that all effects take off.
     probability_same
         Of differences as large as these between the recordings if all had the same values.
     excess
@@ -77,8 +80,14 @@ class SharedEffect:
     belongs_to: Owner
     gain: float
     values: dict[str, list[tuple[float, float]]]
+    share: float
     probability_same: float
     excess: float = 0.0
+
+    @property
+    def refines(self) -> bool:
+        """Tell whether it takes off so little that it corrects the equation of a larger one."""
+        return self.share < REFINEMENT
 
     @property
     def shared(self) -> bool:
@@ -126,7 +135,7 @@ class Together:
     members
         One for each recording, with its final model.
     effects
-        In the order in which they were found.
+        In the order in which they were found, those that refine others, too.
     by_chance
         Joint gain that each term must exceed, so that the library does not by chance.
     """
@@ -134,6 +143,11 @@ class Together:
     members: list[Member]
     effects: list[SharedEffect] = field(default_factory=list)
     by_chance: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def named(self) -> list[SharedEffect]:
+        """Return the effects that are left out, without those that refine others."""
+        return [effect for effect in self.effects if not effect.refines]
 
     @property
     def verdict(self) -> str:
@@ -154,6 +168,8 @@ class Together:
                     "shared": effect.shared,
                     "probability_same": round(effect.probability_same, 5),
                     "gain": round(effect.gain, 4),
+                    "share": round(effect.share, 4),
+                    "refines": effect.refines,
                     "parameters": {k: [list(v) for v in vs] for k, vs in effect.values.items()},
                     "sentence": effect.sentence,
                 }
