@@ -9,6 +9,7 @@ import pytest
 from model_discrepancy.criticism import criticism
 from model_discrepancy.criticism.judgement import Scores, judge
 from model_discrepancy.criticism.remainder import Remainder
+from model_discrepancy.fit import preceding_torque
 from model_discrepancy.report.conclusion import standing_of
 from model_discrepancy.report.verdict import Standing
 from model_discrepancy.search.found import Effect, Found, Trial
@@ -212,11 +213,18 @@ def test_names_that_take_off_little_are_none_where_torque_may_have_moved_the_pla
     assert judge(named, left, [], USUAL_VARIABILITY, SCORES)[0] == expected
 
 
-@pytest.mark.parametrize(("torque_share", "judged"), [(0.0, False), (0.02, True)])
+@pytest.mark.parametrize(
+    ("torque_share", "without_rest", "judged"),
+    [(0.0, 2, False), (0.02, 2, True), (0.02, 4, False)],
+)
 def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_judges(
-    monkeypatch, torque_share, judged
+    monkeypatch, torque_share, without_rest, judged
 ):
     """Without a command nothing else tells physics from torque that moved the plate."""
+    times = np.cumsum([0.0] + [0.2] * without_rest + [0.6] * (9 - without_rest))
+    monkeypatch.setattr(
+        preceding_torque, "find_onsets", lambda columns: SimpleNamespace(time=times)
+    )
     bank = SimpleNamespace(unpredicted=lambda noise, parts: noise)
     before = SimpleNamespace(unpredicted=lambda noise, parts: noise)
     left = {id(bank): remainder(0.05, True), id(before): remainder(0.2, True, torque_share)}
@@ -229,7 +237,7 @@ def test_behind_a_soft_servo_only_torque_before_a_movement_that_shows_something_
         bank=bank,
         bank_over_time=bank,
         bank_over_torque=before,
-        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None))),
+        fitter=SimpleNamespace(rows=SimpleNamespace(used=slice(None)), columns=None),
         parts=None,
         noise=np.zeros(4),
     )

@@ -36,20 +36,22 @@ LEAST_POWER = 0.25
 MIN_MOVEMENTS = 20
 
 
-def begins_from_rest(columns: Columns) -> bool:
+def begins_from_rest(columns: Columns, most: float = 0.5) -> bool:
     """Say whether what was held just before a movement holds little of the last response.
 
     Parameters
     ----------
     columns
         Of the recording.
+    most
+        Share of the movements that come after a rest at least, 0...1.
     """
-    return _rest(find_onsets(columns).time)
+    return _rest(find_onsets(columns).time, most)
 
 
-def _rest(times: np.ndarray) -> bool:
-    """Return whether most movements that begin at these times [s] come after a rest."""
-    return len(times) > 1 and float(np.median(np.diff(times))) > SHORTEST_REST_S
+def _rest(times: np.ndarray, most: float = 0.5) -> bool:
+    """Return whether so many of the movements that begin at these times [s] come after a rest."""
+    return len(times) > 1 and float(np.quantile(np.diff(times), 1.0 - most)) > SHORTEST_REST_S
 
 
 def preceding_torque(
