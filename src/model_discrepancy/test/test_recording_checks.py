@@ -117,6 +117,7 @@ def test_torque_that_moves_a_compliant_plate_is_no_wrong_sign():
     assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
 
 
+@pytest.mark.slow
 def test_a_reflex_beside_which_a_passive_joint_explains_little_is_no_wrong_sign():
     """A passive joint explains 4 % of the torque, and 9 % of the mirrored one."""
     hidden = ("reflex_position", "torque_delay")
