@@ -3,8 +3,10 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.search import candidates, hypotheses, hypothesis
 from model_discrepancy.search.acting_stretches import FEWEST_STRETCHES
 from model_discrepancy.search.candidates import Candidates
@@ -292,6 +294,18 @@ def test_forks_are_followed_side_by_side_and_learn_on_their_own():
     )
     assert alone._grids._kept
     assert not search._candidates._grids._kept
+
+
+def test_a_fork_is_taken_out_of_others_that_hold_arrays():
+    fit = Fit({}, np.zeros(3), np.zeros(3), None, 1.0, 0)
+    forks = [
+        hypothesis.Fork([], replace(fit), Trial("tendon", replace(fit), 0.5, (0.5, 0.5), -1.0))
+        for _ in range(2)
+    ]
+    last = forks[1]
+    forks.remove(last)
+    assert len(forks) == 1
+    assert forks[0] is not last
 
 
 def test_a_term_that_ends_at_a_bound_stands_in_for_one_that_does_not():

@@ -10,7 +10,8 @@ from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 
 
-@dataclass
+# Each is itself: what two hold cannot be compared, since it is arrays.
+@dataclass(eq=False)
 class Fork:
     """Describes a step at which a second candidate did about as well as the one that was chosen.
 
@@ -34,7 +35,7 @@ class Fork:
         return min(self.trial.held_out)
 
 
-@dataclass
+@dataclass(eq=False)
 class Hypothesis:
     """Holds the terms that one order of choices led to.
 
