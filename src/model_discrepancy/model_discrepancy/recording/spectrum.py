@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.signal import butter, sosfiltfilt
 
 # Anti-alias filter of a lower rate: cut-off as a share of it, and order of the zero-phase gain.
 _ANTI_ALIAS = 0.4
@@ -18,6 +19,11 @@ _EXTENSION_S = 2.0
 def low_pass(frequency: np.ndarray, cutoff: float, order: int) -> np.ndarray:
     """Return the gain of the zero-phase low-pass at each frequency [Hz]; half at the cutoff."""
     return 1.0 / (1.0 + (frequency / cutoff) ** order)
+
+
+def band(signal: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:
+    """Apply a zero-phase band-pass of second order between two frequencies [Hz]."""
+    return sosfiltfilt(butter(2, [low, high], "bandpass", fs=rate, output="sos"), signal)
 
 
 class Spectrum:
