@@ -20,7 +20,14 @@ SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
 USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[], unsteady=[])
 
 
-def found(score, effects=("a term",), contradicted=False, at_bounds=False, stands_in=False):
+def found(
+    score,
+    effects=("a term",),
+    contradicted=False,
+    at_bounds=False,
+    stands_in=False,
+    base_stands_in=False,
+):
     """A search whose model leaves `score` of the whitened error of the base model."""
     return SimpleNamespace(
         effects=list(effects),
@@ -29,6 +36,7 @@ def found(score, effects=("a term",), contradicted=False, at_bounds=False, stand
         contradicted=contradicted,
         ends_at_bounds=at_bounds,
         reflex_stands_in=stands_in,
+        base_reflex_stands_in=base_stands_in,
     )
 
 
@@ -139,8 +147,19 @@ def test_a_reflex_at_the_bound_of_its_range_is_a_mismatch_where_nothing_else_is(
         assert judge(found_so, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "unexplained"
         found_so = found(score, effects)
         assert judge(found_so, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "no_mismatch"
-    named = found(0.2, stands_in=True)
-    assert judge(named, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+    for where in ({"stands_in": True}, {"base_stands_in": True}):
+        named = found(0.2, **where)
+        assert judge(named, nothing, [], USUAL_VARIABILITY, SCORES)[0] == "explained"
+
+
+@pytest.mark.parametrize(("stands_in", "expected"), [(False, "no_mismatch"), (True, "unexplained")])
+def test_names_are_not_dropped_for_a_base_model_whose_reflex_stands_in(stands_in, expected):
+    for score, left in (
+        (0.96, remainder(0.0, True)),  # they take off next to nothing
+        (0.7, remainder(0.02, False, held=False)),  # torque may have moved the plate
+    ):
+        named = found(score, base_stands_in=stands_in)
+        assert judge(named, left, [], USUAL_VARIABILITY, SCORES)[0] == expected
 
 
 def test_a_stiffness_that_changes_in_time_is_a_mismatch_where_nothing_else_is():

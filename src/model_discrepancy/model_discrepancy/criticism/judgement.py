@@ -121,6 +121,8 @@ def judge(
         if predictable or unusual or unsteady or predicts_residual or found.reflex_stands_in:
             return "unexplained", 0.0
         return ("explained", 1.0) if findings else ("no_mismatch", float("nan"))
+    # Without its names a recording is described by the base model.
+    stands_in = found.reflex_stands_in or found.base_reflex_stands_in
     large = found.cut > LARGEST_CUT_BY_LEAKAGE
     gained = scores.augmented - scores.base
     gains_little = gained < MIN_GAP_SHARE * (scores.ceiling - scores.base)
@@ -129,7 +131,7 @@ def judge(
     little = found.cut < LEAST_USEFUL_CUT or leaked
     useless = not large and (gained <= 0.0 or (gains_little and little))
     if useless or found.cut < LEAST_CUT:
-        if unsteady or found.reflex_stands_in:
+        if unsteady or stands_in:
             return "unexplained", closed
         if not (predictable or unusual or findings):
             # Names that predict no torque on unseen data follow torque that moved the plate.
@@ -152,7 +154,7 @@ def judge(
         or (remainder.exceeds_chance and unusual)
         or bool(varies.unexplainable)
     )
-    if unexplained or (in_doubt and found.reflex_stands_in):
+    if unexplained or (in_doubt and stands_in):
         return "unexplained", closed
     if in_doubt and not (unusual or findings):
         return "no_mismatch", float("nan")

@@ -174,8 +174,9 @@ class Found:
         Whitened sum of squares of the base model.
     by_chance
         Gain that the best candidate of the last step reaches by chance on this recording.
-    reflex_stands_in
-        Whether the reflex of the final model stands in for another response.
+    reflex_stands_in, base_reflex_stands_in
+        Whether the reflex of the final model, and that of the base model, stands in for another
+        response.
     base_held_out, final_held_out
         Scores of both models on unseen data, which a search leaves behind.
     """
@@ -189,6 +190,7 @@ class Found:
     base_score: float = 0.0
     by_chance: float = 0.0
     reflex_stands_in: bool = False
+    base_reflex_stands_in: bool = False
     base_held_out: HeldOut = field(init=False, repr=False)
     final_held_out: HeldOut = field(init=False, repr=False)
 

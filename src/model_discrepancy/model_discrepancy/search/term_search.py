@@ -101,6 +101,7 @@ def search(
     found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
     found.reflex_stands_in = reflex_stands_in(fitter, found.final)
+    found.base_reflex_stands_in = reflex_stands_in(fitter, found.base)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
     return found
 
