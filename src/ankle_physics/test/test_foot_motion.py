@@ -22,15 +22,22 @@ def _plate(rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x, v, np.gradient(v, 1.0 / rate)
 
 
-@pytest.mark.parametrize("curvature", [60.0, -80.0])
-def test_the_foot_moves_as_in_the_simulation(curvature):
-    fixation = {"k_s": 900.0, "b_s": 3.0, "curvature": curvature}
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("stiffening_fixation", {"curvature": 60.0}),
+        ("stiffening_fixation", {"curvature": -80.0}),
+        ("fixation_stops", {"gap": 0.002, "k_stop": 3000.0}),
+    ],
+)
+def test_the_foot_moves_as_in_the_simulation(name, shape):
+    fixation = {"k_s": 900.0, "b_s": 3.0, **shape}
     impedance = {"inertia": {"I": 0.012}, "viscosity": {"B": 0.8}, "stiffness": {"K": 60.0}}
-    model = Model.of({**impedance, "stiffening_fixation": fixation})
+    model = Model.of({**impedance, name: fixation})
     fine = _plate(RATE * FINE_STEPS)
     signals = Signals(RATE * FINE_STEPS, *fine, np.zeros(fine[0].size))
     model.start(RATE * FINE_STEPS).torque(signals)
-    term = term_library()["stiffening_fixation"]()
+    term = term_library()[name]()
     plate = tuple(signal[::FINE_STEPS] for signal in fine[:2])
     x, v, a = foot_motion(term, fixation, (0.012, 0.8, 60.0), plate, RATE)
     later = slice(round(RATE), None)

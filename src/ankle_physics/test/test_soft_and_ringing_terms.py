@@ -209,6 +209,35 @@ def test_a_foot_behind_a_strap_that_stiffens_follows_newton(curvature):
     assert np.abs(found - expected)[200:].max() < 5e-3 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("k_stop", [600.0, 6000.0])
+def test_a_foot_that_strikes_stops_follows_newton(k_stop):
+    I, B, K, k, b, gap = 0.0137, 0.63, 100.0, 700.0, 2.0, 0.001
+    struck = []
+
+    def strap(e, rate):
+        beyond = np.maximum(e - gap, 0.0) + np.minimum(e + gap, 0.0)
+        struck.append(np.any(beyond != 0.0))
+        return k * e + k_stop * beyond + b * rate
+
+    def right(t, y):
+        x, v, _ = movement(t)
+        return [y[1], (strap(x - y[0], v - y[1]) - B * y[1] - K * y[0]) / I]
+
+    foot = integrate(right, [0.0, 0.0])
+    x, v, _ = movement(TIME)
+    expected = strap(x - foot[0], v - foot[1])
+    found = torque_of(
+        {
+            "inertia": {"I": I},
+            "viscosity": {"B": B},
+            "stiffness": {"K": K},
+            "fixation_stops": {"k_s": k, "b_s": b, "gap": gap, "k_stop": k_stop},
+        }
+    )
+    assert 0.05 < np.mean(struck) < 0.95
+    assert np.abs(found - expected)[200:].max() < 5e-3 * np.abs(expected).max()
+
+
 def test_friction_of_the_bearing_is_read_in_front_of_the_straps():
     soft = {"inertia": {"I": 0.0137}, "fixation_compliance": {"k_s": 600.0, "b_s": 1.0}}
     rubs = {**soft, "coulomb_friction": {"F": 1.5, "v0": 0.02}}

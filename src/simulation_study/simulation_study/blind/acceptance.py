@@ -44,7 +44,7 @@ ANSWERS: dict[str, Answer] = {
         },
     ),
     "strap_backlash": Answer(
-        ("fixation_compliance", "backlash"),
+        ("fixation_stops", "fixation_compliance", "backlash"),
         "a soft pad inside the gap, stops outside: both halves are true",
     ),
     "bearing_friction": Answer(
