@@ -54,10 +54,8 @@ def test_both_make_the_same_torque(motion: Motion, name: str) -> None:
     made, said = _torques(motion, extra)
     effect = float(np.std(made - without))
     assert effect > 0.0
-    # A skew, lag or strap is filtered exactly there and sample by sample here. A stop is struck
-    # between two samples, and lies about the mean load in the fit, about rest in the simulation.
-    share = 0.1 if name == "fixation_stops" else 0.05
-    assert np.std(made - said) < share * effect + 0.002 * np.std(made)
+    # A skew, lag or strap is filtered exactly there and sample by sample here.
+    assert np.std(made - said) < 0.05 * effect + 0.002 * np.std(made)
 
 
 BEHIND_STRAPS = {

@@ -22,7 +22,17 @@ def low_pass(frequency: np.ndarray, cutoff: float, order: int) -> np.ndarray:
 
 
 def band(signal: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:
-    """Apply a zero-phase band-pass of second order between two frequencies [Hz]."""
+    """Return a signal behind a zero-phase band-pass of second order, shape (n,).
+
+    Parameters
+    ----------
+    signal
+        Shape (n,).
+    rate
+        Of its samples [Hz].
+    low, high
+        Between which frequencies [Hz] it passes.
+    """
     return sosfiltfilt(butter(2, [low, high], "bandpass", fs=rate, output="sos"), signal)
 
 

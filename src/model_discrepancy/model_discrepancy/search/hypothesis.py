@@ -93,6 +93,13 @@ class Hypothesis:
 
         It is not told before it has more effects than it began with, nor where the other one leaves
         the joint no plausible inertia.
+
+        Parameters
+        ----------
+        other
+            The hypothesis that may be ahead.
+        ratio
+            Of this whitened sum of squares to the other one's, above 1.
         """
         if self.count <= self.begun or other.plausible < self.plausible:
             return False
