@@ -109,10 +109,12 @@ class Problem:
     def in_a_loop(self) -> bool:
         """Tell whether the movement may hold torque that no movement causes.
 
-        It may where no command was recorded that would show it, and the servo gives way or was
-        never held still, so that nobody knows.
+        It may where no command was recorded that would show it, and the servo gives way by nobody
+        knows how much, or was never held still.
         """
-        return self.servo is None and (self.compliance is None or self.gives_way)
+        if self.servo is not None:
+            return False
+        return self.compliance is None or (self.gives_way and not self.compliance.precise)
 
 
 def prepare(
@@ -169,7 +171,12 @@ def prepare(
     )
     if compliance is not None and compliance.significant:
         if servo is not None:
-            disturbance, joint = uncaused(recording, servo, fitter, base), base
+            unloaded = motion_of(recording, servo.unloaded())
+            disturbance, joint = uncaused(unloaded, fitter, base), base
+        elif compliance.precise:
+            # All torque, and no joint that would answer: the movement of the servo without a load.
+            unloaded = motion.undisturbed(compliance, motion.torque, (0.0, 0.0, 0.0))
+            disturbance, joint = uncaused(unloaded, fitter, base), base
         elif found is None:
             disturbance, joint = left, base
         else:
@@ -245,6 +252,8 @@ def knows_movement_better(problem: Problem, final: Fit) -> bool:
     compliance = problem.compliance
     if problem.servo is not None or compliance is None or not compliance.significant:
         return False
+    if compliance.precise:
+        return False
     rows = problem.fitter.rows
     left, before = (float(np.var(rows.torque(fit.left))) for fit in (final, problem.base))
     return left < (1.0 - CLEARER_MOVEMENT) * before
@@ -259,24 +268,21 @@ def _bank_over_torque(fitter: Fitter) -> GenericBank | None:
     return GenericBank(fitter.columns, over="preceding torque")
 
 
-def uncaused(recording: Recording, servo: Servo, fitter: Fitter, base: Fit) -> np.ndarray:
+def uncaused(unloaded: Motion, fitter: Fitter, base: Fit) -> np.ndarray:
     """Return the torque that no movement causes [N.m], at the model's rate, shape (n,).
 
     It is in what the base model leaves, together with physics that this model lacks. The movement
-    that the command makes of an unloaded servo is independent of it. So what generic regressors of
-    this movement predict is such physics, and its share of the movement has to stay there.
+    of the servo without a load is independent of it. So what generic regressors of this movement
+    predict is such physics, and its share of the movement has to stay there.
 
     Parameters
     ----------
-    recording
-        With its command.
-    servo
-        Of the recording.
+    unloaded
+        The movement that the servo would make without a load.
     fitter, base
         The base model's fit.
     """
-    unloaded = replace(servo, position=servo.commanded, unexplained=np.zeros(len(servo.commanded)))
-    bank = GenericBank(fitter.along(motion_of(recording, unloaded)).columns)
+    bank = GenericBank(fitter.along(unloaded).columns)
     return fitter.rows.torque(base.left - bank.prediction(bank.learn(base.plain)))
 
 

@@ -10,6 +10,7 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.servo import Compliance
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 
@@ -47,7 +48,7 @@ def test_straps_on_a_servo_that_gives_way_are_found_as_they_are():
     assert found["b_s"] == pytest.approx(STRAPS["b_s"], rel=0.06)
 
 
-def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate():
+def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate(monkeypatch):
     """Nobody pushes in this recording, so that the plate moved as it was measured."""
     model = Model.of(
         {
@@ -59,6 +60,10 @@ def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate():
     reference = PulseStep(Settings(rate=RATE, seed=6)).next(int(40 * RATE))
     made = simulate(reference, RATE, model, seed=6)
     recording = Recording(RATE, made.position, made.torque, name="straps")
+    by_holds = prepare(recording)
+    assert by_holds.compliance.precise
+    # Where the holds do not tell the compliance well, the model that is found tells the movement.
+    monkeypatch.setattr(Compliance, "precise", False)
     problem = prepare(recording)
     terms = [*problem.base.terms, "fixation_compliance"]
     start = {**problem.base.values, "fixation_compliance": {"k_s": 2000.0, "b_s": 2.0}}
@@ -72,11 +77,13 @@ def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate():
         apart = position - made.clean[::step, 0]
         return float(np.std(apart))
 
-    assert invented(clearer.fitter.motion.position) < 0.4 * invented(problem.fitter.motion.position)
+    before = invented(problem.fitter.motion.position)
+    assert invented(clearer.fitter.motion.position) < 0.4 * before
+    assert invented(by_holds.fitter.motion.position) < 0.2 * before
 
 
 @pytest.mark.parametrize(("stiffness", "moves"), [(2000.0, True), (50_000.0, False)])
-def test_only_a_soft_servo_is_a_loop_that_hides_what_moved_the_plate(stiffness: float, moves: bool):
+def test_only_a_soft_servo_gives_way_so_far_that_it_matters(stiffness: float, moves: bool):
     """A stiff one gives way measurably, too, but not so far that it could be taken for physics."""
     model = Model.of(
         {
@@ -91,4 +98,6 @@ def test_only_a_soft_servo_is_a_loop_that_hides_what_moved_the_plate(stiffness: 
     assert problem.compliance is not None
     assert problem.compliance.significant
     assert 1.0 / problem.compliance.at_rest[0] == pytest.approx(stiffness, rel=0.2)
-    assert (problem.gives_way, problem.in_a_loop) == (moves, moves)
+    assert problem.gives_way == moves
+    # The holds tell what torque did to the plate.
+    assert not problem.in_a_loop

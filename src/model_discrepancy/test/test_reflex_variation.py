@@ -10,6 +10,7 @@ import pytest
 
 from model_discrepancy.criticism.variability import (
     USUAL_REFLEX_JITTER,
+    USUAL_STIFFNESS_AFTER_MOVEMENTS,
     USUAL_STIFFNESS_VARIATION,
     variability,
 )
@@ -45,6 +46,7 @@ def test_the_usual_variation_of_a_reflex_is_independent_and_in_time():
     assert found.timing[0] < 0.4 * USUAL_REFLEX_JITTER
     assert abs(found.serial[0]) < 3.0 * found.serial[1]
     assert found.stiffness[0] < 0.5 * USUAL_STIFFNESS_VARIATION
+    assert found.stiffness_after[0] < 0.5 * USUAL_STIFFNESS_AFTER_MOVEMENTS
     assert found.unusual == []
     assert found.unsteady == []
 
@@ -84,8 +86,19 @@ def test_the_size_of_changes_of_the_stiffness_is_measured():
 
 def test_a_startle_that_stiffens_the_joint_is_seen_and_is_no_matter_of_the_reflex():
     found = varies("startle_stiffening", variability_of_subject="small")
-    assert found.stiffness[0] > USUAL_STIFFNESS_VARIATION + 2.0 * found.stiffness[1]
+    value, error = found.stiffness_after
+    assert value > USUAL_STIFFNESS_AFTER_MOVEMENTS + 2.0 * error
+    assert "from one movement to the next" in found.unsteady[-1]
     assert found.unusual == []
+    content = found.content()["stiffness_after_movements"]
+    assert content["share_of_mean[1]"] == [value, error]
+
+
+def test_a_startle_shows_where_the_joint_is_held_and_not_while_it_is_moved():
+    """Pulses and steps: pieces of the recording that hold a movement weigh most among all."""
+    found = varies("startle_stiffening", variability_of_subject="small", protocol="pulse_step")
+    assert found.stiffness[0] < USUAL_STIFFNESS_VARIATION
+    assert found.stiffness_after[0] > 2.0 * USUAL_STIFFNESS_AFTER_MOVEMENTS
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.servo import identify_servo
 from simulation_study.planted_trials import simulate_trial
+from simulation_study.verdict_cases import Plan, made
 
 COMPLIANCE = 1 / 2500.0
 
@@ -80,11 +81,35 @@ def test_the_movement_that_is_fitted_with_holds_no_torque_that_no_movement_cause
     assert leak(problem.fitter.motion.position) < 0.25 * measured
 
 
+def test_without_a_command_the_holds_tell_how_the_servo_gives_way_at_each_frequency():
+    """Voluntary torque, tremor and a reflex that varies move the plate of another engine."""
+    plan = Plan(
+        "null", 0, 31, (), "compliant", "pulse_step", 1000.0, True, True, "quiet", "large", True
+    )
+    recording = made(plan).recording
+    known = prepare(recording)
+    problem = prepare(replace(recording, reference=None))
+    assert problem.compliance.precise
+    assert problem.gives_way
+    assert not problem.in_a_loop
+    frequency = np.array([0.0, 5.0, 10.0, 20.0])
+    right = known.compliance.response(frequency)
+    assert np.abs(problem.compliance.response(frequency) / right - 1.0) == pytest.approx(0, abs=0.1)
+    # What such torque did to the plate does not seem to be predicted by it.
+    used = problem.fitter.rows.used
+    left = np.var(problem.noise[used]) / np.var(problem.base.residual[used])
+    assert left > 0.95
+
+
+UNKNOWN = SimpleNamespace(precise=False)
+
+
 @pytest.mark.parametrize(
     ("servo", "compliance", "gives_way", "expected"),
     [
-        (None, "from the holds", True, True),
-        (None, "from the holds", False, False),
+        (None, UNKNOWN, True, True),
+        (None, UNKNOWN, False, False),
+        (None, SimpleNamespace(precise=True), True, False),
         (None, None, False, True),  # never held still: nobody knows
         ("its command was recorded", None, False, False),
     ],

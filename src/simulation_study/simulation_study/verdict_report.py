@@ -155,14 +155,16 @@ def table(
     for kind, words in (
         ("effect", f"{wrong}, one effect"),
         ("pair", f"{wrong}, two effects"),
-        ("left_out", f"{wrong}, family left out"),
-        ("foreign", f"{wrong}, foreign to the library"),
         ("planted", f"{wrong}, planted in human trials"),
         ("planted_from_rig", f"{wrong}, planted in human trials by the rig's equations"),
     ):
         lines.append(
             (words, _share(not right for e in of[kind] for _, _, right in stated_names(e)))
         )
+    # No name is right there, so that the share is one of recordings.
+    for kind, words in (("left_out", "family left out"), ("foreign", "foreign to the library")):
+        count = _share(bool(stated_names(e)) for e in of[kind])
+        lines.append((f"{words}: a name is stated with {MIN_STATED_PROBABILITY:g} or more", count))
     weaker = [e for e in entries if not is_moderate(e)]
     of = {kind: [e for e in own if is_moderate(e)] for kind, own in of.items()}
     for kind, words in (

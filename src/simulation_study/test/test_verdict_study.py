@@ -100,6 +100,15 @@ def test_a_family_counts_where_its_name_is_not_sure():
     assert counts["one effect: overlooked"].startswith("1 of 4")
 
 
+def test_where_the_family_is_left_out_recordings_count_that_state_any_name():
+    sure = _entry(
+        "left_out", [[]], [("tendon", 0.8, "a", 0.9), ("maxwell_relaxation", 0.9, "b", 0.9)]
+    )
+    unsure = [_entry("left_out", [[]], [("tendon", p, "a", p)]) for p in (0.3, 0.6)]
+    counts = dict(table([sure, *unsure, _entry("left_out", [[]], [], "unexplained")]))
+    assert counts["family left out: a name is stated with 0.7 or more"].startswith("1 of 4")
+
+
 def test_an_effect_that_can_hardly_be_seen_is_counted_apart():
     names = [["tendon"]]
     seen = _entry("effect", names, [("tendon", 0.8, "a", 0.9)]) | {"shares": {"tendon": 0.021}}

@@ -1,15 +1,24 @@
-"""How much the stiffness varies in the course of a recording, from the residual of a fit."""
+"""How much the stiffness varies in the course of a recording, and from one movement to the next,
+from the residual of a fit.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.movements import find_onsets
 from model_discrepancy.fit.reflex_variation import ReflexVariation, spread_beyond_noise
 
-# Muscles that stiffen after a startle, or let go, do so within a quarter of a second (Brown et al.,
-# Brain 114 (1991) 1891): pieces of the recording that are shorter follow them.
+# Muscles that stiffen after a startle, or let go, begin 80 to 120 ms after the movement and do so
+# for a quarter of a second (Brown et al., Brain 114 (1991) 1891).
+_BEGIN_S, _LENGTH_S = 0.1, 0.26
+# The whitening filter's answer to the end of it.
+_TAIL_S = 0.05
+_FEWEST_MOVEMENTS = 20
+# Pieces of the recording that are shorter follow any such change.
 _PIECE_S = 0.1
 _FEWEST_PIECES = 50
 
@@ -51,3 +60,65 @@ def stiffness_variation(
     size = np.sum(own * left, axis=1) / power
     noise = float(np.mean(reflex.residual[rows.used] ** 2))
     return spread_beyond_noise(size - np.average(size, weights=power), power, noise)
+
+
+def stiffness_after_movements(
+    fitter: Fitter, fit: Fit, reflex: ReflexVariation, mean: float
+) -> tuple[float, float] | None:
+    """Return the standard deviation of the stiffness from one movement to the next, a tenth to a
+    third of a second after each, beyond what noise makes, as a share of its mean, with its standard
+    error.
+
+    Within that time the stiffness is taken to rise and fall like a squared sine. Where the joint is
+    held away from its mean angle, that changes the torque as much as during the movement.
+
+    Parameters
+    ----------
+    fitter, fit, reflex, mean
+        As for `stiffness_variation`.
+
+    Returns
+    -------
+    tuple or None
+        None where responses overlap, where movements are few, and without stiffness.
+    """
+    if not reflex.apart or mean <= 0.0 or "stiffness" not in fit.values:
+        return None
+    rows = fitter.rows
+    onsets = _apart(find_onsets(fitter.columns).time)
+    torque = rows.whitened(rows.spectrum(mean * _angle_after(fitter.columns, onsets)))
+    size, power = [], []
+    for begin in onsets + _BEGIN_S:
+        first, last = int(begin * rows.rate), int((begin + _LENGTH_S + _TAIL_S) * rows.rate)
+        own, left = torque[first:last], reflex.residual[first:last]
+        if last <= rows.count and rows.used[first:last].all() and (known := float(own @ own)) > 0.0:
+            size.append(float(own @ left) / known)
+            power.append(known)
+    if len(size) < _FEWEST_MOVEMENTS:
+        return None
+    sizes, powers = np.array(size), np.array(power)
+    noise = float(np.mean(reflex.residual[rows.used] ** 2))
+    return spread_beyond_noise(sizes - np.average(sizes, weights=powers), powers, noise)
+
+
+def _apart(onsets: np.ndarray) -> np.ndarray:
+    """Return the times of movements [s] of which none begins while the time after another lasts; of
+    two such movements the first one.
+    """
+    kept: list[float] = []
+    for onset in onsets:
+        if not kept or onset - kept[-1] > _LENGTH_S + _TAIL_S:
+            kept.append(float(onset))
+    return np.array(kept)
+
+
+def _angle_after(columns: Columns, onsets: np.ndarray) -> np.ndarray:
+    """Return the angle from its mean [rad], times a squared sine after each of these times [s],
+    shape (n,).
+    """
+    motion = columns.motion
+    shape = np.zeros(len(motion.position))
+    rise = np.sin(np.pi * np.arange(int(_LENGTH_S * motion.rate)) / (_LENGTH_S * motion.rate)) ** 2
+    for first in np.round((onsets + _BEGIN_S) * motion.rate).astype(int):
+        shape[first : first + len(rise)] = rise[: max(len(shape) - first, 0)]
+    return shape * (motion.position - columns.mean_angle)

@@ -10,7 +10,7 @@ torque on that position would explain such torque by the movement that it made (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -42,6 +42,13 @@ _SETTLED_S = 0.1
 _HELD_S = 0.08
 _MARGIN_S = 0.03
 _FEWEST_HOLDS = 24
+# A hold lasts some tenths of a second and loses its level and slope: slower low-passes look alike.
+_HELD_POLES = 3
+# Relative to the trace: low-passes of 5 and 15 ms differ little in what tremor and reflexes hold.
+_HELD_RIDGE = 1e-6
+# Standard errors of the compliance at rest by which it must differ from zero, so that what torque
+# did to the plate can be taken out of the movement: to a twentieth.
+_PRECISE_ERRORS = 20.0
 # Stretches that the standard errors are taken from.
 _STRETCHES = 8
 
@@ -69,6 +76,14 @@ class Compliance:
         """Tell whether it differs from zero by three standard errors and is positive."""
         value, error = self.at_rest
         return value > 3.0 * error
+
+    @property
+    def precise(self) -> bool:
+        """Tell whether it is known so well, at each frequency, that the movement that torque made
+        can be taken out.
+        """
+        value, error = self.at_rest
+        return np.count_nonzero(self.weights) > 1 and value > _PRECISE_ERRORS * error
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
         """Return the compliance at each frequency [Hz], complex [rad/N.m]."""
@@ -108,6 +123,10 @@ class Servo:
     following: tuple[float, float]
     share: float
     uncertainty: float
+
+    def unloaded(self) -> Servo:
+        """Return the servo as the command alone moves it."""
+        return replace(self, position=self.commanded, unexplained=np.zeros(len(self.commanded)))
 
 
 def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float) -> np.ndarray:
@@ -264,22 +283,42 @@ def held_compliance(
     ]
     if len(runs) < _FEWEST_HOLDS:
         return None
-    products = np.array([_held_products(position[b:e], torque[b:e]) for b, e in runs])
-    groups = np.array([g.sum(axis=0) for g in np.array_split(products, _STRETCHES)])
-    rest = groups.sum(axis=0) - groups
-    drawn = -rest[:, 0] / rest[:, 1]
-    value = -float(products[:, 0].sum() / products[:, 1].sum())
-    error = float(np.sqrt((_STRETCHES - 1) * drawn.var()))
+    columns = _compliance_columns(torque - torque.mean(), rate)[:, : 1 + _HELD_POLES]
+    products = [_held_products(position[b:e], columns[b:e]) for b, e in runs]
+    parts = np.array_split(np.arange(len(runs)), _STRETCHES)
+    grams, rights = (
+        np.array([np.sum([products[i][k] for i in part], axis=0) for part in parts]) for k in (0, 1)
+    )
+    by_frequency = _held_weights(grams, rights, rate)
+    # What is not known well has no course over frequency that is worth anything.
+    if by_frequency.precise:
+        return by_frequency
+    return _held_weights(grams[:, :1, :1], rights[:, :1], rate)
+
+
+def _held_weights(grams: np.ndarray, rights: np.ndarray, rate: float) -> Compliance:
+    """Return the compliance from products of the torque's columns with each other, shape
+    (stretches, p, p), and with the position, shape (stretches, p), at a rate [Hz].
+    """
+    gram, right = grams.sum(axis=0), rights.sum(axis=0)
+    ridge = _HELD_RIDGE * np.trace(gram) * np.eye(len(gram))
+    found = -np.linalg.solve(gram + ridge, right)
+    # The jackknife over stretches (Künsch 1989), as for a servo whose command was recorded.
+    drawn = [
+        -np.linalg.solve(gram - g + ridge, right - r).sum()
+        for g, r in zip(grams, rights, strict=True)
+    ]
+    error = float(np.sqrt((_STRETCHES - 1) * np.var(drawn)))
     weights = np.zeros(1 + len(COMPLIANCE_POLES_S))
-    weights[0] = value
-    return Compliance(rate, weights, (value, error))
+    weights[: len(found)] = found
+    return Compliance(rate, weights, (float(found.sum()), error))
 
 
-def _held_products(position: np.ndarray, torque: np.ndarray) -> tuple[float, float]:
-    """Return the torque times position and torque squared during one hold, without level and slope:
-    a servo settles slowly.
+def _held_products(position: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the products of the torque's columns (n, p) with each other, shape (p, p), and with
+    the position (n,), shape (p,), during one hold, without level and slope: a servo settles slowly.
     """
     time = np.linspace(-1.0, 1.0, len(position))
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(time)), time]))
-    moved, load = (signal - basis @ (basis.T @ signal) for signal in (position, torque))
-    return float(moved @ load), float(load @ load)
+    moved, load = (signal - basis @ (basis.T @ signal) for signal in (position, columns))
+    return load.T @ load, load.T @ moved
