@@ -1,6 +1,6 @@
 """Compiled nonlinear building blocks of terms that remember movement.
 
-They are the Dahl spring, the yielding spring, backlash, structure and unequal lag.
+They are the Dahl spring, the yielding spring, backlash, structure, bonds and unequal lag.
 
 Each keeps its state between calls and advances sample by sample with the input held linear between
 samples.
@@ -145,9 +145,7 @@ class Structure(Stateful):
     """Follows a structure that movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |u| s /
     breaking``.
 
-    s starts at 1.
-
-    Thixotropic bonds (u = velocity) and the readiness of a reflex (u = stretch velocity) follow it.
+    s starts at 1. The readiness of a reflex follows it (u = stretch velocity).
     """
 
     def __init__(self, rate: float) -> None:
@@ -172,6 +170,61 @@ def _structure(
         speed = abs(u[k]) / breaking + 1.0 / recovery
         s = (1.0 / recovery) / speed + (s - (1.0 / recovery) / speed) * math.exp(-speed * dt)
     state[0] = s
+    return out
+
+
+class Bonds(Stateful):
+    """Carries the stretch of bonds that movement breaks and rest rebuilds, unstretched.
+
+    The intact share s follows ``s' = (1 - s)/recovery - |v| s / breaking``, and the stretch z that
+    it carries ``z' = s v - |v| z / breaking``: broken bonds take theirs along, and new ones bring
+    none. s starts at 1, z at 0.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._state = np.array([1.0, 0.0, np.nan])
+
+    def run(self, x: np.ndarray, breaking: float, recovery: float) -> np.ndarray:
+        """Return z.
+
+        Parameters
+        ----------
+        x
+            Position, shape (n,), in any unit.
+        breaking
+            Movement that breaks most bonds, in the unit of x.
+        recovery
+            Time constant with which rest rebuilds them [s].
+
+        Returns
+        -------
+        np.ndarray
+            Shape (n,), in the unit of x.
+        """
+        position = np.ascontiguousarray(x, dtype=float)
+        return _bonds(position, 1.0 / self._rate, breaking, recovery, self._state)
+
+
+@njit(cache=True, nogil=True)
+def _bonds(
+    x: np.ndarray, dt: float, breaking: float, recovery: float, state: np.ndarray
+) -> np.ndarray:
+    out = np.empty(x.size)
+    s, z, last = state[0], state[1], state[2]
+    if math.isnan(last):
+        last = x[0]
+    for k in range(x.size):
+        move = x[k] - last
+        last = x[k]
+        # Exact for a movement in one direction of bonds that are as many as they were before it.
+        limit = s * breaking if move > 0.0 else -s * breaking
+        z = limit + (z - limit) * math.exp(-abs(move) / breaking)
+        out[k] = z
+        built = dt / recovery
+        change = built + abs(move) / breaking
+        s = built / change + (s - built / change) * math.exp(-change)
+    state[0], state[1], state[2] = s, z, last
     return out
 
 

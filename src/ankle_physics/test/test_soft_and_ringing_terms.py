@@ -52,6 +52,30 @@ def test_bonds_of_several_yields_follow_their_equations():
     assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
 
 
+THIXOTROPY = {"k": 200.0, "breaking": 0.01, "recovery": 0.3}
+
+
+def test_bonds_that_movement_breaks_and_rest_rebuilds_follow_their_equations():
+    def right(t, state):
+        intact, stretch = state
+        v = movement(t)[1]
+        broken = abs(v) / THIXOTROPY["breaking"]
+        built = (1.0 - intact) / THIXOTROPY["recovery"]
+        return [built - broken * intact, intact * v - broken * stretch]
+
+    expected = THIXOTROPY["k"] * integrate(right, [1.0, 0.0])[1]
+    found = torque_of({"thixotropy": THIXOTROPY})
+    assert np.abs(found - expected).max() < 5e-3 * np.abs(expected).max()
+
+
+def test_bonds_that_form_at_rest_make_no_torque():
+    x = np.clip(TIME, 0.0, 0.1) / 0.1 * 0.03
+    v = np.gradient(x, TIME)
+    made = Model.of({"thixotropy": THIXOTROPY}).torque(Signals(RATE, x, v, np.zeros(len(x))))
+    held = made[TIME > 0.11]
+    np.testing.assert_allclose(held, held[0], rtol=1e-9)
+
+
 LOST = {"gap": 0.003}
 
 

@@ -1,13 +1,12 @@
-"""Stiffness that movement breaks and rest rebuilds: ``torque = k * s * (x - xc)``, s the intact
-share of bonds.
+"""Stiffness that movement breaks and rest rebuilds: ``torque = k * z``, ``z' = s v - |v| z /
+breaking``, s the intact share of bonds.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ankle_physics.memory_elements import Structure
-from ankle_physics.operating_parameters import operating_angle
+from ankle_physics.memory_elements import Bonds
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
 
@@ -15,6 +14,9 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 class Thixotropy(Term):
     """Models bonds that movement breaks and rest rebuilds: ``s' = (1 - s)/recovery - |v| s /
     breaking`` (Lakie & Campbell 2019, J. Physiol. 597, 3445).
+
+    New bonds form unstretched, wherever the muscle rests (Proske, Morgan & Gregory 1993, Prog.
+    Neurobiol. 41, 705): rest makes no torque of its own, which a spring about one angle would.
     """
 
     name = "thixotropy"
@@ -52,14 +54,14 @@ class Thixotropy(Term):
             "Lakie & Campbell 2019: seconds to tens of seconds",
             description="It is the time constant with which rest rebuilds the bonds.",
         ),
-        operating_angle("It is the angle at which the bonds are at rest."),
     )
 
     def start(self, rate: float, seed: int = 0) -> State:
-        return {"structure": Structure(rate)}
+        return {"bonds": Bonds(rate)}
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
-        intact = state["structure"].run(
-            signals.foot_velocity, float(values["breaking"]), float(values["recovery"])
-        )
-        return {"k": intact * (signals.foot_position - values["xc"])}
+        return {
+            "k": state["bonds"].run(
+                signals.foot_position, float(values["breaking"]), float(values["recovery"])
+            )
+        }
