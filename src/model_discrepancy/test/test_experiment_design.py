@@ -27,6 +27,7 @@ from simulation_study.planted_trials import simulate_trial
 PAPER = {e.term.name: dict(e.values) for e in Model.of().entries}
 CONDITIONS = {
     "movement[rad]": 0.04,
+    "movement_rms[rad]": 0.013,
     "background_torque[N.m]": 0.0,
     "whitening_rate[Hz]": 200.0,
     "whitening[1/N.m]": [20.0, -10.0],
@@ -52,6 +53,19 @@ def test_candidates_keep_within_the_limits():
         assert np.abs(reference[:, 2]).max() <= Limits.acceleration
     # Over 0.5 rad nothing is allowed.
     assert candidates_for(1.0, levels=False) == []
+
+
+def test_no_movement_is_much_larger_than_what_was_recorded():
+    """One-sided pulses stay at the end of a range that random levels rarely reach."""
+    rare, usual = (
+        {c.title for c in candidates_for(0.03, levels=False, rms=rms)} for rms in (0.009, 0.014)
+    )
+    larger = {title for title in usual - rare if "over 60 mrad" in title}
+    assert rare < usual
+    assert larger == usual - rare
+    assert any(title.startswith("pulses and steps over 60 mrad") for title in larger)
+    assert any(title.startswith("sum of sines") and "over 60 mrad" in title for title in rare)
+    assert usual == {c.title for c in candidates_for(0.03, levels=False)}
 
 
 def test_equal_models_cannot_be_told_apart_and_different_ones_can(monkeypatch):

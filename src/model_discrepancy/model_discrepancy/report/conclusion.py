@@ -257,6 +257,7 @@ def _conditions(recording: Recording, fitter: Fitter, final: Fit) -> dict[str, A
         "rate[Hz]": recording.rate,
         "duration[s]": recording.duration,
         "movement[rad]": float(high - low),
+        "movement_rms[rad]": float(np.std(position)),
         "background_torque[N.m]": float(np.mean(recording.torque)),
         "whitening_rate[Hz]": fitter.rows.rate,
         "whitening[1/N.m]": autoregression(final.plain[fitter.rows.used], WHITENING_ORDER).tolist(),

@@ -4,6 +4,7 @@ limits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,6 +21,11 @@ from perturbation_generator.signals import signal_from
 # Ranges of movement as multiples of the recorded one; beyond twice of it fitted curves are
 # extrapolated too far to be trusted.
 RANGES = (0.5, 1.0, 2.0)
+# Rms of a movement about its mean, as a multiple of the recorded one. A movement of the recorded
+# kind over twice its range has 2.0 to 2.1. One that dwells at the ends of a range which the first
+# movement rarely reached has 3 and more: it brings in curves, and friction, that the first
+# recording does not describe and that were never at stake.
+LARGEST_RMS = 2.5
 # Duration of an edge [s]: the paper's, and up to what the generator allows; slow edges with no hold
 # are triangles.
 EDGES_S = (0.024, 0.06, 0.15)
@@ -103,8 +109,9 @@ class Candidate:
         )
 
 
-def candidates_for(movement: float, levels: bool) -> list[Candidate]:
-    """Return the candidates that the generator accepts.
+def candidates_for(movement: float, levels: bool, rms: float = math.inf) -> list[Candidate]:
+    """Return the candidates that the generator accepts and that are not much larger than what was
+    recorded.
 
     Parameters
     ----------
@@ -112,14 +119,17 @@ def candidates_for(movement: float, levels: bool) -> list[Candidate]:
         Recorded range of position [rad].
     levels
         Whether tasks with several torque levels are among them.
+    rms
+        Of the recorded position about its mean [rad]; infinite where it is not known.
     """
     accepted = []
     for candidate in _all(movement, levels):
         try:
-            candidate.reference(ACCEPTANCE_DURATION_S)
+            reference = candidate.reference(ACCEPTANCE_DURATION_S)
         except QuantityError:
             continue
-        accepted.append(candidate)
+        if np.std(reference[:, 0]) <= LARGEST_RMS * rms:
+            accepted.append(candidate)
     return accepted
 
 

@@ -16,6 +16,7 @@ in full.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
@@ -268,7 +269,11 @@ def rank(
     levels = any(_by_activation(values) for s in sets for values in s.models.values())
     candidates = [
         candidate
-        for candidate in candidates_for(float(conditions["movement[rad]"]), levels)
+        for candidate in candidates_for(
+            float(conditions["movement[rad]"]),
+            levels,
+            float(conditions.get("movement_rms[rad]", math.inf)),
+        )
         if candidate.title not in made
     ]
     tried = []
