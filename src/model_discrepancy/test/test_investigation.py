@@ -1,6 +1,7 @@
 """An investigation keeps what no recording excludes, ends by itself, and asks before it moves."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -122,6 +123,21 @@ def test_the_next_movement_is_designed_with_what_the_last_recording_made_of_each
         0.1, rel=0.3
     )
     assert one.models["short_range_stiffness"] != models["short_range_stiffness"]
+
+
+@pytest.mark.parametrize(("named", "sets"), [([], []), (["tendon"], ["tendon"])])
+def test_only_what_the_first_recording_names_is_asked_about(named, sets):
+    def trial(name, score):
+        return SimpleNamespace(name=name, fit=SimpleNamespace(score=score, values={name: {}}))
+
+    final = SimpleNamespace(score=100.0, values={"tendon": {}})
+    rivals = [trial("reflex_threshold", 101.0)]
+    found = SimpleNamespace(
+        final=final, effects=[SimpleNamespace(trial=trial("tendon", 100.0), rivals=rivals)]
+    )
+    verdict = SimpleNamespace(effects=[{"name": name} for name in named])
+    asked = investigation._open_sets(SimpleNamespace(found=found, verdict=verdict))
+    assert [one.effect for one in asked] == sets
 
 
 def test_torque_levels_are_simulated_one_after_the_other():

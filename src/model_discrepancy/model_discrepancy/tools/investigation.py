@@ -183,11 +183,18 @@ def investigate(
 
 
 def _open_sets(first: Diagnosis) -> list[OpenSet]:
+    """Return the effects that the first recording names and for which other names would do.
+
+    What a search found and the verdict does not name, since it predicts no torque on unseen data or
+    the movement may hold it, is no effect: what stands in for noise in one movement is excluded by
+    the next one, whatever its name.
+    """
     assert first.found is not None
     final = first.found.final
+    named = {effect["name"] for effect in first.verdict.effects}
     sets = []
     for effect in first.found.effects:
-        if effect.rivals:
+        if effect.trial.name in named and effect.rivals:
             scores = {effect.trial.name: final.score}
             scores |= {t.name: t.fit.score for t in effect.rivals}
             models = {effect.trial.name: final.values}
