@@ -12,8 +12,9 @@ motion: near the resonance its noise would predict itself.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from copy import copy
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -26,17 +27,17 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.coupled_foot import (
     MOST_ROUNDS,
     Foot,
+    Impedance,
     Mover,
     Plate,
     found_foot,
-    mover,
-    torque_of,
     transmission,
 )
 from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.fit.signal_path import (
-    FOOT_IMPEDANCE,
+    BEFORE_FOOT,
+    FOOT_PARAMETERS,
     Column,
     Owner,
     Stage,
@@ -45,8 +46,6 @@ from model_discrepancy.fit.signal_path import (
 )
 from model_discrepancy.recording.motion import Motion
 
-# What changes the motion of plate or foot.
-BEFORE_FOOT = (Place.ACTUATOR, Place.COUPLING)
 # Gradients need a handful of neighbours of the current point, for each of the models that are
 # fitted at the same time; a spectrum takes 0.1 to 0.2 MB, a movement 3 MB. A diagnosis with nine
 # terms takes a tenth longer with 16 of them, and another half a GB with 32.
@@ -141,26 +140,43 @@ class Columns:
 
     def _offset(self, owners: Sequence[Owner], foot: Foot) -> np.ndarray | None:
         """Return what `offset` does, remembered."""
-        direct = next((own for own in owners if own.term.name in FOOT_IMPEDANCE), None)
+        direct = [own for own in owners if own.impedes]
         through = next((own for own in owners if not own.past_straps), None)
-        if direct is None or through is None:
+        if not direct or through is None:
             return None
 
         def made() -> np.ndarray:
-            signals = self._signals(direct)
-            torque = foot.rest() + torque_of(
-                foot.like,
-                signals.foot_position - self.mean_angle,
-                signals.foot_velocity,
-                signals.foot_acceleration,
-            )
-            sensor, straps = self._gain(direct), self._gain(through)
-            whole = self.rows.spectrum(torque)
-            whole = whole if sensor is None else sensor * whole
-            held = self._known["held"].of(foot.number, lambda: self.rows.spectrum(foot.torque))
-            return np.asarray(whole - straps * held)
+            known = {own.term.name: self._at_joint(own) for own in direct}
+            signals = self._signals(direct[0])
+            motion = signals.foot_acceleration, signals.foot_velocity, signals.foot_position
+            whole = self._pushed(foot)
+            for (name, symbol), like, signal in zip(
+                FOOT_PARAMETERS, foot.like, motion, strict=True
+            ):
+                # The columns of the impedance are this motion, but for its mean.
+                column = known[name][symbol] if name in known else self.rows.spectrum(signal)
+                whole = whole + like * column
+            return self._past_straps(whole, direct[0], through, foot)
 
-        found: np.ndarray = self._known["offset"].of((direct.path, through.behind), made)
+        key = (direct[0].path, through.behind)
+        found: np.ndarray = self._known["offset"].of(key, made)
+        return found
+
+    def _past_straps(
+        self, whole: np.ndarray, direct: Owner, through: Owner, foot: Foot
+    ) -> np.ndarray:
+        """Return the spectrum of torque on the foot that the sensor sees whole, less what passes
+        the straps of the torque that moves a foot that is held.
+        """
+        sensor, straps = self._gain(direct), self._gain(through)
+        held = self._known["held"].of(foot.number, lambda: self.rows.spectrum(foot.torque))
+        return np.asarray((whole if sensor is None else sensor * whole) - straps * held)
+
+    def _pushed(self, foot: Foot) -> np.ndarray:
+        """Return the spectrum of the torque on a foot that is not like an impedance, remembered."""
+        found: np.ndarray = self._known["pushed"].of(
+            foot.number, lambda: self.rows.spectrum(foot.rest.torque)
+        )
         return found
 
     def torque(self, values: Values) -> np.ndarray:
@@ -206,6 +222,8 @@ class Columns:
 
         # Torque behind the same filter, and the one whose filter it is.
         sums: dict[Any, tuple[Owner, np.ndarray]] = {}
+        # Impedance of the foot, whose motion changes.
+        moved_foot: list[Owner] = []
         owners = self._owners(values, foot), self._owners(moved, foot)
         for old, new in zip(*owners, strict=True):
             name = old.term.name
@@ -218,6 +236,9 @@ class Columns:
                 continue
             for symbol, column in before.items():
                 add(-amplitudes[name, symbol] * column)
+            if new.impedes and foot is not None:
+                moved_foot.append(new)
+                continue
             for symbol, column in self._torques(new).items():
                 torque = amplitudes[name, symbol] * column
                 if new.behind in sums:
@@ -227,10 +248,45 @@ class Columns:
             gain, spectrum = self._gain(owner), self.rows.spectrum(torque)
             add(spectrum if gain is None else gain * spectrum)
         if foot is not None:
-            here, there = (self._offset(part, foot) for part in owners)
-            if here is not None and there is not None and here is not there:
-                add(there - here)
+            here = self._offset(owners[0], foot)
+            if moved_foot:
+                add(self._on_moved_foot(moved_foot, owners[1], amplitudes, foot))
+                there = None
+            else:
+                there = self._offset(owners[1], foot)
+            if here is not None and here is not there:
+                add(-here if there is None else there - here)
         return total
+
+    def _on_moved_foot(
+        self,
+        direct: Sequence[Owner],
+        owners: Sequence[Owner],
+        amplitudes: Mapping[Column, float],
+        foot: Foot,
+    ) -> np.ndarray:
+        """Return the spectrum of the torque of the foot's impedance, and of `offset`, with other
+        values: both follow from the motion, which is transformed once.
+        """
+        through = next((own for own in owners if not own.past_straps), None)
+        of = dict.fromkeys(FOOT_PARAMETERS, 0.0)
+        if through is not None:
+            of |= dict(zip(FOOT_PARAMETERS, foot.like, strict=True))
+        for own in direct:
+            for column in FOOT_PARAMETERS:
+                if column[0] == own.term.name:
+                    of[column] += amplitudes[column]
+        inertia, viscosity, stiffness = of.values()
+        whole = self._torque_of(direct[0], foot, (inertia, viscosity, stiffness))
+        if through is not None:
+            return self._past_straps(whole + self._pushed(foot), direct[0], through, foot)
+        sensor = self._gain(direct[0])
+        return whole if sensor is None else sensor * whole
+
+    def _torque_of(self, own: Owner, foot: Foot, of: Impedance) -> np.ndarray:
+        """Return the spectrum of the torque of an impedance on the foot as this term moves it."""
+        mover = self._mover(own.stages, own.values)
+        return self.rows.spectrum(mover.torque(foot.rest, foot.like, of))
 
     def _owners(self, values: Values, foot: Foot | None) -> list[Owner]:
         """Return the terms that have columns, in the order of the signal path."""
@@ -250,22 +306,27 @@ class Columns:
             if stage.place is Place.TORQUE_SENSOR or stage.moves_foot
         )
         held = () if foot is None else (foot.number,)
-        # Values that move the foot move what its own impedance makes; all else sees it held.
-        moved = {True: (*coupling, *held), False: held or coupling}
+        plate = tuple(stage.key(values) for stage in stages if stage.moves_plate)
+
+        def moved(stage: Stage) -> tuple[Hashable, ...]:
+            # Values that move the foot move what its own impedance makes; all else on the foot
+            # sees it held, and what is on the plate does not see it.
+            if stage.impedes:
+                return (*coupling, *held)
+            return plate if stage.past_straps else held or coupling
+
         return [
             Owner(
                 stage.term,
                 stages,
                 values,
                 foot,
-                (
-                    key,
-                    moved[stage.past_straps],
-                    shaping if stage.place is Place.REFLEX_DYNAMICS else (),
-                ),
+                (key, moved(stage), shaping if stage.shaped else ()),
                 (stage.past_straps, filters, held),
-                (moved[stage.past_straps], shaping),
+                (stage.past_straps, moved(stage), shaping if stage.shaped else ()),
                 stage.past_straps,
+                stage.impedes,
+                stage.shaped,
             )
             for stage, key in zip(stages, keys, strict=True)
             if stage.has_columns
@@ -285,19 +346,24 @@ class Columns:
 
     def _sensed(self, own: Owner) -> Mapping[str, np.ndarray]:
         """Return the columns of one term as the torque sensor reports them."""
-        name = own.term.name
-
-        def made() -> dict[str, np.ndarray]:
-            return {s: self.rows.spectrum(column) for s, column in self._torques(own).items()}
 
         def sensed() -> Mapping[str, np.ndarray]:
-            gain = self._gain(own)
-            at_joint: Mapping[str, np.ndarray] = self._known["at " + name].of(own.key, made)
+            gain, at_joint = self._gain(own), self._at_joint(own)
             if gain is None:
                 return at_joint
             return {symbol: gain * spectrum for symbol, spectrum in at_joint.items()}
 
-        columns: Mapping[str, np.ndarray] = self._known[name].of((own.key, own.behind), sensed)
+        known = self._known[own.term.name]
+        columns: Mapping[str, np.ndarray] = known.of((own.key, own.behind), sensed)
+        return columns
+
+    def _at_joint(self, own: Owner) -> Mapping[str, np.ndarray]:
+        """Return the columns of one term before any filter, remembered."""
+
+        def made() -> dict[str, np.ndarray]:
+            return {s: self.rows.spectrum(column) for s, column in self._torques(own).items()}
+
+        columns: Mapping[str, np.ndarray] = self._known["at " + own.term.name].of(own.key, made)
         return columns
 
     def _gain(self, own: Owner) -> np.ndarray | None:
@@ -312,7 +378,7 @@ class Columns:
 
     def _signals(self, own: Owner) -> Signals:
         """Return the signals that a term sees, remembered."""
-        signals: Signals = self._known["path"].of(own.path, lambda: self._path(own))
+        signals: Signals = self._known["path"].of(own.path, lambda: self._path(own, own.shaped))
         return signals
 
     def _filter(self, own: Owner) -> np.ndarray | None:
@@ -334,25 +400,39 @@ class Columns:
                         transmission(self.rows.frequency, strap, (inertia, viscosity, stiffness))
                     )
             elif stage.place is Place.TORQUE_SENSOR:
-                response = other.response(self.rows.frequency, own.values[other.name])
-                if response is None:
-                    raise DiagnosisError(
-                        f"{other.name} acts at the torque sensor and states no frequency response"
-                    )
-                filters.append(response)
-        return np.prod(filters, axis=0) if filters else None
+                filters.append(self._response(stage, own.values))
+        return reduce(np.multiply, filters) if filters else None
 
-    def _path(self, own: Owner) -> Signals:
-        """Return the signals before the joint."""
+    def _response(self, stage: Stage, values: Values) -> np.ndarray:
+        """Return the frequency response of a term at the torque sensor, remembered: the straps
+        change more often.
+        """
+        term = stage.term
+
+        def made() -> np.ndarray:
+            response = term.response(self.rows.frequency, values[term.name])
+            if response is None:
+                raise DiagnosisError(
+                    f"{term.name} acts at the torque sensor and states no frequency response"
+                )
+            return response
+
+        response: np.ndarray = self._known["response"].of(stage.key(values), made)
+        return response
+
+    def _path(self, own: Owner, shaped: bool) -> Signals:
+        """Return the signals before the joint; those that the reflex sees where they are shaped."""
         signals = copy(self._plate(own.stages, own.values))
+        if own.past_straps and not own.impedes:
+            return signals
         foot = own.foot
         for stage in own.stages:
             if stage.moves_foot and foot is not None:
                 x, v, a = foot.position, foot.velocity, foot.acceleration
-                if own.past_straps:
-                    x, v, a = self._mover(own.stages, own.values)(foot.rest(), foot.like)
+                if own.impedes:
+                    x, v, a = self._mover(own.stages, own.values).moved(foot.rest, foot.like)
                 signals.move_foot(x + self.mean_angle, v, a)
-            elif stage.place is Place.REFLEX_INPUT and stage.transforms:
+            elif shaped and stage.place is Place.REFLEX_INPUT and stage.transforms:
                 term = stage.term
                 term.transform(signals, own.values[term.name], term.start(self.motion.rate))
         return signals
@@ -362,11 +442,7 @@ class Columns:
         remembered.
         """
         m = self.motion
-        shaping = [
-            stage
-            for stage in stages
-            if stage.place in BEFORE_FOOT and stage.transforms and not stage.moves_foot
-        ]
+        shaping = [stage for stage in stages if stage.moves_plate]
 
         def driven() -> Signals:
             signals = Signals(m.rate, m.position, m.velocity, m.acceleration, m.activation)
@@ -396,7 +472,7 @@ class Columns:
                 ),
             ),
         )[1]
-        return mover(plate, fixation, values[fixation.name], foot_impedance(values))
+        return Mover(plate, fixation, values[fixation.name], foot_impedance(values))
 
     def _found(self, fixation: CompliantCoupling, values: Values, rounds: int) -> Foot:
         """Return the foot behind a compliant fixation, moved by the plate and by all torque."""
@@ -410,7 +486,7 @@ class Columns:
             through = [own for own in self._owners(values, foot) if not own.past_straps]
             if not through:
                 return total
-            signals = self._path(through[0])
+            signals = self._path(through[0], shaped=True)
             for own in through:
                 state = own.term.start(self.motion.rate)
                 given = values[own.term.name]

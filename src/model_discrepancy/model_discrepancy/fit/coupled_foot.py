@@ -24,10 +24,11 @@ from functools import cached_property
 from itertools import count
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.fft import irfft, next_fast_len, rfft
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.foot_motion import foot_motion
+from ankle_physics.foot_spectrum import foot_spectra, foot_torque_spectrum
 from ankle_physics.term import Values
 
 Impedance = tuple[float, float, float]
@@ -47,6 +48,35 @@ SHORT_STEP = 0.5
 # what holds the foot: it would leave the foot without hold.
 LARGEST_NEGATIVE_SHARE = 0.7
 _numbers = count()
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """Holds torque that pushes against a foot's movement.
+
+    Its mean moves nothing: angles and stiffness of terms hold at the recording's mean load.
+
+    Attributes
+    ----------
+    torque
+        [N.m], shape (n,).
+    """
+
+    torque: np.ndarray
+    _spectra: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def centred(self) -> np.ndarray:
+        """Return the torque about its mean [N.m], shape (n,)."""
+        return np.asarray(self.torque - self.torque.mean())
+
+    def spectrum(self, length: int) -> np.ndarray:
+        """Return the spectrum of the torque about its mean, padded to a length; remembered, since
+        the foot is moved by the same torque for each of many values.
+        """
+        if length not in self._spectra:
+            self._spectra[length] = rfft(self.centred, length)
+        return self._spectra[length]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +104,11 @@ class Foot:
     like: Impedance
     number: int = field(default_factory=lambda: next(_numbers))
 
-    def rest(self) -> np.ndarray:
-        """Return the torque that is not like an impedance [N.m], shape (n,)."""
-        return self.torque - torque_of(self.like, self.position, self.velocity, self.acceleration)
+    @cached_property
+    def rest(self) -> Push:
+        """Return the torque that is not like an impedance."""
+        own = torque_of(self.like, self.position, self.velocity, self.acceleration)
+        return Push(self.torque - own)
 
 
 def torque_of(
@@ -116,31 +148,28 @@ class Plate:
         return int(next_fast_len(len(self.position) + int(self.rate), real=True))
 
     @cached_property
-    def powers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return 1, s and s^2 at each frequency, s in rad/s."""
-        s = 2j * np.pi * rfftfreq(self.length, 1.0 / self.rate)
-        return np.ones(len(s)), s, s * s
+    def step(self) -> float:
+        """Return the distance between two frequencies of its spectra [rad/s]."""
+        return 2.0 * np.pi * self.rate / self.length
 
     @cached_property
-    def spectra(self) -> list[np.ndarray]:
-        """Return the spectra of position, velocity and acceleration, each about its mean."""
+    def spectra(self) -> np.ndarray:
+        """Return the spectra of position, velocity and acceleration, each about its mean, shape (3,
+        m).
+        """
         signals = self.position, self.velocity, self.acceleration
-        found = [rfft(signal - signal.mean(), self.length) for signal in signals]
-        return [found[0] * power for power in self.powers] if self.jumps else found
+        found = np.array([rfft(signal - signal.mean(), self.length) for signal in signals])
+        if self.jumps:
+            s = 1j * self.step * np.arange(found.shape[1])
+            found[1], found[2] = s * found[0], s * s * found[0]
+        return found
 
 
-Mover = Callable[[np.ndarray, Impedance], tuple[np.ndarray, np.ndarray, np.ndarray]]
+@dataclass(frozen=True, eq=False)
+class Mover:
+    """Moves a foot behind a fixation.
 
-
-def mover(plate: Plate, fixation: CompliantCoupling, values: Values, own: Impedance) -> Mover:
-    """Return a function that moves a foot behind a fixation.
-
-    It takes torque [N.m], shape (n,), that pushes against the foot's movement, and an impedance
-    that acts beside its own. It returns position about the mean [rad], velocity [rad/s] and
-    acceleration [rad/s^2] of the foot, each of shape (n,). The mean of the torque moves nothing:
-    angles and stiffness of terms hold at the recording's mean load.
-
-    Parameters
+    Attributes
     ----------
     plate
         That drives the foot.
@@ -149,39 +178,67 @@ def mover(plate: Plate, fixation: CompliantCoupling, values: Values, own: Impeda
     own
         Impedance of the foot.
     """
-    one, s, squared = plate.powers
-    spring, damping = fixation.linearised(values)
-    strap = spring + damping * s
-    held = strap + own[2] + own[1] * s + own[0] * squared
-    samples = len(plate.position)
 
-    def through_a_line(
-        push: np.ndarray, like: Impedance
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        gives = 1.0 / (held + like[2] + like[1] * s + like[0] * squared)
-        driven = strap * gives
-        pushed = rfft(push - push.mean(), plate.length) * gives
-        x, v, a = (
-            irfft(spectrum * driven - pushed * power, plate.length)[:samples]
-            for spectrum, power in zip(plate.spectra, (one, s, squared), strict=True)
-        )
-        return x, v, a
+    plate: Plate
+    fixation: CompliantCoupling
+    values: Values
+    own: Impedance
 
-    def through_a_curve(
-        push: np.ndarray, like: Impedance
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        inertia, viscosity, stiffness = (a + b for a, b in zip(own, like, strict=True))
+    def moved(self, push: Push, like: Impedance) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return position about the mean [rad], velocity [rad/s] and acceleration [rad/s^2] of the
+        foot, each of shape (n,).
+
+        Parameters
+        ----------
+        push
+            Torque against the foot's movement.
+        like
+            Impedance that acts beside its own.
+        """
+        if self.fixation.linear:
+            found = foot_spectra(*self._line(push, like))
+            x, v, a = (self._signal(spectrum) for spectrum in found)
+            return x, v, a
+        inertia, viscosity, stiffness = (a + b for a, b in zip(self.own, like, strict=True))
+        plate = self.plate
         x, v, a = foot_motion(
-            fixation,
-            values,
+            self.fixation,
+            self.values,
             (inertia, viscosity, stiffness),
             (plate.position, plate.velocity),
             plate.rate,
-            push - push.mean(),
+            push.centred,
         )
         return x, v, a
 
-    return through_a_line if fixation.linear else through_a_curve
+    def torque(self, push: Push, like: Impedance, of: Impedance) -> np.ndarray:
+        """Return the torque of an impedance on the foot's motion [N.m], shape (n,), at a third of
+        the cost of the motion where the fixation is linear.
+
+        Parameters
+        ----------
+        push, like
+            As `moved` takes them.
+        of
+            The impedance whose torque is wanted.
+        """
+        if self.fixation.linear:
+            return self._signal(foot_torque_spectrum(*self._line(push, like), np.array(of)))
+        return torque_of(of, *self.moved(push, like))
+
+    def _line(
+        self, push: Push, like: Impedance
+    ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+        """Return what the motion behind a line follows from, as `foot_spectra` takes it."""
+        impedance = [a + b for a, b in zip(self.own, like, strict=True)]
+        impedance += self.fixation.linearised(self.values)
+        plate = self.plate
+        return plate.spectra, push.spectrum(plate.length), plate.step, np.array(impedance)
+
+    def _signal(self, spectrum: np.ndarray) -> np.ndarray:
+        """Return what has a spectrum, shape (n,)."""
+        found: np.ndarray = irfft(spectrum, self.plate.length)[: len(self.plate.position)]
+        return found
 
 
 def transmission(
@@ -208,7 +265,7 @@ def transmission(
 # A foot that runs away is noticed, and needs no warning of its own.
 @np.errstate(over="ignore", invalid="ignore")
 def found_foot(
-    moved: Mover,
+    mover: Mover,
     torque: Callable[[Foot], np.ndarray],
     samples: int,
     holds: Impedance,
@@ -218,8 +275,8 @@ def found_foot(
 
     Parameters
     ----------
-    moved
-        As `mover` gives it.
+    mover
+        Of the foot.
     torque
         Returns the torque [N.m] of every term on a foot but its own impedance, shape (n,).
     samples
@@ -235,7 +292,8 @@ def found_foot(
         Without torque where the torque runs away.
     """
     nothing = np.zeros(samples)
-    unmoved = foot = Foot(*moved(nothing, NO_IMPEDANCE), nothing, NO_IMPEDANCE)
+    alone = mover.moved(Push(nothing), NO_IMPEDANCE)
+    unmoved = foot = Foot(*alone, nothing, NO_IMPEDANCE)
     step, before = 1.0, np.inf
     for number in range(1, rounds + 1):
         acting = torque(foot)
@@ -245,7 +303,7 @@ def found_foot(
         foot = Foot(*motion, acting, most_like(acting, *motion, holds))
         if number == rounds:
             break
-        after = moved(foot.rest(), foot.like)
+        after = mover.moved(foot.rest, foot.like)
         changes = [new - old for new, old in zip(after, motion, strict=True)]
         if not np.isfinite(sum(change @ change for change in changes)):
             return unmoved

@@ -19,26 +19,30 @@ def lengths(matrix: np.ndarray) -> np.ndarray:
 
 def orthonormal(matrix: np.ndarray) -> np.ndarray:
     """Return the orthonormal basis of the columns' span, shape (n, rank)."""
-    scale = lengths(matrix)
-    kept = matrix[:, scale > 0] / scale[scale > 0]
-    if kept.shape[1] == 0:
-        return kept
-    eigenvalues, vectors = np.linalg.eigh(kept.T @ kept)
+    products = matrix.T @ matrix
+    scale = np.sqrt(np.diag(products))
+    kept = scale > 0
+    if not kept.any():
+        return matrix[:, kept]
+    scale = scale[kept]
+    eigenvalues, vectors = np.linalg.eigh(products[np.ix_(kept, kept)] / np.outer(scale, scale))
     large = eigenvalues > 1e-10 * eigenvalues[-1]
-    return kept @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
+    mixed = np.zeros((len(kept), int(large.sum())))
+    mixed[kept] = vectors[:, large] / np.sqrt(eigenvalues[large]) / scale[:, None]
+    return matrix @ mixed
 
 
 def bounded(
     matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """Return the least-squares amplitudes within ranges, each of shape (p,)."""
-    scale = lengths(matrix)
+    products = matrix.T @ matrix
+    scale = np.sqrt(np.diag(products))
     scale[scale == 0] = 1.0
-    scaled = matrix / scale
-    gram = scaled.T @ scaled
+    gram = products / np.outer(scale, scale)
     gram[np.diag_indices_from(gram)] += 1e-10
     factor = np.linalg.cholesky(gram).T
-    right = np.linalg.solve(factor.T, scaled.T @ target)
+    right = np.linalg.solve(factor.T, matrix.T @ target / scale)
     lower, upper = lower * scale, upper * scale
     free = np.linalg.solve(factor, right)
     if np.all((free >= lower) & (free <= upper)):

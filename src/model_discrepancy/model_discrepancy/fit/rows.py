@@ -70,6 +70,8 @@ class Rows:
         self.fitted = slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
         self.frequency = rfftfreq(self._length, 1.0 / rate)[: self._short // 2 + 1]
         high = (self.frequency / HIGH_PASS_HZ) ** 4
+        # A column's mean is taken out of its spectrum, which is shorter than the column.
+        self._of_one = rfft(np.ones(samples), self._length)[: len(self.frequency)]
         self.band = high / (1.0 + high) * low_pass(self.frequency, limit, LOW_PASS_ORDER)
         self._whitening = self.band.astype(complex)
         self._scale = self._short / self._length
@@ -89,7 +91,10 @@ class Rows:
 
     def spectrum(self, column: np.ndarray) -> np.ndarray:
         """Return the spectrum of a column (n,) up to half the row rate."""
-        return rfft(column - column.mean(), self._length)[: len(self.frequency)]
+        whole = rfft(column, self._length)
+        mean = whole[0].real / self._samples
+        # A copy of a part does not keep the whole alive.
+        return np.asarray(whole[: len(self.frequency)] - mean * self._of_one)
 
     def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
         """Return what lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
@@ -107,7 +112,9 @@ class Rows:
 
     def filtered(self, spectrum: np.ndarray, gain: np.ndarray) -> np.ndarray:
         """Return the rows behind a filter of this gain at each of `frequency`, shape (count,)."""
-        return irfft(spectrum * gain, self._short)[: self.count] * self._scale
+        rows: np.ndarray = irfft(spectrum * gain, self._short, overwrite_x=True)[: self.count]
+        rows *= self._scale
+        return rows
 
     def whitened(self, spectrum: np.ndarray) -> np.ndarray:
         """Return the band-passed and whitened rows, shape (count,)."""

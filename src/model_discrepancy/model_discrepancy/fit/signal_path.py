@@ -12,8 +12,12 @@ from model_discrepancy.fit.coupled_foot import Foot, Impedance
 
 Values = Mapping[str, Mapping[str, float]]
 Column = tuple[str, str]
+# Torque per unit of each is the foot's acceleration, velocity and position.
+FOOT_PARAMETERS: tuple[Column, ...] = (("inertia", "I"), ("viscosity", "B"), ("stiffness", "K"))
 # Their torque on the foot's motion is the torque that the straps pass on.
-FOOT_IMPEDANCE = frozenset({"inertia", "viscosity", "stiffness"})
+FOOT_IMPEDANCE = frozenset(name for name, _ in FOOT_PARAMETERS)
+# What changes the motion of plate or foot.
+BEFORE_FOOT = (Place.ACTUATOR, Place.COUPLING)
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,10 @@ class Stage:
         Whether it adds torque.
     past_straps
         Whether its torque has passed the straps already.
+    impedes
+        Whether it is a part of the foot's impedance.
+    shaped
+        Whether it sees the signals as the input of the reflex shapes them.
     """
 
     term: Term
@@ -45,6 +53,13 @@ class Stage:
     transforms: bool
     has_columns: bool
     past_straps: bool
+    impedes: bool
+    shaped: bool
+
+    @property
+    def moves_plate(self) -> bool:
+        """Tell whether it changes the motion that drives the straps."""
+        return self.place in BEFORE_FOOT and self.transforms and not self.moves_foot
 
     @classmethod
     def of(cls, term: Term) -> Stage:
@@ -58,6 +73,8 @@ class Stage:
             transforms_signals(term),
             term.place is not Place.TORQUE_SENSOR and any(p.linear for p in term.parameters),
             has_passed_straps(term),
+            term.name in FOOT_IMPEDANCE,
+            term.place is Place.REFLEX_DYNAMICS,
         )
 
     def key(self, values: Values) -> tuple[Any, ...]:
@@ -88,6 +105,10 @@ class Owner:
         All that the signals before the joint depend on.
     past_straps
         Whether its torque has passed the straps already.
+    impedes
+        Whether it is a part of the foot's impedance.
+    shaped
+        Whether it sees the signals as the input of the reflex shapes them.
     """
 
     term: Term
@@ -98,14 +119,15 @@ class Owner:
     behind: Hashable
     path: Hashable
     past_straps: bool
+    impedes: bool
+    shaped: bool
 
 
 def foot_impedance(values: Values) -> Impedance:
     """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
     # A joint need not have all three: an axis of a machine has no stiffness.
     inertia, viscosity, stiffness = (
-        values.get(name, {}).get(symbol, 0.0)
-        for name, symbol in (("inertia", "I"), ("viscosity", "B"), ("stiffness", "K"))
+        values.get(name, {}).get(symbol, 0.0) for name, symbol in FOOT_PARAMETERS
     )
     return inertia, viscosity, stiffness
 
