@@ -12,7 +12,7 @@ motion: near the resonance its noise would predict itself.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import reduce
 from typing import Any
@@ -21,22 +21,18 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.joint_profile import joint_in_force
-from ankle_physics.signals import Signals
-from ankle_physics.term import PATH, Place, term_library
+from ankle_physics.term import Place, term_library
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.coupled_foot import (
     MOST_ROUNDS,
     Foot,
     Impedance,
-    Mover,
-    Plate,
-    found_foot,
     transmission,
 )
+from model_discrepancy.fit.motion_path import CACHE_SIZE, MotionPath
 from model_discrepancy.fit.recent_results import RecentResults
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.fit.signal_path import (
-    BEFORE_FOOT,
     FOOT_PARAMETERS,
     Column,
     Owner,
@@ -45,11 +41,6 @@ from model_discrepancy.fit.signal_path import (
     foot_impedance,
 )
 from model_discrepancy.recording.motion import Motion
-
-# Gradients need a handful of neighbours of the current point, for each of the models that are
-# fitted at the same time; a spectrum takes 0.1 to 0.2 MB, a movement 3 MB. A diagnosis with nine
-# terms takes a tenth longer with 16 of them, and another half a GB with 32.
-_CACHE_SIZE = 24
 
 
 class Columns:
@@ -71,8 +62,9 @@ class Columns:
         self.mean_angle = float(np.mean(motion.position))
         self.mean_activation = float(np.mean(motion.activation))
         self.target = rows.spectrum(motion.torque)
+        self._path = MotionPath(motion)
         self._known: defaultdict[str, RecentResults[Any]] = defaultdict(
-            lambda: RecentResults(_CACHE_SIZE)
+            lambda: RecentResults(CACHE_SIZE)
         )
 
     def convention(self, name: str) -> dict[str, float]:
@@ -88,25 +80,8 @@ class Columns:
         }
 
     def foot(self, values: Values, rounds: int = MOST_ROUNDS) -> Foot | None:
-        """Return the foot behind the compliant fixation of a model with these values, linear ones
-        too; None where the model has none.
-
-        Parameters
-        ----------
-        values
-            By term and symbol.
-        rounds
-            At most so many to find how the torque moves the foot.
-        """
-        stages = self._stages(tuple(values))
-        fixation = next(
-            (stage.term for stage in stages if isinstance(stage.term, CompliantCoupling)), None
-        )
-        if fixation is None:
-            return None
-        key = (rounds, *((name, *given.items()) for name, given in values.items()))
-        found: Foot = self._known["foot"].of(key, lambda: self._found(fixation, values, rounds))
-        return found
+        """Return the foot behind the compliant fixation of a model, as `MotionPath.foot` does."""
+        return self._path.foot(values, rounds)
 
     def spectra(self, values: Values, foot: Foot | None = None) -> dict[Column, np.ndarray]:
         """Return the spectrum of each column of the model with these terms and values, by (term,
@@ -121,7 +96,7 @@ class Columns:
         """
         return {
             (own.term.name, symbol): spectrum
-            for own in self._owners(values, foot or self.foot(values))
+            for own in self._path.owners(values, foot or self.foot(values))
             for symbol, spectrum in self._sensed(own).items()
         }
 
@@ -136,7 +111,7 @@ class Columns:
             As `spectra` takes them.
         """
         foot = foot or self.foot(values)
-        return None if foot is None else self._offset(self._owners(values, foot), foot)
+        return None if foot is None else self._offset(self._path.owners(values, foot), foot)
 
     def _offset(self, owners: Sequence[Owner], foot: Foot) -> np.ndarray | None:
         """Return what `offset` does, remembered."""
@@ -147,7 +122,7 @@ class Columns:
 
         def made() -> np.ndarray:
             known = {own.term.name: self._at_joint(own) for own in direct}
-            signals = self._signals(direct[0])
+            signals = self._path.signals(direct[0])
             motion = signals.foot_acceleration, signals.foot_velocity, signals.foot_position
             whole = self._pushed(foot)
             for (name, symbol), like, signal in zip(
@@ -224,7 +199,7 @@ class Columns:
         sums: dict[Any, tuple[Owner, np.ndarray]] = {}
         # Impedance of the foot, whose motion changes.
         moved_foot: list[Owner] = []
-        owners = self._owners(values, foot), self._owners(moved, foot)
+        owners = self._path.owners(values, foot), self._path.owners(moved, foot)
         for old, new in zip(*owners, strict=True):
             name = old.term.name
             if (old.key, old.behind) == (new.key, new.behind):
@@ -285,64 +260,8 @@ class Columns:
 
     def _torque_of(self, own: Owner, foot: Foot, of: Impedance) -> np.ndarray:
         """Return the spectrum of the torque of an impedance on the foot as this term moves it."""
-        mover = self._mover(own.stages, own.values)
+        mover = self._path.mover(own.stages, own.values)
         return self.rows.spectrum(mover.torque(foot.rest, foot.like, of))
-
-    def _owners(self, values: Values, foot: Foot | None) -> list[Owner]:
-        """Return the terms that have columns, in the order of the signal path."""
-        stages = self._stages(tuple(values))
-        keys = [stage.key(values) for stage in stages]
-        coupling, shaping = (
-            tuple(
-                key
-                for stage, key in zip(stages, keys, strict=True)
-                if stage.place in places and stage.transforms
-            )
-            for places in (BEFORE_FOOT, (Place.REFLEX_INPUT,))
-        )
-        filters = tuple(
-            key
-            for stage, key in zip(stages, keys, strict=True)
-            if stage.place is Place.TORQUE_SENSOR or stage.moves_foot
-        )
-        held = () if foot is None else (foot.number,)
-        plate = tuple(stage.key(values) for stage in stages if stage.moves_plate)
-
-        def moved(stage: Stage) -> tuple[Hashable, ...]:
-            # Values that move the foot move what its own impedance makes; all else on the foot
-            # sees it held, and what is on the plate does not see it.
-            if stage.impedes:
-                return (*coupling, *held)
-            return plate if stage.past_straps else held or coupling
-
-        return [
-            Owner(
-                stage.term,
-                stages,
-                values,
-                foot,
-                (key, moved(stage), shaping if stage.shaped else ()),
-                (stage.past_straps, filters, held),
-                (stage.past_straps, moved(stage), shaping if stage.shaped else ()),
-                stage.past_straps,
-                stage.impedes,
-                stage.shaped,
-            )
-            for stage, key in zip(stages, keys, strict=True)
-            if stage.has_columns
-        ]
-
-    def _stages(self, names: tuple[str, ...]) -> list[Stage]:
-        """Return these terms in the order of the signal path, remembered."""
-        stages: list[Stage] = self._known["stages"].of(
-            names,
-            lambda: sorted(
-                (Stage.of(term_library()[name]()) for name in names),
-                # Play lies between the plate and the straps.
-                key=lambda stage: (PATH.index(stage.place), stage.moves_foot),
-            ),
-        )
-        return stages
 
     def _sensed(self, own: Owner) -> Mapping[str, np.ndarray]:
         """Return the columns of one term as the torque sensor reports them."""
@@ -374,12 +293,7 @@ class Columns:
     def _torques(self, own: Owner) -> dict[str, np.ndarray]:
         """Return the torque per unit of each linear parameter of one term, each of shape (n,)."""
         state = own.term.start(self.motion.rate)
-        return own.term.torque(copy(self._signals(own)), own.values[own.term.name], state)
-
-    def _signals(self, own: Owner) -> Signals:
-        """Return the signals that a term sees, remembered."""
-        signals: Signals = self._known["path"].of(own.path, lambda: self._path(own, own.shaped))
-        return signals
+        return own.term.torque(copy(self._path.signals(own)), own.values[own.term.name], state)
 
     def _filter(self, own: Owner) -> np.ndarray | None:
         """Return the filter between a term's torque and the reading; None for nothing.
@@ -419,85 +333,3 @@ class Columns:
 
         response: np.ndarray = self._known["response"].of(stage.key(values), made)
         return response
-
-    def _path(self, own: Owner, shaped: bool) -> Signals:
-        """Return the signals before the joint; those that the reflex sees where they are shaped."""
-        signals = copy(self._plate(own.stages, own.values))
-        if own.past_straps and not own.impedes:
-            return signals
-        foot = own.foot
-        for stage in own.stages:
-            if stage.moves_foot and foot is not None:
-                x, v, a = foot.position, foot.velocity, foot.acceleration
-                if own.impedes:
-                    x, v, a = self._mover(own.stages, own.values).moved(foot.rest, foot.like)
-                signals.move_foot(x + self.mean_angle, v, a)
-            elif shaped and stage.place is Place.REFLEX_INPUT and stage.transforms:
-                term = stage.term
-                term.transform(signals, own.values[term.name], term.start(self.motion.rate))
-        return signals
-
-    def _plate(self, stages: Sequence[Stage], values: Values) -> Signals:
-        """Return the signals that drive the straps, or the foot where there are none;
-        remembered.
-        """
-        m = self.motion
-        shaping = [stage for stage in stages if stage.moves_plate]
-
-        def driven() -> Signals:
-            signals = Signals(m.rate, m.position, m.velocity, m.acceleration, m.activation)
-            for stage in shaping:
-                stage.term.transform(signals, values[stage.term.name], stage.term.start(m.rate))
-            return signals
-
-        key = tuple(stage.key(values) for stage in shaping)
-        plate: Signals = self._known["plate"].of(key, driven)
-        return plate
-
-    def _mover(self, stages: Sequence[Stage], values: Values) -> Mover:
-        """Return what moves the foot behind the compliant fixation of a model, remembered."""
-        fixation = next(stage.term for stage in stages if stage.moves_foot)
-        assert isinstance(fixation, CompliantCoupling)
-        signals = self._plate(stages, values)
-        plate = self._known["drive"].of(
-            id(signals),
-            lambda: (
-                signals,
-                Plate(
-                    self.motion.rate,
-                    signals.foot_position - self.mean_angle,
-                    signals.foot_velocity,
-                    signals.foot_acceleration,
-                    jumps=signals.foot_position is not signals.position,
-                ),
-            ),
-        )[1]
-        return Mover(plate, fixation, values[fixation.name], foot_impedance(values))
-
-    def _found(self, fixation: CompliantCoupling, values: Values, rounds: int) -> Foot:
-        """Return the foot behind a compliant fixation, moved by the plate and by all torque."""
-        stages = self._stages(tuple(values))
-        inertia, viscosity, stiffness = foot_impedance(values)
-        spring, damping = fixation.linearised(values[fixation.name])
-        samples = len(self.motion.position)
-
-        def acting(foot: Foot) -> np.ndarray:
-            total = np.zeros(samples)
-            through = [own for own in self._owners(values, foot) if not own.past_straps]
-            if not through:
-                return total
-            signals = self._path(through[0], shaped=True)
-            for own in through:
-                state = own.term.start(self.motion.rate)
-                given = values[own.term.name]
-                for symbol, column in own.term.torque(copy(signals), given, state).items():
-                    total += given[symbol] * column
-            return total
-
-        return found_foot(
-            self._mover(stages, values),
-            acting,
-            samples,
-            (inertia, viscosity + damping, stiffness + spring),
-            rounds,
-        )

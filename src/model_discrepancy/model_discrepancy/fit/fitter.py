@@ -208,9 +208,9 @@ class Fitter:
             return problem.fit_at(first)
         problem.allow(evaluations)
         found = least_squares(
-            problem.residual,
+            problem.short_residual,
             first,
-            jac=problem.jacobian,
+            jac=problem.short_jacobian,
             bounds=(0.0, 1.0),
             x_scale=1.0,
             max_nfev=evaluations,

@@ -123,6 +123,55 @@ class Owner:
     shaped: bool
 
 
+def owners_of(stages: Sequence[Stage], values: Values, foot: Foot | None) -> list[Owner]:
+    """Return the terms that have columns, in the order of the signal path.
+
+    Parameters
+    ----------
+    stages, values
+        Of the whole model, in the order of the signal path.
+    foot
+        Behind a compliant fixation; None without one.
+    """
+    keys = [stage.key(values) for stage in stages]
+    coupling, shaping = (
+        tuple(
+            key
+            for stage, key in zip(stages, keys, strict=True)
+            if stage.place in places and stage.transforms
+        )
+        for places in (BEFORE_FOOT, (Place.REFLEX_INPUT,))
+    )
+    straps = tuple(stage.key(values) for stage in stages if stage.moves_foot)
+    sensors = tuple(stage.key(values) for stage in stages if stage.place is Place.TORQUE_SENSOR)
+    held = () if foot is None else (foot.number,)
+    plate = tuple(stage.key(values) for stage in stages if stage.moves_plate)
+
+    def moved(stage: Stage) -> tuple[Hashable, ...]:
+        # Values that move the foot move what its own impedance makes; all else on the foot
+        # sees it held, and what is on the plate does not see it.
+        if stage.impedes:
+            return (*coupling, *held)
+        return plate if stage.past_straps else held or coupling
+
+    return [
+        Owner(
+            stage.term,
+            stages,
+            values,
+            foot,
+            (key, moved(stage), shaping if stage.shaped else ()),
+            (sensors,) if stage.past_straps else (sensors, straps, held),
+            (stage.past_straps, moved(stage), shaping if stage.shaped else ()),
+            stage.past_straps,
+            stage.impedes,
+            stage.shaped,
+        )
+        for stage, key in zip(stages, keys, strict=True)
+        if stage.has_columns
+    ]
+
+
 def foot_impedance(values: Values) -> Impedance:
     """Return the inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of the foot."""
     # A joint need not have all three: an axis of a machine has no stiffness.

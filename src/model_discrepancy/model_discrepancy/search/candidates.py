@@ -5,7 +5,7 @@ scored on unseen rows.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ankle_physics.term import term_library
@@ -136,20 +136,21 @@ class Candidates:
         """Return a few candidates, best first; those near the best are refitted to the end and
         scored on unseen rows. Where none of them is accepted, those behind them are.
         """
+        screened = {s.name: s for s in few}
         promised = {s.name: s.share for s in few}
 
         def begun(s: Screened) -> Trial:
             start = {**current.values, s.name: s.start}
             return refitted(self._fitter, current, s.name, start, evaluations=5)
 
-        self._progress(f"refitting with {', '.join(promised)}")
+        self._progress(f"refitting with {', '.join(screened)}")
         behind = in_parallel(begun, few)
         tried: list[Trial] = []
         while behind and not any(t.accepted for t in tried):
             near, behind = _near_best(behind, by_chance, promised)
             if not near:
                 break
-            tried += self._scored(current, near, promised, by_chance)
+            tried += self._scored(current, near, screened, by_chance)
         rest = [replace(t, by_chance=by_chance[t.name]) for t in behind]
         return sorted([*tried, *rest], key=lambda t: -t.gain)
 
@@ -157,14 +158,17 @@ class Candidates:
         self,
         current: Fit,
         trials: Sequence[Trial],
-        promised: dict[str, float],
+        screened: dict[str, Screened],
         by_chance: dict[str, float],
     ) -> list[Trial]:
         """Return trials refitted to the end, and the best of them scored on unseen rows; those
         behind an accepted one need not be.
         """
         final = in_parallel(
-            lambda t: self._refitted_to_the_end(current, t, promised[t.name]), trials
+            lambda t: self._refitted_to_the_end(
+                current, t, screened[t.name].share, screened[t.name].start
+            ),
+            trials,
         )
         leading, scored = 0.0, 0
         for place, t in sorted(enumerate(final), key=lambda entry: -entry[1].gain):
@@ -177,15 +181,22 @@ class Candidates:
                 final[place] = replace(t, by_chance=by)
         return final
 
-    def _refitted_to_the_end(self, current: Fit, trial: Trial, promised: float) -> Trial:
+    def _refitted_to_the_end(
+        self,
+        current: Fit,
+        trial: Trial,
+        promised: float,
+        begun: Mapping[str, float] | None = None,
+    ) -> Trial:
         """Return the trial refitted further, from other points of its grid too where it takes off
-        much less than the screening promised.
+        much less than the screening promised. It began at one of these points.
         """
         fitter, name = self._fitter, trial.name
         best = refitted(fitter, current, name, trial.fit.values)
         if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
             return best
-        anew = begun_anew(fitter, current, name, self._grids.whole(name))
+        points, limit = self._grids.whole(name), best.fit.score
+        anew = begun_anew(fitter, current, name, points, limit=limit, tried=begun)
         return max(best, anew, key=lambda t: t.gain)
 
 
@@ -197,6 +208,7 @@ def begun_anew(
     evaluations: int = 12,
     others: Start | None = None,
     limit: float = math.inf,
+    tried: Mapping[str, float] | None = None,
 ) -> Trial:
     """Return the trial of one more term, begun at the best points of its grid.
 
@@ -214,16 +226,21 @@ def begun_anew(
         Where the other terms begin; None: as they are in the present model.
     limit
         Of the score; a refit that cannot come below it ends early.
+    tried
+        Values of the term from where a refit led somewhere else; it begins there again only where
+        its grid has no other point.
     """
     (screened,) = screen(fitter, current, {name: points})
-    best = sorted(screened.tried, key=lambda entry: -entry[0])[:RESTARTS]
+    shares = [share for share, _ in screened.tried]
+    best = sorted(range(len(shares)), key=lambda k: -shares[k])[:RESTARTS]
+    if tried is not None:
+        best = [k for k in best if not tried.items() >= screened.tried[k][1].items()] or best
 
-    def begun(point: Point) -> Trial:
-        (at_point,) = screen(fitter, current, {name: [point]})
-        start = {**(current.values if others is None else others), name: at_point.start}
-        return refitted(fitter, current, name, start, evaluations, limit)
+    def begun(start: dict[str, float]) -> Trial:
+        beside = current.values if others is None else others
+        return refitted(fitter, current, name, {**beside, name: start}, evaluations, limit)
 
-    return max(in_parallel(begun, [point for _, point in best]), key=lambda t: t.gain)
+    return max(in_parallel(begun, [screened.starts[k] for k in best]), key=lambda t: t.gain)
 
 
 def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: Null) -> list[Trial]:

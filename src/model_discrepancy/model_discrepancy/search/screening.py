@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,19 @@ _REFINED_POINTS = 3
 Point = dict[str, float]
 
 
+class _AtPoint(NamedTuple):
+    """Holds what a candidate that changes a signal leaves at a point: the sum of squares, all
+    values, the residual rows, the foot, and the rows of the torque that it changes; None where no
+    surrogates are tried.
+    """
+
+    error: float
+    values: dict[str, dict[str, float]]
+    left: np.ndarray
+    foot: Foot | None
+    changed: np.ndarray | None
+
+
 @dataclass(frozen=True)
 class Screened:
     """Holds a candidate at the best point of its grid.
@@ -54,12 +68,15 @@ class Screened:
         Of the sum of squares of the whitened residual that it takes off, 0...1.
     tried
         Share at every point of the grid that was tried.
+    starts
+        Where a refit from each of these points begins.
     """
 
     name: str
     start: dict[str, float]
     share: float
     tried: tuple[tuple[float, Point], ...]
+    starts: tuple[dict[str, float], ...]
 
 
 # At a point of a grid a foot may run away; such a point takes nothing off.
@@ -101,12 +118,11 @@ def screen(
             # What the points observe of the surrogates goes to one place.
             results = in_parallel(one, tried) if null is None else [one(point) for point in tried]
         else:
-            results = _shaping(fitter, fit, name, tried, slopes)
-            if null is not None:
-                _observe_shaping(fitter, fit, name, tried, basis, null)
+            results = _shaping(fitter, fit, name, tried, slopes, basis, null)
         best = max(range(len(tried)), key=lambda k: results[k][0])
         shares = tuple((result[0], point) for result, point in zip(results, tried, strict=True))
-        return Screened(name, results[best][1], results[best][0], shares)
+        starts = tuple(start for _, start in results)
+        return Screened(name, starts[best], results[best][0], shares, starts)
 
     # The longest first, so that no core waits for one at the end.
     longest_first = sorted(points, key=lambda name: -len(points[name]))
@@ -215,27 +231,39 @@ def _additive(
 
 
 def _shaping(
-    fitter: Fitter, fit: Fit, name: str, points: Sequence[Point], slopes: np.ndarray
+    fitter: Fitter,
+    fit: Fit,
+    name: str,
+    points: Sequence[Point],
+    slopes: np.ndarray,
+    basis: np.ndarray,
+    null: Null | None,
 ) -> list[tuple[float, dict[str, float]]]:
-    """Return the share and start of a candidate that changes a signal on its way, at each point."""
+    """Return the share and start of a candidate that changes a signal on its way, at each point;
+    each point tries the surrogates, too.
+    """
     columns, used = fitter.columns, fitter.rows.fitted
+    here = None if null is None else columns.torque(fit.values)
 
-    def tried(point: Point) -> tuple[float, dict[str, dict[str, float]], np.ndarray, Foot | None]:
+    def tried(point: Point) -> _AtPoint:
         values = _with(columns, fit, name, point)
         foot = _foot(columns, fit, values)
+        changed = None if here is None else _changed(fitter, fit, values, foot, here)
         left, values = _left(fitter, values, foot)
-        return float(left @ left), values, left, foot
+        return _AtPoint(float(left @ left), values, left, foot, changed)
 
     results = in_parallel(tried, points)
+    if null is not None:
+        _observe_shaping(name, [at_point.changed for at_point in results], basis, null)
     time, before = fitter.rows.time[used], fit.residual[used]
     shares = [
-        1.0 - error / fit.score if acting_in(time, left - before) >= FEWEST_STRETCHES else 0.0
-        for error, _, left, _ in results
+        1.0 - at.error / fit.score if acting_in(time, at.left - before) >= FEWEST_STRETCHES else 0.0
+        for at in results
     ]
     # The present model's nonlinear parameters follow where it matters: at the best points.
     best = sorted(range(len(points)), key=lambda k: -shares[k])[:_REFINED_POINTS]
     for k in (k for k in best if shares[k] != 0.0):
-        error, values, left, foot = results[k]
+        error, values, left, foot, _ = results[k]
         spectra = columns.spectra(values, foot)
         matrix = fitter.whitened([s for c, s in spectra.items() if c[0] not in fitter.held])[used]
         given = {(n, symbol): values[n][symbol] for n, symbol in spectra}
@@ -248,7 +276,7 @@ def _shaping(
         # The linearised refit may leave the bounds; it counts only as far as the bounded one bears
         # it out.
         shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
-    return [(share, values[name]) for share, (_, values, _, _) in zip(shares, results, strict=True)]
+    return [(share, at.values[name]) for share, at in zip(shares, results, strict=True)]
 
 
 def _foot(columns: Columns, fit: Fit, values: dict[str, dict[str, float]]) -> Foot | None:
@@ -286,26 +314,32 @@ def _left(
     return target - matrix @ amplitudes, filled
 
 
-def _observe_shaping(
+def _changed(
     fitter: Fitter,
     fit: Fit,
-    name: str,
-    points: Sequence[Point],
-    basis: np.ndarray,
-    null: Null,
+    values: dict[str, dict[str, float]],
+    foot: Foot | None,
+    here: np.ndarray,
+) -> np.ndarray:
+    """Return the whitened torque that a candidate changes at these values, where the present
+    model's parameters and torque stay as they are, shape (rows,).
+    """
+    columns = fitter.columns
+    changed = columns.spectra(values, foot)
+    own = {c: spectrum for c, spectrum in changed.items() if c[0] in fit.values}
+    shift = sum(fit.values[n][s] * spectrum for (n, s), spectrum in own.items()) - here
+    offset = columns.offset(values, foot)
+    shift = shift if offset is None else shift + offset
+    return fitter.rows.whitened(np.asarray(shift))[fitter.rows.fitted]
+
+
+def _observe_shaping(
+    name: str, changes: Sequence[np.ndarray | None], basis: np.ndarray, null: Null
 ) -> None:
     """Let a candidate that changes a signal try the surrogates, by the torque that it changes."""
-    columns, used = fitter.columns, fitter.rows.fitted
-    here = columns.torque(fit.values)
-    for point in points:
-        values = _with(columns, fit, name, point)
-        foot = _foot(columns, fit, values)
-        changed = columns.spectra(values, foot)
-        own = {c: spectrum for c, spectrum in changed.items() if c[0] in fit.values}
-        shift = sum(fit.values[n][s] * spectrum for (n, s), spectrum in own.items()) - here
-        offset = columns.offset(values, foot)
-        shift = shift if offset is None else shift + offset
-        column = fitter.rows.whitened(np.asarray(shift))[used][:, None]
+    for change in changes:
+        assert change is not None
+        column = change[:, None]
         column = column - basis @ (basis.T @ column)
         if np.linalg.norm(column) > 0.0:
             null.observe(name, orthonormal(column))
