@@ -68,3 +68,26 @@ def foot_torque_spectrum(
         held = complex(of[2] - of[0] * omega * omega, of[1] * omega)
         found[k] = (moved * complex(spring, damping * omega) - push[k] * held) * gives
     return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def passed_share(frequency: np.ndarray, impedance: np.ndarray) -> np.ndarray:
+    """Return the share of the plate's motion that reaches the foot, complex, shape (m,).
+
+    Parameters
+    ----------
+    frequency
+        [Hz], shape (m,).
+    impedance
+        As `foot_spectra` takes it.
+    """
+    inertia, viscosity, stiffness, spring, damping = impedance
+    found = np.empty(frequency.size, np.complex128)
+    for k in range(frequency.size):
+        omega = 2.0 * np.pi * frequency[k]
+        real = spring + stiffness - inertia * omega * omega
+        imaginary = (damping + viscosity) * omega
+        square = real * real + imaginary * imaginary
+        gives = complex(real / square, -imaginary / square)
+        found[k] = complex(spring, damping * omega) * gives
+    return found

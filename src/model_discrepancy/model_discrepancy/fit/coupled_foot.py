@@ -28,7 +28,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.foot_motion import foot_motion
-from ankle_physics.foot_spectrum import foot_spectra, foot_torque_spectrum
+from ankle_physics.foot_spectrum import foot_spectra, foot_torque_spectrum, passed_share
 from ankle_physics.term import Values
 
 Impedance = tuple[float, float, float]
@@ -256,10 +256,7 @@ def transmission(
     impedance
         Of the foot, and of what acts like one beside it.
     """
-    s = 2j * np.pi * frequency
-    passes = strap[0] + strap[1] * s
-    inertia, viscosity, stiffness = impedance
-    return np.asarray(passes / (passes + inertia * s**2 + viscosity * s + stiffness))
+    return passed_share(frequency, np.array([*impedance, *strap], dtype=float))
 
 
 # A foot that runs away is noticed, and needs no warning of its own.
@@ -336,11 +333,12 @@ def most_like(
     holds
         What holds the foot, of which a negative impedance takes `LARGEST_NEGATIVE_SHARE` at most.
     """
-    signals = np.stack([acceleration, velocity, position])
-    known = signals @ signals.T
+    signals = acceleration, velocity, position
+    known = np.array([[one @ other for other in signals] for one in signals])
     size = np.sqrt(np.diag(known))
     size[size == 0.0] = 1.0
-    right = signals @ (torque - torque.mean()) / size
+    centred = torque - torque.mean()
+    right = np.array([signal @ centred for signal in signals]) / size
     found = np.linalg.lstsq(known / np.outer(size, size), right, rcond=1e-9)[0] / size
     least = -LARGEST_NEGATIVE_SHARE * np.array(holds)
     inertia, viscosity, stiffness = np.maximum(found, least)

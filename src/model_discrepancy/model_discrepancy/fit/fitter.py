@@ -18,7 +18,7 @@ from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
-from model_discrepancy.fit.least_squares import RUN_AWAY, bounded, runs_away
+from model_discrepancy.fit.least_squares import RUN_AWAY, bounded, columns_of, runs_away
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import (
     UNIT_STEP,
@@ -33,7 +33,7 @@ from model_discrepancy.fit.parameter_scale import (
 )
 from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.recent_results import RecentResults
-from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows
+from model_discrepancy.fit.rows import LOW_PASS_HZ, Rows, selection
 from model_discrepancy.fit.signal_path import Column
 from model_discrepancy.recording.motion import Motion
 
@@ -132,8 +132,7 @@ class Fitter:
         """Return the whitened rows of these spectra, shape (count, size); remembered as long as
         `Columns` gives out the same spectra.
         """
-        # Each column lies in one piece: `column_stack` takes four times as long.
-        return np.array([self._whitened_rows(spectrum) for spectrum in spectra]).T
+        return columns_of([self._whitened_rows(spectrum) for spectrum in spectra])
 
     def _whitened_rows(self, spectrum: np.ndarray) -> np.ndarray:
         known = self._whitened.of(id(spectrum), lambda: (spectrum, self.rows.whitened(spectrum)))
@@ -180,7 +179,7 @@ class Fitter:
             Relative change of the sum of squares at which it ends; ten times as much in the scaled
             parameters.
         """
-        fitted = self.rows.fitted if mask is None else mask & self.rows.used
+        fitted = self.rows.fitted if mask is None else selection(mask & self.rows.used)
         values = self.start_values(names, start)
         if not self.searched(names):
             return self.solve(values, fitted)
@@ -339,7 +338,7 @@ class Fitter:
                 if parameter.linear
                 else slope
             )
-        return np.column_stack(list(found.values())), list(found)
+        return columns_of(list(found.values())), list(found)
 
     def room(self, fit: Fit, labels: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
         """Return how far each parameter may go down and up.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ankle_physics.term import Parameter
-from model_discrepancy.fit.least_squares import orthonormal
+from model_discrepancy.fit.least_squares import columns_of, orthonormal
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import UNIT_STEP, from_unit, to_unit
 
@@ -177,7 +177,7 @@ class Projection:
         values = self.values_at(units)
         spectra = self._fitter.columns.spectra(values, self._foot)
         amplitudes = {(n, symbol): self._fit.values[n][symbol] for n, symbol in spectra}
-        slopes = np.column_stack(
+        slopes = columns_of(
             in_parallel(
                 lambda one: self._fitter.slope(values, *one, amplitudes, spectra, foot=self._foot),
                 self._free,

@@ -142,6 +142,14 @@ class Rows:
         return np.abs(self._whitening)
 
 
+def selection(mask: np.ndarray) -> slice | np.ndarray:
+    """Return the rows of a mask as a slice, which copies nothing, where they follow each other."""
+    inside = np.flatnonzero(mask)
+    if len(inside) == 0 or inside[-1] - inside[0] + 1 > len(inside):
+        return mask
+    return slice(int(inside[0]), int(inside[-1]) + 1)
+
+
 def autoregression(series: np.ndarray, order: int) -> np.ndarray:
     """Return the prediction-error filter by Yule-Walker, scaled to unit variance of its output.
 

@@ -195,7 +195,9 @@ class Candidates:
         best = refitted(fitter, current, name, trial.fit.values)
         if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
             return best
-        points, limit = self._grids.whole(name), best.fit.score
+        # What is gained by chance is not asked for.
+        limit = min(best.fit.score, (1.0 - self._null.threshold(name)) * current.score)
+        points = self._grids.whole(name)
         anew = begun_anew(fitter, current, name, points, limit=limit, tried=begun)
         return max(best, anew, key=lambda t: t.gain)
 

@@ -68,6 +68,8 @@ class Null:
         self.noise = self.drawn
         self._begins = np.flatnonzero(np.diff(self.stretch, prepend=-1))
         self._power = np.sum(self.noise**2, axis=0)
+        # Asked for a thousand times after the surrogates were tried.
+        self._thresholds: dict[str, float] = {}
 
     @classmethod
     def of(cls, noise: np.ndarray, time: np.ndarray, used: np.ndarray, seed: int = 0) -> Null:
@@ -138,6 +140,7 @@ class Null:
         taken = np.sum(kept**2, axis=0) / left * _tail_ratio(stretches)
         known = self.gains.setdefault(name, np.zeros(self.noise.shape[1]))
         known[tried] = np.maximum(known[tried], taken)
+        self._thresholds = {}
 
     @property
     def observed(self) -> bool:
@@ -155,7 +158,8 @@ class Null:
         """
         if not self.gains:
             return 0.0
-        known = thresholds(self.gains)
+        known = self._thresholds or thresholds(self.gains)
+        self._thresholds = known
         return known.get(name, max(known.values()))
 
 

@@ -23,7 +23,13 @@ from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.least_squares import bounded, lengths, orthonormal, runs_away
+from model_discrepancy.fit.least_squares import (
+    bounded,
+    lengths,
+    orthonormal,
+    runs_away,
+    unexplained,
+)
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import from_unit, nonlinear, ranges
 from model_discrepancy.fit.signal_path import FOOT_IMPEDANCE
@@ -271,11 +277,10 @@ def _shaping(
             fitter.slope(values, name, p, given, spectra, foot=foot)[used]
             for _, p in nonlinear([name])
         ]
-        span = orthonormal(np.column_stack([matrix, slopes, *own]))
-        refined = left - span @ (span.T @ left)
+        refined = unexplained(np.vstack([matrix.T, slopes.T, *own]).T, left)
         # The linearised refit may leave the bounds; it counts only as far as the bounded one bears
         # it out.
-        shares[k] = 1.0 - min(error, max(float(refined @ refined), 0.5 * error)) / fit.score
+        shares[k] = 1.0 - min(error, max(refined, 0.5 * error)) / fit.score
     return [(share, at.values[name]) for share, at in zip(shares, results, strict=True)]
 
 
