@@ -290,5 +290,10 @@ def lag_windows(frequency: np.ndarray) -> list[np.ndarray]:
         t = np.linspace(lags[k] - left, lags[k] + right, 41)
         height = np.where(t < lags[k], (t - lags[k] + left) / left, (lags[k] + right - t) / right)
         height = height / height.sum()
-        windows.append(np.exp(-2j * np.pi * np.outer(frequency, t)) @ height)
+        # A polynomial in the turn from one time to the next (Horner), which takes a tenth of the
+        # time of as many exponentials.
+        turn, response = np.exp(-2j * np.pi * frequency * (t[1] - t[0])), np.zeros(len(frequency))
+        for coefficient in height[::-1]:
+            response = response * turn + coefficient
+        windows.append(response * np.exp(-2j * np.pi * frequency * t[0]))
     return windows

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from ankle_physics.term import term_library
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import begun_anew
@@ -63,7 +64,8 @@ def unite(
         names = [effect.trial.name for effect in members]
         progress(f"{family}: one term for {', '.join(names)}")
         thresholds = {name: null.threshold(name) for name in names}
-        trials = in_parallel(partial(_alone, fitter, found, thresholds, grids), names)
+        bare = _bare(fitter, found, names)
+        trials = in_parallel(partial(_alone, fitter, found, bare, thresholds, grids), names)
         best = min(trials, key=lambda trial: trial.fit.score)
         by_chance = _by_chance_beside(best.name, thresholds)
         if 1.0 - found.final.score / best.fit.score < by_chance:
@@ -95,8 +97,21 @@ def _by_chance_beside(name: str, thresholds: Mapping[str, float]) -> float:
     return sum(threshold for other, threshold in thresholds.items() if other != name)
 
 
+def _bare(fitter: Fitter, found: Found, members: Sequence[str]) -> Fit:
+    """Return the final model refitted without these terms."""
+    terms: Sequence[str] = found.final.terms
+    for member in members:
+        terms = without_term(terms, member)
+    return fitter.fit(terms, found.final.values, evaluations=15)
+
+
 def _alone(
-    fitter: Fitter, found: Found, thresholds: Mapping[str, float], grids: Grids, name: str
+    fitter: Fitter,
+    found: Found,
+    bare: Fit,
+    thresholds: Mapping[str, float],
+    grids: Grids,
+    name: str,
 ) -> Trial:
     """Return the best model with one term of a family instead of these members, which each have a
     threshold. A refit that cannot come near what all of them take off ends early.
@@ -104,12 +119,8 @@ def _alone(
     members = list(thresholds)
     by_chance = min(_by_chance_beside(name, thresholds), LARGEST_BY_CHANCE)
     limit = found.final.score / (1.0 - by_chance)
-    terms: Sequence[str] = found.final.terms
-    for member in members:
-        terms = without_term(terms, member)
-    bare = fitter.fit(terms, found.final.values, evaluations=15)
     # The others as they are beside the family: without it, they stand in for a part of it.
-    others = {term: found.final.values[term] for term in terms}
+    others = {term: found.final.values[term] for term in bare.terms}
     anew = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, others, limit)
     swings_alike = [
         refitted(fitter, bare, name, {**others, **start}, EVALUATIONS, limit)

@@ -9,6 +9,7 @@ stop: voluntary torque is autocorrelated.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from model_discrepancy.fit.base_model import (
 )
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.held_out import held_out
+from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.exchange import (
     ends_at_bound,
@@ -148,10 +149,13 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
             progress(f"{name} corrects little and ended at the bound of its range")
             _drop_refinement(fitter, found, effect)
     suspects = list(found.refinements)
-    while suspects := _harmful(fitter, found, suspects):
-        progress(f"{suspects[0].trial.name} lets unseen data be predicted worse than it helps")
+    while harmful := _harmful(fitter, found, suspects):
+        worst = harmful.pop(0)
+        progress(f"{worst.effect.trial.name} lets unseen data be predicted worse than it helps")
+        found.refinements.remove(worst.effect)
+        found.final, found.final_held_out = worst.fit, worst.scored
         # Without it, others of these may be useful; one that was useful beside it still is.
-        _drop_refinement(fitter, found, suspects.pop(0))
+        suspects = [without.effect for without in harmful]
     while found.refinements and found.final_held_out.vaf < found.base_held_out.vaf:
         progress(f"{found.refinements[-1].trial.name} lets unseen data be predicted worse")
         _drop_refinement(fitter, found, found.refinements[-1])
@@ -163,21 +167,32 @@ def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) 
     return len(found.refinements) < before
 
 
-def _harmful(fitter: Fitter, found: Found, suspects: Sequence[Effect]) -> list[Effect]:
-    """Return those of some refinements whose harm is larger than their use; the one without which
-    unseen plain torque is predicted best comes first.
+@dataclass(frozen=True)
+class _Without:
+    """Holds the final model without one of its refinements, its score on unseen data, and the
+    factor by which the refinement raises what it leaves there.
     """
 
-    def without(effect: Effect) -> tuple[float, float]:
+    effect: Effect
+    fit: Fit
+    scored: HeldOut
+    harm: float
+
+
+def _harmful(fitter: Fitter, found: Found, suspects: Sequence[Effect]) -> list[_Without]:
+    """Return the model without each of some refinements whose harm is larger than their use; the
+    one that predicts unseen plain torque best comes first.
+    """
+
+    def without(effect: Effect) -> _Without:
         terms = without_term(found.final.terms, effect.trial.name)
         fit = fitter.fit(terms, found.final.values, evaluations=20)
-        unseen = 100.0 - held_out(fitter, fit).vaf
-        harm = (100.0 - found.final_held_out.vaf) / unseen
-        return harm, harm / (fit.score / found.final.score)
+        scored = held_out(fitter, fit)
+        harm = (100.0 - found.final_held_out.vaf) / (100.0 - scored.vaf)
+        return _Without(effect, fit, scored, harm)
 
-    tried = in_parallel(without, suspects)
-    order = sorted(range(len(suspects)), key=lambda k: -tried[k][0])
-    return [suspects[k] for k in order if tried[k][1] > 1.0]
+    tried = sorted(in_parallel(without, suspects), key=lambda one: -one.harm)
+    return [one for one in tried if one.harm > one.fit.score / found.final.score]
 
 
 def _drop_refinement(fitter: Fitter, found: Found, effect: Effect) -> None:
