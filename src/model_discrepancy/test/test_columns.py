@@ -7,6 +7,7 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.model import Model
 from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.columns import Columns
+from model_discrepancy.fit.coupled_foot import Mover, Plate, Push, torque_of
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import Motion, motion_of
@@ -147,3 +148,13 @@ def test_equal_values_change_nothing(motion: Motion) -> None:
     values = Fitter(columns).start_values(list(BASE), BASE)
     amplitudes = {(n, symbol): values[n][symbol] for n, symbol in columns.spectra(values)}
     assert columns.change(values, {n: dict(v) for n, v in values.items()}, amplitudes) is None
+
+
+def test_the_torque_of_an_impedance_on_a_moved_foot_is_that_of_its_motion(motion: Motion) -> None:
+    plate = Plate(motion.rate, motion.position, motion.velocity, motion.acceleration)
+    term = term_library()["fixation_compliance"]()
+    assert isinstance(term, CompliantCoupling)
+    mover = Mover(plate, term, {"k_s": 1200.0, "b_s": 1.0}, (0.012, 0.8, 90.0))
+    push, like, of = Push(0.3 * motion.torque), (0.001, 0.1, 8.0), (0.013, 0.9, 98.0)
+    expected = torque_of(of, *mover.moved(push, like))
+    assert mover.torque(push, like, of) == pytest.approx(expected, abs=1e-9)

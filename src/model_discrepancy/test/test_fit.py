@@ -87,6 +87,18 @@ def test_a_corrected_jacobian_agrees_with_what_the_residual_did():
     assert np.array_equal(problem.jacobian(first + step), corrected)
 
 
+def test_least_squares_see_the_same_lengths_and_products():
+    fitter = Fitter.of(motion_of(simulate_trial({}, seed=3, duration=20.0)))
+    values = fitter.start_values(list(JOINT))
+    problem = Projection(fitter, values, fitter.searched(list(JOINT)), fitter.rows.fitted)
+    units = problem.first
+    residual, jacobian = problem.residual(units), problem.jacobian(units)
+    short, turned = problem.short_residual(units), problem.short_jacobian(units)
+    assert short @ short == pytest.approx(residual @ residual)
+    assert short @ turned == pytest.approx(residual @ jacobian)
+    assert turned.T @ turned == pytest.approx(jacobian.T @ jacobian)
+
+
 def test_no_derivatives_are_computed_where_a_fit_ends(monkeypatch):
     fitter = fitter_of(simulate_trial(JOINT, seed=3, duration=40.0))
     computed = []

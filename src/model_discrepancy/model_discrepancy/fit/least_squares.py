@@ -42,7 +42,8 @@ def _mixture(matrix: np.ndarray) -> np.ndarray:
     """Return by how much each column enters an orthonormal basis of their span, shape (p, rank)."""
     products = matrix.T @ matrix
     scale = np.sqrt(np.diag(products))
-    kept = scale > 0
+    # One whose square is no number has run away, and spans nothing.
+    kept = (scale > 0) & np.isfinite(scale)
     if not kept.any():
         return np.zeros((len(kept), 0))
     scale = scale[kept]
