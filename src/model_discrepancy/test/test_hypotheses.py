@@ -1,5 +1,6 @@
 """The search follows a second candidate that did about as well as the one that it chose."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -254,26 +255,34 @@ def test_a_rejected_candidate_does_not_hide_one_that_gains_less(monkeypatch):
 def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkeypatch):
     """Two minima of a relaxation, of which the one that the screening led to is the worse."""
     gain_from = {0.1: 0.2, 0.2: 0.2, 1.0: 0.6}
+    begun = []
 
-    def refitted(fitter, current, name, start, evaluations=12, limit=None):
-        fit = SimpleNamespace(values=start)
-        return Trial(name, fit, gain_from[start[name]["T"]], (0.0, 0.0), -1.0)
+    def refitted(fitter, current, name, start, evaluations=12, limit=math.inf):
+        period = start[name]["T"]
+        begun.append((period, limit))
+        fit = SimpleNamespace(values=start, score=1.0 - gain_from[period])
+        return Trial(name, fit, gain_from[period], (0.0, 0.0), -1.0)
 
     def screen(fitter, current, points):
         (tried,) = points.values()
         shares = tuple((0.5 + 0.1 * point["T"], point) for point in tried)
-        return [SimpleNamespace(start=tried[-1], tried=shares)]
+        return [SimpleNamespace(tried=shares, starts=tuple(tried))]
 
     monkeypatch.setattr(candidates, "refitted", refitted)
     monkeypatch.setattr(candidates, "screen", screen)
     grids = SimpleNamespace(whole=lambda name: [{"T": 0.1}, {"T": 0.2}, {"T": 1.0}])
-    search = Candidates(None, None, grids, lambda line: None)
-    current = SimpleNamespace(values={})
-    first = refitted(None, current, "maxwell_relaxation", {"maxwell_relaxation": {"T": 0.1}})
-    kept = search._refitted_to_the_end(current, first, promised=0.2)
+    null = SimpleNamespace(threshold=lambda name: 0.05)
+    search = Candidates(None, null, grids, lambda line: None)
+    current = SimpleNamespace(values={}, score=1.0)
+    start = {"k": 3.0, "T": 0.1}
+    first = refitted(None, current, "maxwell_relaxation", {"maxwell_relaxation": start})
+    kept = search._refitted_to_the_end(current, first, 0.2, start)
     assert kept.gain == 0.2
-    moved = search._refitted_to_the_end(current, first, promised=0.6)
+    begun.clear()
+    moved = search._refitted_to_the_end(current, first, 0.6, start)
     assert moved.gain == 0.6
+    # Not where it began before, and no longer than it may do better.
+    assert begun == [(0.1, math.inf), (1.0, 0.8), (0.2, 0.8)]
 
 
 def test_forks_are_followed_side_by_side_and_learn_on_their_own():
