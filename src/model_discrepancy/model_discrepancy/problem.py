@@ -163,12 +163,7 @@ def prepare(
         if by_emg is None
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
-    compliance = (
-        servo.compliance
-        if servo is not None
-        else (known_compliance(rig, motion.rate) if rig is not None else None)
-        or held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
-    )
+    compliance = _compliance(motion, servo, rig)
     if compliance is not None and compliance.significant:
         if servo is not None:
             unloaded = motion_of(recording, servo.unloaded())
@@ -205,6 +200,18 @@ def prepare(
         noise,
         by_emg is not None,
     )
+
+
+def _compliance(motion: Motion, servo: Servo | None, rig: RigFile | None) -> Compliance | None:
+    """Return how far the servo gives way: from the command; else from the holds, where these tell
+    it at each frequency; else as the rig's file has it, or as the holds tell it roughly.
+    """
+    if servo is not None:
+        return servo.compliance
+    held = held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
+    if rig is None or (held is not None and held.precise):
+        return held
+    return known_compliance(rig, motion.rate) or held
 
 
 def with_better_course(problem: Problem, final: Fit) -> Problem | None:
