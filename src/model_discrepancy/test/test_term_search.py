@@ -159,6 +159,15 @@ def test_a_term_that_follows_torque_follows_what_was_held_before(name, gain, pre
 
 
 @pytest.mark.parametrize(
+    ("name", "accepted"), [("activation_reflex_gain", False), ("position_reflex", True)]
+)
+def test_slow_torque_that_follows_in_one_half_only_does_so_by_accident(name, accepted):
+    trial = Trial(name, None, 0.28, (0.4, 0.3), 0.0, torque_share=0.01, preceding_gain=0.2)
+    assert trial.accepted
+    assert replace(trial, held_out=(0.38, 0.01)).accepted == accepted
+
+
+@pytest.mark.parametrize(
     ("name", "by_chance", "taken"),
     [
         ("maxwell_relaxation", 0.35, True),
