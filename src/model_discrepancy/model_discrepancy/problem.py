@@ -25,6 +25,7 @@ from model_discrepancy.recording.known_rig import calibrated, held_terms, known_
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import Compliance, Servo, held_compliance, identify_servo
+from model_discrepancy.recording.spectrum import white_density
 
 Progress = Callable[[str], None]
 
@@ -165,18 +166,19 @@ def prepare(
     )
     compliance = _compliance(motion, servo, rig)
     if compliance is not None and compliance.significant:
+        noise = 0.0 if servo is not None else white_density(recording.torque, recording.rate)
         if servo is not None:
             unloaded = motion_of(recording, servo.unloaded())
             disturbance, joint = uncaused(unloaded, fitter, base), base
         elif compliance.precise:
             # All torque, and no joint that would answer: the movement of the servo without a load.
-            unloaded = motion.undisturbed(compliance, motion.torque, (0.0, 0.0, 0.0))
+            unloaded = motion.undisturbed(compliance, motion.torque, (0.0, 0.0, 0.0), noise)
             disturbance, joint = uncaused(unloaded, fitter, base), base
         elif found is None:
             disturbance, joint = left, base
         else:
             disturbance, joint = fitter.rows.torque(found.left), found
-        motion = motion.undisturbed(compliance, disturbance, joint_impedance(joint))
+        motion = motion.undisturbed(compliance, disturbance, joint_impedance(joint), noise)
     fitter = fitter.along(motion)
     bank = GenericBank(fitter.columns)
     parts = interleaved(fitter.rows)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from model_discrepancy.fit.generic_bank import cross_score
 from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.motion import motion_step
@@ -99,6 +100,35 @@ def test_without_a_command_the_holds_tell_how_the_servo_gives_way_at_each_freque
     used = problem.fitter.rows.used
     left = np.var(problem.noise[used]) / np.var(problem.base.residual[used])
     assert left > 0.95
+
+
+def predicted_of_the_residual(problem):
+    """Share that generic regressors predict on unseen rows."""
+    parts, residual = problem.parts, problem.base.residual
+    matrix = problem.bank.whitened()
+    return np.mean([cross_score(matrix, residual, *way) for way in (parts, parts[::-1])])
+
+
+def noisy_recording(protocol):
+    plan = Plan(
+        "null", 0, 42, (), "compliant", protocol, 1000.0, True, True, "noisy", "small", True
+    )
+    return made(plan).recording
+
+
+def test_what_the_torque_sensors_noise_did_not_move_is_not_taken_out_of_the_movement():
+    """It is in the torque, so that the movement would seem to predict it."""
+    problem = prepare(replace(noisy_recording("equal_steps"), reference=None))
+    assert problem.compliance.precise
+    assert predicted_of_the_residual(problem) < 0.02
+
+
+def test_torque_that_is_noise_does_not_seem_to_move_the_plate():
+    """A sum of sines of 0.1 to 20 Hz leaves noise alone above."""
+    problem = prepare(noisy_recording("multisine"))
+    assert problem.compliance.limit < 30.0
+    assert predicted_of_the_residual(problem) < 0.01
+    assert prepare(noisy_recording("pulse_step")).compliance.limit > 40.0
 
 
 UNKNOWN = SimpleNamespace(precise=False)

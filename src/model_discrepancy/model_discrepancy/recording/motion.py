@@ -22,6 +22,7 @@ from model_discrepancy.recording.spectrum import (
     clear_share,
     low_pass,
     noise_floor,
+    share_above,
     signal_share,
     white_density,
 )
@@ -84,7 +85,11 @@ class Motion:
         return np.arange(len(self.position)) / self.rate
 
     def undisturbed(
-        self, compliance: Compliance, disturbance: np.ndarray, joint: tuple[float, float, float]
+        self,
+        compliance: Compliance,
+        disturbance: np.ndarray,
+        joint: tuple[float, float, float],
+        noise: float = 0.0,
     ) -> Motion:
         """Return the movement as it would have been without a torque that no movement causes.
 
@@ -99,13 +104,18 @@ class Motion:
             Torque [N.m], shape (n,), that the model does not make of the movement.
         joint
             Inertia [kg.m^2], viscosity [N.m.s/rad] and stiffness [N.m/rad] of Z.
+        noise
+            Power density of the flat noise that the disturbance holds [N^2.m^2/Hz]. The torque
+            sensor's noise moves nothing that was measured. Where the movement was made of this very
+            torque, it holds such noise too, and 0 is right.
         """
         spectrum = Spectrum(disturbance - disturbance.mean(), self.rate, 1)
         frequency = spectrum.frequency
         s = 2j * np.pi * frequency
         inertia, viscosity, stiffness = joint
         giving = compliance.response(frequency)
-        gain = giving / (1.0 + giving * (inertia * s**2 + viscosity * s + stiffness))
+        acts = share_above(spectrum.values, spectrum.power_of(noise))
+        gain = acts * giving / (1.0 + giving * (inertia * s**2 + viscosity * s + stiffness))
         return replace(
             self,
             position=self.position + spectrum.read(gain),

@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.recording.spectrum import Spectrum, low_pass
+from model_discrepancy.recording.spectrum import Spectrum, low_pass, signal_share
 
 # A drive of 20 Hz has settled within 0.1 s; slower parts (an integrator) are in the slow poles.
 FOLLOWING_S = 0.1
@@ -35,6 +35,11 @@ _SKIP_S = 1.2
 _FADE_S = 0.4
 # Torque acts on the plate from below this frequency [Hz]; what is faster the drive's mass holds.
 _TORQUE_HZ = 60.0
+# Of the torque's power, above which it acts: where its sensor's noise is more than a tenth of it,
+# that noise would be put into the movement, and a fit would find it there and in the torque.
+_ACTING_SHARE = 0.9
+# Reflexes, tremor and voluntary torque lie below [Hz].
+_LOWEST_TORQUE_HZ = 20.0
 # The plate counts as held below this share of its highest speed, after the servo has settled, and
 # where that lasts long enough for torque to change.
 _STILL_SHARE = 0.1
@@ -65,11 +70,14 @@ class Compliance:
         Of the direct path and of each low-pass [rad/N.m], shape (1 + len(COMPLIANCE_POLES_S),).
     at_rest
         Their sum with its standard error [rad/N.m].
+    limit
+        Highest frequency at which torque acts on the plate [Hz].
     """
 
     rate: float
     weights: np.ndarray
     at_rest: tuple[float, float]
+    limit: float = _TORQUE_HZ
 
     @property
     def significant(self) -> bool:
@@ -87,7 +95,7 @@ class Compliance:
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
         """Return the compliance at each frequency [Hz], complex [rad/N.m]."""
-        return compliance_response(self.weights, frequency, self.rate)
+        return compliance_response(self.weights, frequency, self.rate, self.limit)
 
 
 @dataclass(frozen=True)
@@ -129,7 +137,9 @@ class Servo:
         return replace(self, position=self.commanded, unexplained=np.zeros(len(self.commanded)))
 
 
-def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float) -> np.ndarray:
+def compliance_response(
+    weights: np.ndarray, frequency: np.ndarray, rate: float, limit: float = _TORQUE_HZ
+) -> np.ndarray:
     """Return the frequency response of a sum of low-passes with `COMPLIANCE_POLES_S`.
 
     Parameters
@@ -140,13 +150,15 @@ def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float)
         [Hz].
     rate
         At which the low-passes run [Hz].
+    limit
+        Highest frequency at which torque acts [Hz].
     """
     z = np.exp(-2j * np.pi * frequency / rate)
     total = np.full(len(frequency), weights[0], dtype=complex)
     for weight, pole in zip(weights[1:], COMPLIANCE_POLES_S, strict=True):
         decay = np.exp(-1.0 / (rate * pole))
         total += weight * (1.0 - decay) / (1.0 - decay * z)
-    return total * low_pass(frequency, _TORQUE_HZ, 4)
+    return total * low_pass(frequency, limit, 4)
 
 
 def identify_servo(recording: Recording, step: int) -> Servo | None:
@@ -167,14 +179,25 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
         for signal in (recording.position, recording.torque, recording.reference)
     )
     following = _following_columns(command, rate)
-    servo = _fitted(x, following, _compliance_columns(torque, rate), rate)
+    limit = _acting_limit(recording)
+    servo = _fitted(x, following, _compliance_columns(torque, rate, limit), rate, limit)
     if servo is None or servo.compliance.significant:
         return servo
     # A compliance that is not there would only carry the torque's noise into the position.
-    return _fitted(x, following, np.zeros((len(x), 0)), rate)
+    return _fitted(x, following, np.zeros((len(x), 0)), rate, limit)
 
 
-def _fitted(x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: float) -> Servo | None:
+def _acting_limit(recording: Recording) -> float:
+    """Return the highest frequency [Hz] at which the torque is hardly noise, and acts."""
+    spectrum = Spectrum(recording.torque, recording.rate, 1)
+    clear = signal_share(spectrum.values, spectrum.frequency) > _ACTING_SHARE
+    inside = spectrum.frequency[clear & (spectrum.frequency < _TORQUE_HZ)]
+    return max(float(inside[-1]) if len(inside) else 0.0, _LOWEST_TORQUE_HZ)
+
+
+def _fitted(
+    x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: float, limit: float
+) -> Servo | None:
     """Solve least squares with standard errors; None where the recording is too short for it."""
     columns = np.column_stack([following, giving])
     inner = np.zeros(len(x), dtype=bool)
@@ -207,6 +230,7 @@ def _fitted(x: np.ndarray, following: np.ndarray, giving: np.ndarray, rate: floa
             rate,
             -weights[count:] if giving.shape[1] else np.zeros(1 + len(COMPLIANCE_POLES_S)),
             (float(-weights[count:].sum()), float(spread[1])),
+            limit,
         ),
         (float(weights[:count].sum()), float(spread[0])),
         1.0 - float(np.var((x - position)[inner]) / np.var(x[inner])),
@@ -231,10 +255,10 @@ def _following_columns(command: np.ndarray, rate: float) -> np.ndarray:
     return np.column_stack(columns + [_low_passed(command, rate, pole) for pole in SLOW_POLES_S])
 
 
-def _compliance_columns(torque: np.ndarray, rate: float) -> np.ndarray:
+def _compliance_columns(torque: np.ndarray, rate: float, limit: float = _TORQUE_HZ) -> np.ndarray:
     # Fast torque is noise and what the movement's inertia makes; the drive's own mass holds it.
     spectrum = Spectrum(torque, rate, 1)
-    smooth = spectrum.read(low_pass(spectrum.frequency, _TORQUE_HZ, 4))
+    smooth = spectrum.read(low_pass(spectrum.frequency, limit, 4))
     return np.column_stack(
         [smooth] + [_low_passed(smooth, rate, pole) for pole in COMPLIANCE_POLES_S]
     )

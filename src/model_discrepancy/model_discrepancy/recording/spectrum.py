@@ -52,7 +52,7 @@ class Spectrum:
         filler = np.linspace(known[-1], known[0], length - len(known) + 2)[1:-1]
         self.values = rfft(np.concatenate([known, filler]))
         self.frequency = rfftfreq(length, 1.0 / rate)
-        self._step, self._edge, self._length = step, edge, length
+        self._step, self._edge, self._length, self._rate = step, edge, length, rate
         self._samples = math.ceil(len(signal) / step)
 
     def read(self, gain: np.ndarray) -> np.ndarray:
@@ -61,6 +61,10 @@ class Spectrum:
         part = (self.values * gain)[: short // 2 + 1]
         start = self._edge // self._step
         return irfft(part, short)[start : start + self._samples] / self._step
+
+    def power_of(self, density: float) -> float:
+        """Return the power per bin of flat noise of this power density [unit^2/Hz]."""
+        return 0.5 * density * self._length * self._rate
 
     def anti_alias(self) -> np.ndarray:
         """Return gain of the zero-phase low-pass that the lower rate needs, at each frequency."""
@@ -76,7 +80,13 @@ def signal_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
     parameters (regression calibration, Carroll et al. 2006, Measurement Error in Nonlinear Models,
     chapter 4).
     """
-    noise = noise_floor(spectrum, frequency)
+    return share_above(spectrum, noise_floor(spectrum, frequency))
+
+
+def share_above(spectrum: np.ndarray, noise: float) -> np.ndarray:
+    """Return the share of the power at each frequency that is above a flat noise of this power per
+    bin, 0...1.
+    """
     power = np.abs(spectrum) ** 2
     # Means over a sixteenth of an octave at least 40 bins wide, so that the estimate's own scatter
     # is small.
