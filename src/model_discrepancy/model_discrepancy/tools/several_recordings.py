@@ -230,8 +230,8 @@ def _pooled(effect: SharedEffect, given: Mapping[str, float]) -> dict[str, float
         pairs = np.array(effect.values.get(p.key, []), dtype=float)
         if not len(pairs):
             continue
-        errors = np.where(np.isfinite(pairs[:, 1]), pairs[:, 1], np.inf)
-        known = np.isfinite(errors) & (errors > 0.0)
-        weights = np.where(known, 1.0 / errors**2, 0.0) if known.any() else np.ones(len(pairs))
+        known = np.isfinite(pairs[:, 1]) & (pairs[:, 1] > 0.0)
+        errors = np.where(known, pairs[:, 1], np.inf)
+        weights = 1.0 / errors**2 if known.any() else np.ones(len(pairs))
         pooled[p.symbol] = float(weights @ pairs[:, 0] / weights.sum())
     return pooled
