@@ -12,6 +12,16 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _gives(omega: float, impedance: np.ndarray) -> complex:
+    """Return how far a torque moves the foot in its coupling at a frequency [rad/s], in rad/N.m."""
+    inertia, viscosity, stiffness, spring, damping = impedance
+    real = spring + stiffness - inertia * omega * omega
+    imaginary = (damping + viscosity) * omega
+    square = real * real + imaginary * imaginary
+    return complex(real / square, -imaginary / square)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def foot_spectra(
     plate: np.ndarray, push: np.ndarray, step: float, impedance: np.ndarray
 ) -> np.ndarray:
@@ -28,14 +38,11 @@ def foot_spectra(
     impedance
         I, B and K of the foot, k_s and b_s of the coupling.
     """
-    inertia, viscosity, stiffness, spring, damping = impedance
+    spring, damping = impedance[3], impedance[4]
     found = np.empty(plate.shape, plate.dtype)
     for k in range(push.size):
         omega = k * step
-        real = spring + stiffness - inertia * omega * omega
-        imaginary = (damping + viscosity) * omega
-        square = real * real + imaginary * imaginary
-        gives = complex(real / square, -imaginary / square)
+        gives = _gives(omega, impedance)
         driven, pushed = complex(spring, damping * omega) * gives, push[k] * gives
         found[0, k] = plate[0, k] * driven - pushed
         found[1, k] = plate[1, k] * driven - pushed * complex(0.0, omega)
@@ -56,14 +63,11 @@ def foot_torque_spectrum(
     of
         Inertia, viscosity and stiffness of the impedance whose torque is wanted.
     """
-    inertia, viscosity, stiffness, spring, damping = impedance
+    spring, damping = impedance[3], impedance[4]
     found = np.empty(push.size, plate.dtype)
     for k in range(push.size):
         omega = k * step
-        real = spring + stiffness - inertia * omega * omega
-        imaginary = (damping + viscosity) * omega
-        square = real * real + imaginary * imaginary
-        gives = complex(real / square, -imaginary / square)
+        gives = _gives(omega, impedance)
         moved = of[0] * plate[2, k] + of[1] * plate[1, k] + of[2] * plate[0, k]
         held = complex(of[2] - of[0] * omega * omega, of[1] * omega)
         found[k] = (moved * complex(spring, damping * omega) - push[k] * held) * gives
@@ -81,13 +85,10 @@ def passed_share(frequency: np.ndarray, impedance: np.ndarray) -> np.ndarray:
     impedance
         As `foot_spectra` takes it.
     """
-    inertia, viscosity, stiffness, spring, damping = impedance
+    spring, damping = impedance[3], impedance[4]
     found = np.empty(frequency.size, np.complex128)
     for k in range(frequency.size):
         omega = 2.0 * np.pi * frequency[k]
-        real = spring + stiffness - inertia * omega * omega
-        imaginary = (damping + viscosity) * omega
-        square = real * real + imaginary * imaginary
-        gives = complex(real / square, -imaginary / square)
+        gives = _gives(omega, impedance)
         found[k] = complex(spring, damping * omega) * gives
     return found

@@ -110,8 +110,8 @@ class Problem:
     def in_a_loop(self) -> bool:
         """Tell whether the movement may hold torque that no movement causes.
 
-        It may where no command was recorded that would show it, and the servo gives way by nobody
-        knows how much, or was never held still.
+        It may where no command was recorded that would show it, and the servo was never held still
+        or gives way by an amount that its holds do not tell well.
         """
         if self.servo is not None:
             return False
@@ -255,13 +255,13 @@ def knows_movement_better(problem: Problem, final: Fit) -> bool:
     Returns
     -------
     bool
-        False where a command tells, the servo holds firmly, or the model explains little more than
-        the base model.
+        False where a command or the holds tell, the servo holds firmly, or the model explains
+        little more than the base model.
     """
     compliance = problem.compliance
-    if problem.servo is not None or compliance is None or not compliance.significant:
+    if problem.servo is not None or compliance is None:
         return False
-    if compliance.precise:
+    if compliance.precise or not compliance.significant:
         return False
     rows = problem.fitter.rows
     left, before = (float(np.var(rows.torque(fit.left))) for fit in (final, problem.base))

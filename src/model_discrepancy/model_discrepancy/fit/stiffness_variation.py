@@ -44,7 +44,7 @@ def stiffness_variation(
     tuple or None
         None where responses overlap, and without stiffness.
     """
-    if not reflex.apart or mean <= 0.0 or "stiffness" not in fit.values:
+    if not _is_known(fit, reflex, mean):
         return None
     rows = fitter.rows
     spectrum = fitter.columns.spectra(fit.values)[("stiffness", "K")]
@@ -57,8 +57,19 @@ def stiffness_variation(
     if np.count_nonzero(power) < _FEWEST_PIECES:
         return None
     own, left, power = own[power > 0.0], left[power > 0.0], power[power > 0.0]
-    size = np.sum(own * left, axis=1) / power
-    noise = float(np.mean(reflex.residual[rows.used] ** 2))
+    return _spread(np.sum(own * left, axis=1) / power, power, reflex.residual[rows.used])
+
+
+def _is_known(fit: Fit, reflex: ReflexVariation, mean: float) -> bool:
+    """Say whether what a varying reflex leaves is known well enough, and there is stiffness."""
+    return reflex.apart and mean > 0.0 and "stiffness" in fit.values
+
+
+def _spread(
+    size: np.ndarray, power: np.ndarray, residual: np.ndarray
+) -> tuple[float, float] | None:
+    """Return the spread of sizes about their mean beyond what noise like the residual makes."""
+    noise = float(np.mean(residual**2))
     return spread_beyond_noise(size - np.average(size, weights=power), power, noise)
 
 
@@ -82,7 +93,7 @@ def stiffness_after_movements(
     tuple or None
         None where responses overlap, where movements are few, and without stiffness.
     """
-    if not reflex.apart or mean <= 0.0 or "stiffness" not in fit.values:
+    if not _is_known(fit, reflex, mean):
         return None
     rows = fitter.rows
     onsets = _apart(find_onsets(fitter.columns).time)
@@ -96,9 +107,7 @@ def stiffness_after_movements(
             power.append(known)
     if len(size) < _FEWEST_MOVEMENTS:
         return None
-    sizes, powers = np.array(size), np.array(power)
-    noise = float(np.mean(reflex.residual[rows.used] ** 2))
-    return spread_beyond_noise(sizes - np.average(sizes, weights=powers), powers, noise)
+    return _spread(np.array(size), np.array(power), reflex.residual[rows.used])
 
 
 def _apart(onsets: np.ndarray) -> np.ndarray:
