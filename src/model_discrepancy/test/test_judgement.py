@@ -15,6 +15,8 @@ from model_discrepancy.report.verdict import Standing
 from model_discrepancy.search.found import Effect, Found, Trial
 
 SCORES = Scores(base=80.0, augmented=94.0, ceiling=96.0)
+# Names that gain no more torque than leakage lets the movement predict.
+LIKE_LEAKAGE = Scores(base=93.5, augmented=94.0, ceiling=94.2)
 
 
 USUAL_VARIABILITY = SimpleNamespace(unusual=[], unexplainable=[], unsteady=[])
@@ -62,7 +64,6 @@ def remainder(share, judged, torque_share=0.02, held=True):
         (0.3, 0.3, True, "unexplained"),  # 89 %
         (0.1, 0.6, True, "unexplained"),  # 94 % are closed, and most of the rest is predictable
         (0.5, 0.08, False, "explained"),  # torque that moved the plate
-        (0.7, 0.08, False, "no_mismatch"),  # which took off as much without a mismatch
         (0.5, 0.3, False, "explained"),
         (0.1, 0.45, False, "unexplained"),  # much more than any servo lets through
     ],
@@ -70,6 +71,20 @@ def remainder(share, judged, torque_share=0.02, held=True):
 def test_an_effect_explains_what_it_closes(score, left, judged, expected):
     left = remainder(left, judged, held=judged)
     assert judge(found(score), left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("base", "judged", "expected"),
+    [
+        (93.5, False, "no_mismatch"),  # names took off as much without a mismatch
+        (93.5, True, "explained"),  # no torque moves the plate
+        (90.0, False, "explained"),  # more torque than any leakage lets the movement predict
+    ],
+)
+def test_names_that_leakage_may_have_made_are_no_mismatch(base, judged, expected):
+    left = remainder(0.02, judged, torque_share=2e-3, held=False)
+    scores = replace(LIKE_LEAKAGE, base=base)
+    assert judge(found(0.7), left, [], USUAL_VARIABILITY, scores)[0] == expected
 
 
 def test_too_little_torque_is_no_mismatch_whatever_predicts_it():
@@ -154,12 +169,13 @@ def test_a_reflex_at_the_bound_of_its_range_is_a_mismatch_where_nothing_else_is(
 
 @pytest.mark.parametrize(("stands_in", "expected"), [(False, "no_mismatch"), (True, "unexplained")])
 def test_names_are_not_dropped_for_a_base_model_whose_reflex_stands_in(stands_in, expected):
-    for score, left in (
-        (0.96, remainder(0.0, True)),  # they take off next to nothing
-        (0.7, remainder(0.02, False, held=False)),  # torque may have moved the plate
+    for score, left, scores in (
+        (0.96, remainder(0.0, True), SCORES),  # they take off next to nothing
+        # Torque may have moved the plate.
+        (0.7, remainder(0.02, False, held=False), LIKE_LEAKAGE),
     ):
         named = found(score, base_stands_in=stands_in)
-        assert judge(named, left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+        assert judge(named, left, [], USUAL_VARIABILITY, scores)[0] == expected
 
 
 def test_a_stiffness_that_changes_in_time_is_a_mismatch_where_nothing_else_is():
@@ -229,7 +245,7 @@ def test_names_that_take_off_little_are_none_where_torque_may_have_moved_the_pla
 ):
     left = remainder(0.02, judged, held=False)
     named = found(score, at_bounds=expected == "no_mismatch")
-    assert judge(named, left, [], USUAL_VARIABILITY, SCORES)[0] == expected
+    assert judge(named, left, [], USUAL_VARIABILITY, LIKE_LEAKAGE)[0] == expected
 
 
 @pytest.mark.parametrize(
