@@ -7,6 +7,7 @@ rig begins at the one point of the grid that suits all of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,6 +35,28 @@ from model_discrepancy.search.screening import (
 )
 from model_discrepancy.search.trials import halves_errors, preceding_errors
 from model_discrepancy.tools.shared_effects import Member, Together
+
+# Evaluations of the refit of a special case, which begins at the values of the general one.
+SPECIAL_EVALUATIONS = 15
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """Holds terms that were fitted in the place of one that several recordings need together.
+
+    Attributes
+    ----------
+    fits
+        Model of each recording with each term, and with the one that was found.
+    excess
+        Whitened error of each beyond the best of them in each recording; 0 is the best.
+    evidence
+        Log-likelihood of each below that of the best, over all recordings.
+    """
+
+    fits: dict[str, list[Fit]]
+    excess: dict[str, list[float]]
+    evidence: dict[str, float]
 
 
 def best_step(
@@ -65,9 +88,13 @@ def best_step(
             continue
         progress(f"refitting all recordings with {name}")
         fits = _refitted(members, name, screened)
-        gain = 1.0 - sum(f.score for f in fits) / scores.sum()
-        if _accepted(members, fits, name, gain, by_chance):
-            tried[name] = fits, gain
+        special = special_cases_together(members, name, fits)
+        for one, refitted in {name: fits, **special}.items():
+            gain = 1.0 - _total(refitted) / scores.sum()
+            by_chance = found.by_chance.get(one, max(found.by_chance.values()))
+            worse = one in tried and tried[one][1] >= gain
+            if not worse and _accepted(members, refitted, one, gain, by_chance):
+                tried[one] = refitted, gain
     if not tried:
         return None
     best = max(tried, key=lambda name: tried[name][1])
@@ -78,9 +105,71 @@ def best_step(
     return simplest, *tried[simplest]
 
 
-def rivals_together(
-    found: Together, name: str, library: Sequence[str] | None = None
-) -> tuple[dict[str, list[float]], dict[str, float]]:
+def special_cases_together(
+    members: Sequence[Member], name: str, fits: Sequence[Fit]
+) -> dict[str, list[Fit]]:
+    """Return the special cases of a term in its place, refitted from its values, by their names.
+
+    From a value of the grid a special case may end in another minimum, or promise less than terms
+    with more parameters, which crowd it out.
+
+    Parameters
+    ----------
+    members
+        The recordings; their present models need not hold the term.
+    name
+        The general term.
+    fits
+        The model of each recording with it.
+    """
+    library = term_library()
+    found = {}
+    for special in library[name].generalises:
+        symbols = [parameter.symbol for parameter in library[special].parameters]
+        known = all(set(symbols) <= set(fit.values[name]) for fit in fits)
+        if not known or any(special in fit.terms for fit in fits):
+            continue
+        found[special] = [
+            member.problem.fitter.fit(
+                with_term(without_term(fit.terms, name), special),
+                {**fit.values, special: {s: fit.values[name][s] for s in symbols}},
+                evaluations=SPECIAL_EVALUATIONS,
+            )
+            for member, fit in zip(members, fits, strict=True)
+        ]
+    return found
+
+
+def specialised(found: Together, gains: Mapping[str, float]) -> dict[str, float]:
+    """Put the special case of a general term in its place in all models, where the general one
+    takes off no more than by chance beyond it, and return the gains by the names that are left.
+
+    Beside the terms that were found later, and with all values fitted to the end, the general one
+    may not be needed.
+
+    Parameters
+    ----------
+    found
+        What all recordings need together; its members' models are changed.
+    gains
+        Joint gain of each term, in the order in which they were found.
+    """
+    left = {}
+    for name, gain in gains.items():
+        fits = [member.fit for member in found.members]
+        score = _total(fits)
+        left[name] = gain
+        for special, others in special_cases_together(found.members, name, fits).items():
+            beyond = 1.0 - score / _total(others)
+            if special not in gains and beyond < found.by_chance.get(name, 0.0):
+                for member, fit in zip(found.members, others, strict=True):
+                    member.fit = fit
+                left[special] = left.pop(name)
+                break
+    return left
+
+
+def rivals_together(found: Together, name: str, library: Sequence[str] | None = None) -> Rivals:
     """Fit other terms in the place of one that several recordings need together.
 
     Parameters
@@ -92,13 +181,7 @@ def rivals_together(
     library
         Terms that may be tried; None for all. The most promising `REFITS_PER_STEP` are.
 
-    Returns
-    -------
-    dict[str, list[float]]
-        Whitened error of each term, and of the effect itself, beyond the best of them in each
-        recording; 0 is the best.
-    dict[str, float]
-        Log-likelihood of each below that of the best, over all recordings.
+        So are the special cases of these and of the effect.
     """
     bare = [
         Member(
@@ -111,16 +194,25 @@ def rivals_together(
     screened = [_screened(m, library, first=False) for m in bare]
     promise = _promise(bare, screened)
     others = sorted((n for n in promise if n != name), key=lambda n: -promise[n])
-    scores = {name: np.array([m.fit.score for m in found.members])}
+    fits = {name: [m.fit for m in found.members]}
+    fits |= special_cases_together(bare, name, fits[name])
     for other in others[:REFITS_PER_STEP]:
-        scores[other] = np.array([fit.score for fit in _refitted(bare, other, screened)])
+        fits.setdefault(other, _refitted(bare, other, screened))
+        for special, refitted in special_cases_together(bare, other, fits[other]).items():
+            if special not in fits or _total(refitted) < _total(fits[special]):
+                fits[special] = refitted
+    scores = {other: np.array([fit.score for fit in each]) for other, each in fits.items()}
     best = np.min(list(scores.values()), axis=0)
     independent = np.array([m.problem.fitter.rows.independent for m in found.members])
-    excess = {other: (score / best - 1.0).tolist() for other, score in scores.items()}
-    evidence = {
-        other: float(0.5 * independent @ np.log(score / best)) for other, score in scores.items()
-    }
-    return excess, evidence
+    return Rivals(
+        fits,
+        {other: (score / best - 1.0).tolist() for other, score in scores.items()},
+        {other: float(0.5 * independent @ np.log(score / best)) for other, score in scores.items()},
+    )
+
+
+def _total(fits: Sequence[Fit]) -> float:
+    return sum(fit.score for fit in fits)
 
 
 def _screened(member: Member, library: Sequence[str] | None, first: bool) -> dict[str, Screened]:

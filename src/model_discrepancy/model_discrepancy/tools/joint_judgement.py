@@ -109,6 +109,6 @@ def _worse(one: OpenSet, found: Together) -> bool:
 def _with_rivals(found: Together, name: str, library: Sequence[str] | None) -> list[str]:
     """Return a name and the others that fit all recordings about as well in its place."""
     with side_by_side():
-        excess, evidence = rivals_together(found, name, library)
-    one = OpenSet(name, {other: {} for other in excess}, excess, evidence)
-    return remaining(one, list(excess))
+        rivals = rivals_together(found, name, library)
+    one = OpenSet(name, {other: {} for other in rivals.fits}, rivals.excess, rivals.evidence)
+    return remaining(one, list(rivals.fits))

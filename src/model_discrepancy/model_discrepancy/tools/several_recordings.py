@@ -33,7 +33,7 @@ from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.found import Progress
 from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null
-from model_discrepancy.tools.joint_candidates import best_step
+from model_discrepancy.tools.joint_candidates import best_step, specialised
 from model_discrepancy.tools.shared_effects import (
     Member,
     SharedEffect,
@@ -143,7 +143,7 @@ def _search(found: Together, library: Sequence[str] | None, progress: Progress) 
             fitter = member.problem.fitter
             member.fit = fitter.fit(fit.terms, fit.values, evaluations=15)
         gains[name] = gain
-    return gains
+    return specialised(found, gains)
 
 
 def _settle(found: Together, gains: dict[str, float], progress: Progress) -> None:
