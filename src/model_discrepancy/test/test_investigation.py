@@ -168,6 +168,27 @@ def test_names_that_no_movement_tells_apart_are_checked_in_another_one_once(monk
     assert len(story.recordings) == 2
 
 
+@pytest.mark.parametrize(("expected", "made"), [(0.003, True), (0.001, False)])
+def test_a_further_recording_is_made_where_what_adds_up_may_exclude_a_name(
+    monkeypatch, tmp_path, expected, made
+):
+    """Two recordings have 2.5 % against a name, and two more may be made: each must add 0.25 %."""
+    recording = simulate_trial({}, seed=4, duration=20.0, rate=1024.0, protocol="equal")
+    pairs = {("a", "b"): expected, ("b", "a"): 0.02}
+    small = Proposal(Candidate("steps", {}), expected, 1.0, ("a", "b"), pairs, True)
+    design = investigation.Design([RivalSet({"a": {}, "b": {}}, 0.0)], [small], [])
+    monkeypatch.setattr(investigation, "_design", lambda *_: design)
+    monkeypatch.setattr(investigation, "_judge", lambda *_: "nothing excluded")
+    one = OpenSet(
+        "a", {"a": {}, "b": {}}, {"a": [0.0, 0.0], "b": [0.017, 0.008]}, {"a": 0.0, "b": 30.0}
+    )
+    story = investigation.Investigation(None, [one], recordings=[recording, recording])
+    story.rounds = [investigation.Round("", "", "sines", 20.0, "", judged=True)]
+    ended = investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
+    assert (ended == "") == made
+    assert len(story.recordings) == 2 + made
+
+
 @pytest.mark.slow
 def test_an_investigation_ends_with_the_planted_name_and_tells_its_story(tmp_path):
     planted = {"reflex_threshold": {}}

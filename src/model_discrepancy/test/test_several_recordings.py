@@ -68,13 +68,13 @@ def test_a_set_without_the_right_name_gives_way_to_what_all_recordings_say():
     recordings = [recording(1, 60.0, 0.0, seconds=20.0), recording(2, 90.0, 0.0, seconds=20.0)]
     wrong = open_set("torque_sensor_lag", "short_range_stiffness")
     right = open_set("torque_sensor_mode", "torque_sensor_lag")
-    said = judge_together([wrong], recordings, LIBRARY)
+    said = judge_together([wrong], recordings, LIBRARY).sentence
     assert wrong.left == wrong.together == ["torque_sensor_mode"]
     assert "torque sensor mode takes the place of torque sensor lag or short range" in said
     beside = open_set("torque_sensor_lag")
     for values in beside.models.values():
         values["torque_sensor_mode"] = {"frequency": 28.0, "damping": 0.1}
-    said = judge_together([right, beside], recordings, LIBRARY)
+    said = judge_together([right, beside], recordings, LIBRARY).sentence
     assert beside.left == []
     assert right.left == ["torque_sensor_mode", "torque_sensor_lag"]
     assert right.together == []

@@ -23,7 +23,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
         f"<p>{escape(story.ended)}</p>",
         "<h2>How it began</h2>",
         "<p><a href='first/report.html'>The first recording</a> left open: "
-        + escape("; ".join(_plain(" or ".join(s.models)) for s in story.sets) or "nothing")
+        + escape("; ".join(_plain(" or ".join(s.names)) for s in story.sets) or "nothing")
         + ".</p>",
     ]
     for number, one in enumerate(story.rounds, start=1):

@@ -3,8 +3,9 @@
 This goes on until each effect has one name, until no movement within the limits would tell what is
 left, or until the budget of recordings is spent. A rival is fitted to every recording anew, since a
 subject's state changes from one to the next; what counts is how much more whitened error it leaves
-than the best name of its set. In the end all recordings are searched together, which may name what
-was in no set.
+than the best name of its set. Then all recordings are searched together, which may name what was in
+no set. Where this leaves something to ask, the investigation goes on with what is left of its
+budget.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +30,8 @@ from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import Design, RivalSet, rank
-from model_discrepancy.tools.joint_judgement import judge_together
+from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet, rank
+from model_discrepancy.tools.joint_judgement import judge_together, settle_doubts
 from model_discrepancy.tools.open_set import OpenSet, remaining
 
 # Longer than this is asked of no subject at once.
@@ -89,6 +91,8 @@ class Investigation:
         The first one and those that were judged.
     together
         What all of them said together, in one sentence; empty where there is one only.
+    searched
+        How many recordings were searched together last; one at first.
     """
 
     first: Diagnosis
@@ -97,6 +101,7 @@ class Investigation:
     ended: str = ""
     recordings: list[Recording] = field(default_factory=list)
     together: str = ""
+    searched: int = 1
 
     @property
     def names(self) -> list[str]:
@@ -105,7 +110,13 @@ class Investigation:
         """
         known = {s.effect: "/".join(s.left) for s in self.sets}
         names = (known.get(e["name"], e["name"]) for e in self.first.verdict.effects)
-        return [name for name in names if name]
+        return list(dict.fromkeys(name for name in names if name))
+
+    @property
+    def beside(self) -> list[str]:
+        """Return the names of the effects for which no other names would do."""
+        asked = {s.effect for s in self.sets}
+        return [e["name"] for e in self.first.verdict.effects if e["name"] not in asked]
 
     def content(self) -> dict[str, Any]:
         """Return plain data of ``investigation.json``."""
@@ -116,7 +127,7 @@ class Investigation:
             "sets": [
                 {
                     "effect": s.effect,
-                    "names": list(s.models),
+                    "names": s.names,
                     "left": s.left,
                     "together": s.together,
                     "excess": s.excess,
@@ -173,13 +184,35 @@ def investigate(
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
     story = Investigation(first, _open_sets(first), recordings=[recording])
-    while not story.ended:
-        story.ended = _next_round(story, conduct, folder, rounds, progress)
-    if len(story.recordings) > 1:
-        progress("all recordings together")
-        story.together = judge_together(story.sets, story.recordings, library, progress)
+    asks = True
+    while asks:
+        story.ended = ""
+        while not story.ended:
+            story.ended = _next_round(story, conduct, folder, rounds, progress)
+        asks = _search_together(story, library, progress) and _may_go_on(story, rounds)
+    story.together += settle_doubts(story.sets)
     story.save(folder)
     return story
+
+
+def _search_together(
+    story: Investigation, library: Sequence[str] | None, progress: Progress
+) -> bool:
+    """Search all recordings together, where there are new ones, and return whether this leaves
+    something to ask.
+    """
+    if len(story.recordings) == story.searched:
+        return False
+    progress("all recordings together")
+    story.searched = len(story.recordings)
+    judged = judge_together(story.sets, story.recordings, library, progress, story.beside)
+    story.together = judged.sentence
+    return judged.asks
+
+
+def _may_go_on(story: Investigation, rounds: int) -> bool:
+    """Say whether the budget and the operator allow another recording."""
+    return len(story.rounds) < rounds and story.rounds[-1].duration > 0.0
 
 
 def _open_sets(first: Diagnosis) -> list[OpenSet]:
@@ -209,7 +242,7 @@ def _next_round(
     story: Investigation, conduct: Conduct, folder: Path, rounds: int, progress: Progress
 ) -> str:
     """Run one round; why the investigation ends, empty where it goes on."""
-    unsettled = [s for s in story.sets if not s.settled]
+    unsettled = [s for s in story.sets if s.open]
     if not unsettled:
         return (
             "Each effect has one name."
@@ -222,12 +255,17 @@ def _next_round(
     progress(f"round {number}: designing")
     design = _design(story, folder, number, progress)
     best = design.proposals[0] if design.proposals else None
+    adds_up = best is not None and _adds_up(unsettled, best, rounds - len(story.rounds))
     # Though no movement tells them apart, another one shows whether they hold at all.
-    if best is None or (best.excess < RIVAL_EXCESS and len(story.recordings) > 1):
+    first = len(story.recordings) == story.searched
+    if best is None or not (best.excess >= RIVAL_EXCESS or adds_up or first):
         return design.sentence
     duration = float(np.clip(60.0 * best.minutes, SHORTEST_S, LONGEST_S))
     question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
-    round_ = Round(question, design.sentence, best.candidate.title, 0.0, "")
+    proposal = design.sentence
+    if best.excess < RIVAL_EXCESS and adds_up:
+        proposal += " With what the recordings add up to so far it may."
+    round_ = Round(question, proposal, best.candidate.title, 0.0, "")
     story.rounds.append(round_)
     recording = conduct(best.candidate, duration, number)
     if recording is None:
@@ -244,15 +282,27 @@ def _next_round(
     return ""
 
 
+def _adds_up(sets: list[OpenSet], best: Proposal, recordings: int) -> bool:
+    """Say whether so many more recordings are expected to exclude a name of a pair, together with
+    what the recordings so far have against it: what is against a name adds up (`remaining`).
+    """
+    return any(
+        recordings * min(best.pairs[a, b], best.pairs[b, a]) >= one.missing(a, b)
+        for one in sets
+        for a, b in combinations(one.left, 2)
+        if (a, b) in best.pairs and (b, a) in best.pairs
+    )
+
+
 def _design(story: Investigation, folder: Path, number: int, progress: Progress) -> Design:
     """Return design that tells the names apart that are left, written to a folder of its own."""
     sets = [
         RivalSet(
-            {name: one.models[name] for name in one.left},
+            {name: one.model(name) for name in one.left},
             min((max(one.excess[n]) for n in one.left[1:] if n in one.excess), default=0.0),
         )
         for one in story.sets
-        if not one.settled
+        if one.open
     ]
     made = [r.title for r in story.rounds if r.judged]
     design = Design(sets, rank(sets, story.first.verdict.recording, progress, made), [])

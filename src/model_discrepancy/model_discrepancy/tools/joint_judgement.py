@@ -7,20 +7,26 @@ an effect in one movement seldom does so in another one.
 
 - A set is replaced where that search names another effect that is larger than whatever it names of
   the set, and the set's names leave all recordings less likely, by BIC, than what the search found.
-- A set is withdrawn where that search confirms none of its names: they take off next to nothing of
-  what all effects take off together. Where the search leaves a recording unexplained, only its
-  largest effect is confirmed, since what is missing has stand-ins of its own.
+- Where such an effect is named and confirms none of the set's names, but these fit all recordings
+  as well with all that stands beside them, both stay in question: either model was chosen on
+  these recordings, so that only a further one can decide.
+- A set is withdrawn where that search confirms none of its names and puts none in their place:
+  they take off next to nothing of what all effects take off together. Where the search leaves a
+  recording unexplained, only its largest effect is confirmed, since what is missing has stand-ins
+  of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.search.found import REFINEMENT, Progress
+from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import rivals_together
 from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.several_recordings import diagnose_together
@@ -31,25 +37,44 @@ from model_discrepancy.tools.shared_effects import Together
 MOST_COMPARED = 3
 
 
+@dataclass(frozen=True)
+class Judgement:
+    """Tells what all recordings together say of the open sets.
+
+    Attributes
+    ----------
+    sentence
+        In plain words.
+    asks
+        Whether it put names into a set that a further recording could tell apart.
+    """
+
+    sentence: str
+    asks: bool
+
+
 def judge_together(
     sets: Sequence[OpenSet],
     recordings: Sequence[Recording],
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
-) -> str:
-    """Search all recordings together, replace or withdraw what is left of the sets that this
-    contradicts, and return what it said in one sentence.
+    beside: Sequence[str] = (),
+) -> Judgement:
+    """Search all recordings together, and replace, question or withdraw what is left of the sets
+    that this contradicts.
 
     Parameters
     ----------
     sets
-        Changed where what is left of them is replaced or withdrawn.
+        Changed where what is left of them is replaced, questioned or withdrawn.
     recordings
         The first one and those that were designed, two at least.
     library
         Terms that may be named; None for all.
     progress
         Called with one line for each step.
+    beside
+        Names of other effects, which the sets do not ask about.
 
     Raises
     ------
@@ -59,29 +84,60 @@ def judge_together(
     named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
     found = diagnose_together(named, library, progress)
     shares = {effect.name: effect.share for effect in found.effects}
-    # What stands beside the sets in the first model is none of theirs.
-    beside = {name for one in sets for name in one.models[one.effect]}
-    known = beside - {one.effect for one in sets} | {name for one in sets for name in one.left}
+    asked = [one for one in sets if one.left]
+    known = set(beside) | {name for one in asked for name in one.upheld}
+    # What is named beside a set, or in another one, is no new name for it.
     new = sorted(shares.keys() - known, key=lambda name: -shares[name])
-    said = []
-    for one in sets:
-        names, largest = " or ".join(one.left), max(shares.get(name, 0.0) for name in one.left)
-        if new and shares[new[0]] > max(largest, REFINEMENT) and _worse(one, found):
-            one.together = _with_rivals(found, new.pop(0), library)
-            one.left = list(one.together)
+    said, asks = [], False
+    for one in asked:
+        names, largest = " or ".join(one.upheld), max(shares.get(n, 0.0) for n in one.upheld)
+        larger = bool(new) and shares[new[0]] > max(largest, REFINEMENT)
+        confirmed = _confirmed(largest, shares, found)
+        if confirmed and not larger:
+            continue
+        worse = _worse(one, found)
+        if larger and worse:
+            _replace(one, found, new.pop(0), library)
+            asks = asks or one.open
             said.append(
                 f"{' or '.join(one.left)} takes the place of {names}, which leaves all "
                 "recordings less likely"
             )
-        elif not _confirmed(largest, shares, found) and (
-            found.verdict == "unexplained" or _worse(one, found)
-        ):
-            one.left = []
+        elif larger and not confirmed and _confirmed(shares[new[0]], shares, found):
+            _question(one, found, new.pop(0), library)
+            asks = True
+            said.append(
+                f"{' or '.join(one.together)} is named instead of {names}, which fits as well "
+                "with all that stands beside it, so that a further recording has to decide"
+            )
+        elif not confirmed and (found.verdict == "unexplained" or worse):
+            one.left, one.doubted = [], []
             said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
     if not said:
         names = ", ".join(effect.name for effect in found.named)
         said = [f"{names or 'nothing'} is named, which replaces nothing"]
-    return f"All recordings together: {'; '.join(said)}.".replace("_", " ")
+    return Judgement(f"All recordings together: {'; '.join(said)}.".replace("_", " "), asks)
+
+
+def settle_doubts(sets: Sequence[OpenSet]) -> str:
+    """End the questions that no further recording decided, and return what became of them in one
+    sentence; empty where there are none.
+
+    Neither side is stated then: a search of all recordings together doubted the one, and the
+    likelihood does not speak for the other.
+
+    Parameters
+    ----------
+    sets
+        Changed where two sides are left.
+    """
+    said = []
+    for one in sets:
+        if one.undecided:
+            said.append(f"{' or '.join(one.left)} is withdrawn, since no recording decides")
+            one.left = []
+        one.doubted = []
+    return f" In the end {'; '.join(said)}.".replace("_", " ") if said else ""
 
 
 def _confirmed(largest: float, shares: Mapping[str, float], found: Together) -> bool:
@@ -101,14 +157,38 @@ def _worse(one: OpenSet, found: Together) -> bool:
             bic_change(fitter, member.fit, one.fitted(fitter, name))
             for fitter, member in zip(fitters, found.members, strict=True)
         )
-        for name in one.left[:MOST_COMPARED]
+        for name in one.upheld[:MOST_COMPARED]
     ]
     return min(changes, default=0.0) > 0.0
 
 
-def _with_rivals(found: Together, name: str, library: Sequence[str] | None) -> list[str]:
-    """Return a name and the others that fit all recordings about as well in its place."""
+def _replace(one: OpenSet, found: Together, name: str, library: Sequence[str] | None) -> None:
+    """Put a name, and the others that fit all recordings about as well in its place, in the place
+    of a set's names.
+    """
     with side_by_side():
         rivals = rivals_together(found, name, library)
-    one = OpenSet(name, {other: {} for other in rivals.fits}, rivals.excess, rivals.evidence)
-    return remaining(one, list(rivals.fits))
+    fits = {name: rivals.fits[name], **rivals.fits}
+    # The next movement is designed with what the last recording made of each name.
+    one.models = {other: _values(each[-1]) for other, each in fits.items()}
+    one.excess, one.evidence, one.doubted = rivals.excess, rivals.evidence, []
+    one.left = one.together = remaining(one, list(fits))
+    one.models = {other: one.models[other] for other in one.left}
+
+
+def _question(one: OpenSet, found: Together, name: str, library: Sequence[str] | None) -> None:
+    """Put a name, and the others that fit about as well in its place, beside a set's names; what
+    was chosen on the recordings so far says nothing more.
+    """
+    doubted = one.upheld[:MOST_COMPARED]
+    models = {old: one.model(old) for old in doubted}
+    _replace(one, found, name, library)
+    one.doubted = [old for old in doubted if old not in one.left]
+    one.models |= {old: models[old] for old in one.doubted}
+    one.left = [*one.left, *one.doubted]
+    one.excess, one.evidence = {}, {}
+
+
+def _values(fit: Fit) -> Values:
+    """Return the values of a model's terms."""
+    return {term: dict(fit.values[term]) for term in fit.terms}

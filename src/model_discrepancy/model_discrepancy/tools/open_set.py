@@ -26,7 +26,8 @@ class OpenSet:
         The name that the first recording preferred.
     models
         Values by term and symbol of the model with each name, the preferred one first; as the last
-        recording that judged it has them.
+        recording that judged it has them. A search of all recordings together may put others in
+        their place.
     excess
         Whitened error that each name leaves beyond the best of the set, one number for each
         recording, the first one included; 0 is the best.
@@ -35,7 +36,13 @@ class OpenSet:
     left
         Names that are not excluded; none where the set was withdrawn (`joint_judgement`).
     together
-        Names that a search of all recordings together put in their place (`joint_judgement`).
+        Names that a search of all recordings together put in their place, or beside them
+        (`joint_judgement`).
+    doubted
+        Names that such a search does not confirm and that fit as well as what it names, so that a
+        further recording has to decide.
+    names
+        Those that the first recording left open.
     """
 
     effect: str
@@ -44,14 +51,46 @@ class OpenSet:
     evidence: dict[str, float] = field(default_factory=dict)
     left: list[str] = field(default_factory=list)
     together: list[str] = field(default_factory=list)
+    doubted: list[str] = field(default_factory=list)
+    names: list[str] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.names = list(self.models)
         self.left = self.left or list(self.models)
 
     @property
-    def settled(self) -> bool:
-        """Tell whether one name is left."""
-        return len(self.left) == 1
+    def open(self) -> bool:
+        """Tell whether more than one name is left."""
+        return len(self.left) > 1
+
+    @property
+    def undecided(self) -> bool:
+        """Tell whether doubted names are left, and others beside them."""
+        return 0 < len(set(self.left) & set(self.doubted)) < len(self.left)
+
+    @property
+    def upheld(self) -> list[str]:
+        """Return the names that stood before others were named beside them, as far as they are
+        left; all that are left where none of these is.
+        """
+        return [name for name in self.left if name in self.doubted] or self.left
+
+    def missing(self, one: str, other: str) -> float:
+        """Return the error beyond that of the likelier one of two names which further recordings
+        have to add, so that all of them exclude the other one; 0...1.
+        """
+        likelier, rival = sorted((one, other), key=lambda name: self.evidence.get(name, 0.0))
+        return RIVAL_EXCESS - (sum(self.excess.get(rival, [])) - sum(self.excess.get(likelier, [])))
+
+    def model(self, name: str) -> Values:
+        """Return the values of the model with one of the names, without those of the preferred one
+        in whose place it stands.
+        """
+        values, preferred = self.models[name], next(iter(self.models))
+        if name == preferred:
+            return values
+        terms = with_term(without_term(list(values), preferred), name)
+        return {term: values[term] for term in terms if term in values}
 
     def fitted(self, fitter: Fitter, name: str) -> Fit:
         """Return the model with one of the names, fitted to another recording.
@@ -63,11 +102,8 @@ class OpenSet:
         name
             One of `models`.
         """
-        values = self.models[name]
-        terms = list(values)
-        if name != self.effect:
-            terms = with_term(without_term(terms, self.effect), name)
-        return fitter.fit(terms, values, evaluations=EVALUATIONS)
+        values = self.model(name)
+        return fitter.fit(with_term(list(values), name), values, evaluations=EVALUATIONS)
 
 
 def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
