@@ -50,8 +50,9 @@ def run_case(plan: Plan, out: Path) -> Entry:
         "share": shares[plan.hidden[0]],
         "right": right_names(plan)[0],
         "verdict": story.first.verdict.verdict,
-        "sets": [list(s.models) for s in story.sets],
+        "sets": [s.names for s in story.sets],
         "left": [s.left for s in story.sets],
+        "names": story.names,
         "together": story.together,
         "recordings": [r.title for r in story.rounds if r.duration > 0.0],
         "ended": story.ended,
@@ -78,6 +79,23 @@ def outcome(names: list[str], left: list[str], right: list[str]) -> str:
     return "wrong" if set(names) & set(right) else "wrong, as it was from the first"
 
 
+def names_in_the_end(entry: Entry) -> str:
+    """Return what an investigation says of its recording in the end, in words: the names of all its
+    effects, whatever set they were in.
+
+    Parameters
+    ----------
+    entry
+        A case of which at least one set was open.
+    """
+    names = {name for effect in entry["names"] for name in effect.split("/")}
+    if not names:
+        return "none"
+    if names <= set(entry["right"]):
+        return "right"
+    return "both" if names & set(entry["right"]) else "wrong"
+
+
 def report(entries: list[Entry], command: str) -> str:
     """Return the counts and every open set, as Markdown.
 
@@ -99,6 +117,11 @@ def report(entries: list[Entry], command: str) -> str:
     def count(word: str, among: list[tuple[Entry, list[str], list[str], str]]) -> str:
         return rate_with_interval(sum(row[3].startswith(word) for row in among), len(among))
 
+    asked = [names_in_the_end(entry) for entry in entries if entry["sets"]]
+
+    def count_asked(word: str) -> str:
+        return rate_with_interval(asked.count(word), len(asked))
+
     lines = [
         "# Investigations of ambiguous recordings",
         "",
@@ -117,6 +140,18 @@ def report(entries: list[Entry], command: str) -> str:
         f"| of the sets that held the right name: only right names are left | "
         f"{count('right', holding)} |",
         f"| wrong names are left, or it was withdrawn | {count('wrong', holding)} |",
+        "",
+        "What an investigation says in the end is the names of all effects that its first "
+        "recording named, as far as they are left: one hidden effect may have opened two sets, or "
+        "a set beside a name that was settled from the first.",
+        "",
+        "| | counted (95 % interval) |",
+        "| --- | --- |",
+        f"| recordings that left a set open | {len(asked)} |",
+        f"| only right names are left of all their effects | {count_asked('right')} |",
+        f"| right and wrong names are left | {count_asked('both')} |",
+        f"| no name is left | {count_asked('none')} |",
+        f"| only wrong names are left | {count_asked('wrong')} |",
         "",
         "| hidden (share of the torque's variance) | protocol | open set | left | further "
         "recordings | outcome |",

@@ -7,7 +7,7 @@ import pytest
 
 from model_discrepancy.tools.candidate_movements import LEVELS, Candidate
 from simulation_study.independent_conduct import IndependentConduct
-from simulation_study.investigations import outcome, report
+from simulation_study.investigations import names_in_the_end, outcome, report
 from simulation_study.verdict_cases import plans, trial_of
 
 STEPS = Candidate("steps", {"signal": "random_steps", "amplitude": 0.02, "direction": "both"})
@@ -31,6 +31,21 @@ def test_a_set_is_right_where_only_right_names_are_left(left, became):
     assert outcome(["backlash", "tendon"], [], ["tendon"]) == "wrong"
 
 
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ([], "none"),
+        (["tendon/fractional_damping"], "right"),
+        (["tendon", "backlash"], "both"),
+        (["tendon/backlash"], "both"),
+        (["backlash"], "wrong"),
+    ],
+)
+def test_an_investigation_is_right_where_all_its_names_are(names, said):
+    entry = {"names": names, "right": ["tendon", "fractional_damping"]}
+    assert names_in_the_end(entry) == said
+
+
 def test_the_report_counts_sets_and_not_recordings():
     entry = {
         "case": "effect-000-tendon",
@@ -40,9 +55,15 @@ def test_the_report_counts_sets_and_not_recordings():
         "right": ["tendon"],
         "sets": [["backlash", "tendon"], ["viscosity", "inertia"]],
         "left": [["tendon"], ["viscosity"]],
+        "names": ["tendon", "viscosity"],
         "recordings": ["steps"],
     }
     closed = {**entry, "sets": [], "left": []}
+    beside = {**entry, "sets": [["viscosity"]], "left": [[]], "names": ["tendon"]}
+    text = report([entry, closed, beside], "command")
+    assert "recordings that left a set open | 2 |" in text
+    assert "| only right names are left of all their effects | 1 of 2" in text
+    assert "| right and wrong names are left | 1 of 2" in text
     text = report([entry, closed], "command")
     assert "2 recordings" in text
     assert "first recording left open | 2 |" in text
