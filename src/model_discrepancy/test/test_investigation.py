@@ -60,6 +60,11 @@ def test_the_likeliest_of_all_recordings_stays_though_one_recording_prefers_anot
 def test_a_general_term_that_does_no_better_than_its_special_case_says_nothing():
     names = {"short_range_stiffness": [0.0], "distributed_short_range_stiffness": [0.0]}
     assert judged(names, dict.fromkeys(names, 0.0)) == ["short_range_stiffness"]
+    # A Maxwell element is a special case of bonds with a yield, and so of many such bonds.
+    names = {"maxwell_relaxation": [0.0], "distributed_short_range_stiffness": [0.0]}
+    assert judged(names, dict.fromkeys(names, 0.0)) == ["maxwell_relaxation"]
+    better = {"maxwell_relaxation": 8.0, "distributed_short_range_stiffness": 0.0}
+    assert judged(names, better) == ["distributed_short_range_stiffness", "maxwell_relaxation"]
 
 
 def test_a_pair_that_no_movement_decides_hides_no_other():

@@ -112,8 +112,8 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
     or all recordings together leave it so much more than the likeliest name, and all designed
     recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
-    and those of independent recordings multiply. A name of which another is a general case goes
-    with it only if the special one is excluded.
+    and those of independent recordings multiply. A general term stays beside a special case of it,
+    or of one of its special cases, only where it does better.
 
     Parameters
     ----------
@@ -136,7 +136,13 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
         for name in kept
         if not any(
             special in kept and one.evidence[special] - one.evidence[name] < 1.0
-            for special in term_library()[name].generalises
+            for special in _special_cases(name)
         )
     ]
     return sorted(kept, key=lambda name: one.evidence[name])
+
+
+def _special_cases(name: str) -> set[str]:
+    """Return the special cases of a term, and those of them in turn."""
+    found = set(term_library()[name].generalises)
+    return found.union(*(_special_cases(special) for special in found))
