@@ -282,9 +282,7 @@ def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: N
     return in_parallel(fitted, starts)
 
 
-def _promises_no_more(
-    general: Screened, screened: Sequence[Screened], by_chance: float
-) -> bool:
+def _promises_no_more(general: Screened, screened: Sequence[Screened], by_chance: float) -> bool:
     """Say whether a special case of a term promises as much, but for what the term gains by chance.
 
     Straps with stops and straps that stiffen would take the places of terms that differ from them.
