@@ -132,7 +132,8 @@ def test_a_change_of_values_changes_the_torque_by_the_sum_of_its_columns(
     assert searched
     for owner, parameter in searched:
         moved = {**values, owner: {**values[owner]}}
-        moved[owner][parameter.symbol] *= 1.01
+        value = values[owner][parameter.symbol]
+        moved[owner][parameter.symbol] = 1.01 * value if value != 0.0 else 0.01 * parameter.upper
         after = columns.spectra(moved, foot)
         expected = sum(amplitudes[c] * (after[c] - before[c]) for c in before)
         if offset is not None:
