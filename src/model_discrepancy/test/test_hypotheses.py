@@ -77,6 +77,14 @@ def test_the_better_of_two_hypotheses_wins_whichever_term_came_first():
     assert best.current.score == 10.0
 
 
+@pytest.mark.parametrize(("left", "others"), [(10.4, 1), (10.6, 0)])
+def test_another_hypothesis_that_leaves_about_as_little_is_kept(monkeypatch, left, others):
+    monkeypatch.setitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"), left)
+    best = Scripted().best()
+    assert best.current.score == 10.0
+    assert [fit.score for fit in best.found.other_models] == [left][:others]
+
+
 def test_what_another_search_found_is_a_hypothesis_that_takes_the_place_of_the_forks(monkeypatch):
     def refitted(fitter, current, name, start):
         terms = (*current.terms, name)

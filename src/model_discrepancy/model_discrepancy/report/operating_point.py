@@ -53,6 +53,8 @@ UNEXPLAINED_SHARE = {"K": 0.15, "G": 0.25}
 _REFINEMENT_ODDS = 0.5
 # Probability that the whitened torque tells more of a value than the plain one, where they differ.
 _WEIGHTING_ODDS = 0.5
+# Odds of another hypothesis that leaves about as little: some per cent of the error do not tell.
+_HYPOTHESIS_ODDS = 1.0
 # Odds of a term that gains on unseen rows, but too little torque to be accepted.
 _REJECTED_TERM_ODDS = 0.5
 
@@ -121,8 +123,8 @@ def with_model_error(
     added here is what the numbers owe to the choice of equations: shares of the values and of what
     the found terms changed, the torque that dry friction may hold at rest, what the refinements
     changed (they may be right or stand in for something else), how far the fit to the whitened
-    torque differs from the stated one, and how far the rivals and near misses would move them
-    (model averaging; Buckland, Burnham & Augustin 1997, Biometrics 53, 603).
+    torque differs from the stated one, and how far rivals, near misses and other hypotheses would
+    move them (model averaging; Buckland, Burnham & Augustin 1997, Biometrics 53, 603).
 
     Parameters
     ----------
@@ -142,11 +144,13 @@ def with_model_error(
     """
     base, searched = _values(found.base.values, at), _values(found.final.values, at)
     others = [
-        (float(np.exp(-max(t.fit.score / found.final.score - 1.0, 0.0) / ODDS_SCALE)), t)
+        (float(np.exp(-max(t.fit.score / found.final.score - 1.0, 0.0) / ODDS_SCALE)), t.fit)
         for effect in found.effects
         for t in effect.rivals
-    ] + [(_REJECTED_TERM_ODDS, t) for t in found.near if t.criticises]
-    impedances = in_parallel(lambda other: _values(other[1].fit.values, at), others)
+    ]
+    others += [(_REJECTED_TERM_ODDS, t.fit) for t in found.near if t.criticises]
+    others += [(_HYPOTHESIS_ODDS, fit) for fit in found.other_models]
+    impedances = in_parallel(lambda other: _values(other[1].values, at), others)
     moved = [(odds, there) for (odds, _), there in zip(others, impedances, strict=True)]
     total = 1.0 + sum(odds for odds, _ in moved)
     shares = _model_shares(found, unexplained)

@@ -181,6 +181,8 @@ class Found:
         The final model without the refinements; None where it has none.
     near
         Best candidates that were not accepted.
+    other_models
+        Models of other hypotheses that were followed to their end and leave about as little.
     base_score
         Whitened sum of squares of the base model.
     by_chance
@@ -198,6 +200,7 @@ class Found:
     refinements: list[Effect] = field(default_factory=list)
     unrefined: Fit | None = None
     near: list[Trial] = field(default_factory=list)
+    other_models: list[Fit] = field(default_factory=list)
     base_score: float = 0.0
     by_chance: float = 0.0
     reflex_stands_in: bool = False

@@ -114,7 +114,9 @@ class Hypotheses:
                 best = other
         best = self._usual(first.first, best)
         alone = self._alone(first.first, best)
-        return alone if alone is not None else best
+        best = alone if alone is not None else best
+        best.found.other_models = [h.current for h in followed if _is_another(h, best)]
+        return best
 
     def _begun(self, found: Found | None = None, current: Fit | None = None) -> Hypothesis:
         """Return a hypothesis with what was found already; nothing beside the base model where
@@ -304,6 +306,18 @@ class Hypotheses:
         best one gains by chance.
         """
         return hypothesis.candidates.best(hypothesis.current)
+
+
+def _is_another(other: Hypothesis, best: Hypothesis) -> bool:
+    """Say whether a hypothesis holds other terms than the best one and leaves about as little: no
+    equation is exact, so that some per cent of the error do not tell which is right.
+    """
+    return (
+        other is not best
+        and other.plausible
+        and set(other.current.terms) != set(best.current.terms)
+        and other.current.score < BEHIND_RATIO * best.current.score
+    )
 
 
 def _chosen(fitter: Fitter, good: Sequence[Trial]) -> Trial:
