@@ -14,7 +14,6 @@ from model_discrepancy.search.candidates import Candidates
 from model_discrepancy.search.found import DISPLACING_GAIN, Effect, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import MOST_FORKS, Hypotheses
-from model_discrepancy.search.screening import Screened
 
 # What each set of terms leaves. "relaxation" stands in for two terms, and nothing after it leads to
 # the pair that leaves least.
@@ -193,17 +192,6 @@ def test_what_every_rig_has_is_preferred_where_it_is_not_behind(monkeypatch, lef
     assert Scripted().best().found.effects[0].trial.name == first
 
 
-def test_straps_that_the_best_model_holds_already_are_not_followed_again(monkeypatch):
-    monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
-    monkeypatch.delitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"))
-    monkeypatch.setitem(SCORES, ("maxwell_relaxation", "tendon", "fixation_compliance"), 33.0)
-    monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
-    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 34.0)
-    search = Scripted()
-    assert search.best().found.effects[0].trial.name == "maxwell_relaxation"
-    assert not any("what is usual" in line for line in search.said)
-
-
 def test_straps_are_not_preferred_to_a_model_of_two_terms(monkeypatch):
     monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
     monkeypatch.delitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"))
@@ -270,30 +258,6 @@ def test_a_rejected_candidate_does_not_hide_one_that_gains_less(monkeypatch):
     trials = search._refitted_and_judged(current, few, dict.fromkeys(gains, 0.02))
     assert [t.name for t in trials] == list(gains)
     assert [t.accepted for t in trials] == [False, True, False]
-
-
-@pytest.mark.parametrize(
-    ("general", "special", "tried"),
-    [(0.71, 0.70, False), (0.73, 0.70, True), (0.75, 0.0, True)],
-)
-def test_a_general_term_that_promises_no_more_than_its_special_case_takes_no_place(
-    monkeypatch, general, special, tried
-):
-    shares = {"stiffening_fixation": general, "fixation_compliance": special, "tendon": 0.1}
-    screened = [Screened(name, {}, share, ((share, {}),), ({},)) for name, share in shares.items()]
-    monkeypatch.setattr(candidates, "screen", lambda *args: screened)
-    null = SimpleNamespace(observed=True, threshold=lambda name: 0.02)
-    search = Candidates(None, null, Grids(None, 60.0), lambda line: None)
-    refitted = []
-
-    def scored(current, few, by_chance):
-        refitted.extend(s.name for s in few)
-        return []
-
-    monkeypatch.setattr(search, "_refitted_and_judged", scored)
-    search.best(SimpleNamespace(terms=()))
-    assert ("stiffening_fixation" in refitted) == tried
-    assert "tendon" in refitted
 
 
 def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkeypatch):

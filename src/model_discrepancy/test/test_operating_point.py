@@ -60,7 +60,8 @@ def test_a_near_miss_that_criticises_the_model_widens_the_error():
 
 def test_another_hypothesis_that_leaves_as_little_widens_the_error_by_its_distance():
     alone, beside = (
-        error_of(Found(fit(100.0), fit(100.0), other_models=others)) for others in ([], [fit(140.0)])
+        error_of(Found(fit(100.0), fit(100.0), other_models=others))
+        for others in ([], [fit(140.0)])
     )
     # Both are equally likely: half of the distance's square.
     assert beside == pytest.approx(math.hypot(alone, 40.0 / 2**0.5))

@@ -1,10 +1,9 @@
-"""Angle error that repeats: the plate's angle differs from the measured one by two harmonics of
-the angle.
+"""Angle error that repeats: the plate's angle differs from the measured one by a sine of the angle.
 
 The gear between encoder and plate (transmission error), the scale of the encoder or the winding of
 a potentiometer do not divide the angle evenly. With the period p of the error::
 
-    x_plate = x + s sin(phi) + c cos(phi) + s2 sin(2 phi) + c2 cos(2 phi),  phi = 2 pi (x - xc) / p
+    x_plate = x + s sin(phi) + c cos(phi),    phi = 2 pi (x - xc) / p
 
 where x is the measured angle. An error of a constant slope would be a wrong gain, which nothing but
 a second sensor shows.
@@ -23,8 +22,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 _LARGEST_ERROR = 0.002
 
 
-def _first(symbol: str, default: float, meaning: str) -> Parameter:
-    """Return the parameter of the first harmonic's sine or cosine [rad]."""
+def _harmonic(symbol: str, default: float, meaning: str) -> Parameter:
+    """Return the parameter of the sine or of the cosine [rad]."""
     return Parameter(
         symbol,
         "rad",
@@ -38,27 +37,13 @@ def _first(symbol: str, default: float, meaning: str) -> Parameter:
     )
 
 
-def _second(symbol: str, meaning: str) -> Parameter:
-    """Return the parameter of the second harmonic's sine or cosine [rad]."""
-    return Parameter(
-        symbol,
-        "rad",
-        -0.5 * _LARGEST_ERROR,
-        0.5 * _LARGEST_ERROR,
-        0.0,
-        "by reasoning: half of the first harmonic's, so that the error still has one period",
-        description=meaning,
-        tried=(0.0,),
-    )
-
-
 class CyclicAngleError(Term):
     """Models a plate whose angle differs from the measured one by an error with a period in the
     angle.
 
-    Its first two harmonics are modelled (kinematic error of strain wave gears: Tuttle & Seering
-    1996, IEEE Trans. Robot. Autom. 12, 368). Velocity and acceleration are the exact derivatives of
-    the plate's position.
+    Its first harmonic is modelled (kinematic error of strain wave gears: Tuttle & Seering 1996,
+    IEEE Trans. Robot. Autom. 12, 368). Velocity and acceleration are the exact derivatives of the
+    plate's position.
     """
 
     name = "cyclic_angle_error"
@@ -70,8 +55,8 @@ class CyclicAngleError(Term):
         "encoder scale or potentiometer."
     )
     parameters = (
-        _first("s", 3e-4, "It is the size of the error's sine about the angle xc."),
-        _first("c", 1e-4, "It is the size of the error's cosine about the angle xc."),
+        _harmonic("s", 3e-4, "It is the size of the error's sine about the angle xc."),
+        _harmonic("c", 1e-4, "It is the size of the error's cosine about the angle xc."),
         Parameter(
             "p",
             "rad",
@@ -82,23 +67,19 @@ class CyclicAngleError(Term):
             "2 rad/s; a longer one looks like a gain to perturbations of some hundredths of a rad",
             description="It is the angle after which the error repeats.",
         ),
-        _second("s2", "It is the size of the sine that passes twice within the period."),
-        _second("c2", "It is the size of the cosine that passes twice within the period."),
-        operating_angle("It is the angle at which the sines of the error are zero."),
+        operating_angle("It is the angle at which the sine of the error is zero."),
     )
 
     def transform(self, signals: Signals, values: Values, state: State) -> None:
         turn = 2.0 * math.pi / float(values["p"])
         phase = turn * (signals.position - float(values["xc"]))
-        error, slope, bend = np.zeros((3, len(phase)))
-        for order, sine_of, cosine_of in ((1, "s", "c"), (2, "s2", "c2")):
-            sine, cosine = np.sin(order * phase), np.cos(order * phase)
-            s, c = float(values[sine_of]), float(values[cosine_of])
-            harmonic = s * sine + c * cosine
-            error += harmonic
-            slope += order * turn * (s * cosine - c * sine)
-            bend -= (order * turn) ** 2 * harmonic
+        sine, cosine = np.sin(phase), np.cos(phase)
+        s, c = float(values["s"]), float(values["c"])
+        error = s * sine + c * cosine
+        slope = turn * (s * cosine - c * sine)
         v, a = signals.velocity, signals.acceleration
         signals.move_plate(
-            signals.position + error, v * (1.0 + slope), a * (1.0 + slope) + bend * v**2
+            signals.position + error,
+            v * (1.0 + slope),
+            a * (1.0 + slope) - turn**2 * error * v**2,
         )

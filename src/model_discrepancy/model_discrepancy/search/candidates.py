@@ -90,12 +90,7 @@ class Candidates:
         )
         grids.learn(screened)
         by_chance = {s.name: null.threshold(s.name) for s in screened}
-        promising = [
-            s
-            for s in screened
-            if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])
-            and not _promises_no_more(s, screened, by_chance[s.name])
-        ]
+        promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
         tried: list[Trial] = []
         for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
             few = promising[begin : begin + REFITS_PER_STEP]
@@ -280,15 +275,6 @@ def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: N
         return judged(fitter, current, refitted(fitter, current, name, start), null.threshold(name))
 
     return in_parallel(fitted, starts)
-
-
-def _promises_no_more(general: Screened, screened: Sequence[Screened], by_chance: float) -> bool:
-    """Say whether a special case of a term promises as much, but for what the term gains by chance.
-
-    Straps with stops and straps that stiffen would take the places of terms that differ from them.
-    """
-    special = term_library()[general.name].generalises
-    return any(s.name in special and s.share >= general.share - by_chance for s in screened)
 
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:

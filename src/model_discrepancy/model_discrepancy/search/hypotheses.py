@@ -200,15 +200,12 @@ class Hypotheses:
 
         Each of several terms stands in for a part of the others, so that an error that is smaller
         by some per cent does not tell that an unusual part of a rig is there, and straps are not.
-        Where the best one holds that term already, nothing is asked.
         """
         library, effects = term_library(), best.found.effects
         usual = [t for t in first if library[t.name].usual and not _needless(t, first)]
         if len(effects) < LEAST_TERMS_FORKED or library[effects[0].trial.name].usual or not usual:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
-        if any(effect.trial.name == trial.name for effect in effects):
-            return best
         self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
         other = self._beginning_with(trial, best)
         near = not other.behind and other.current.score < BEHIND_RATIO * best.current.score
