@@ -140,7 +140,7 @@ def judge(
     leaves_torque = gained < GAP_CLOSED_IN_TORQUE * (gained + 100.0 * remainder.torque_share)
     predictable_residual = remainder.held and remainder.criticises and left > LARGEST_LEAKAGE
     closes_little = gained < GAP_CLOSED_WITHOUT_COMMAND * (scores.ceiling - scores.base)
-    # Names that predict more torque than any leakage does are none, however much noise is left.
+    # Names that predict more torque than leakage ever did are no leakage, however much is noise.
     leaks = gained <= 100.0 * LARGEST_TORQUE_BY_LEAKAGE
     cuts_little = found.cut < LEAST_CUT_WITHOUT_COMMAND and leaks
     in_doubt = (closes_little or cuts_little) and not remainder.judged and not large
