@@ -1,6 +1,7 @@
 """Compiled nonlinear building blocks of terms that remember movement.
 
-They are the Dahl spring, the yielding spring, backlash, structure, bonds and unequal lag.
+They are the Dahl spring, the spring of Bouc and Wen, the yielding spring, backlash, structure,
+bonds and unequal lag.
 
 Each keeps its state between calls and advances sample by sample with the input held linear between
 samples.
@@ -86,6 +87,42 @@ class DahlSpring(SlippingSpring):
     """
 
     kernel = _dahl
+
+
+@njit(cache=True, nogil=True)
+def _bouc_wen(x: np.ndarray, yield_size: float, forgetting: float, state: np.ndarray) -> np.ndarray:
+    out = np.empty(x.size)
+    z, last = state[0], state[1]
+    if math.isnan(last):
+        z, last = 0.0, x[0]
+    for k in range(x.size):
+        move = x[k] - last
+        last = x[k]
+        if z * move < 0.0:
+            # It goes back as far as it came without yielding.
+            back = min(abs(move), abs(z))
+            z += math.copysign(back, move)
+            move -= math.copysign(back, move)
+        # Exact for a movement away from rest: z / yield_size = tanh(movement / yield_size).
+        further = math.tanh(move / yield_size)
+        z = (z + yield_size * further) / (1.0 + z / yield_size * further)
+        z *= forgetting
+        out[k] = z
+    state[0], state[1] = z, last
+    return out
+
+
+class BoucWenSpring(SlippingSpring):
+    """Models a spring that is stiff on the way back and slips gradually on the way out:
+    ``z' = v (1 - (z / yield_size)^2) - z / recovery`` while |z| grows, ``z' = v - z / recovery``
+    while it falls.
+
+    It is the hysteresis of Bouc 1967 and Wen 1976 with the exponent 2 and equal shape factors. Its
+    edge is sharper than that of `DahlSpring`: the spring takes up the whole of a movement until it
+    has come back to its middle.
+    """
+
+    kernel = _bouc_wen
 
 
 @njit(cache=True, nogil=True)

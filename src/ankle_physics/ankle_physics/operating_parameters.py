@@ -1,5 +1,5 @@
 """The angle and the torque about which a term is written, which a fit sets to the recording's
-means.
+means, and the range of angles over which it is, which a fit sets to the recording's.
 """
 
 from __future__ import annotations
@@ -17,6 +17,23 @@ def operating_angle(meaning: str) -> Parameter:
     """
     return Parameter(
         "xc", "rad", -1.0, 1.0, 0.0, "range of the ankle joint", description=meaning, fitted=False
+    )
+
+
+SPAN = "span"
+"""Symbol of `operating_span`."""
+
+
+def operating_span(meaning: str) -> Parameter:
+    """Return the parameter ``span`` [rad] of a term.
+
+    Parameters
+    ----------
+    meaning
+        What the range of angles is to the term, in one sentence: the parameter's description.
+    """
+    return Parameter(
+        SPAN, "rad", 1e-3, 2.0, 0.06, "range of the ankle joint", description=meaning, fitted=False
     )
 
 

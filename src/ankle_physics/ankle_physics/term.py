@@ -168,7 +168,10 @@ class Term(ABC):
         The measurement that tells this term from others of its family.
     searched
         False where no recording tells the term from the base model, or no movement causes its
-        torque: a diagnosis does not look for it.
+        torque: a diagnosis does not look for it. Nor does it search for a flexible term.
+    flexible
+        Whether it takes so many shapes that it would stand in for other terms. A diagnosis tries it
+        after its search, and only beside several terms, where no equation is exact.
     follows_torque
         Whether it follows the slow torque of the recording, and so the very noise that it explains.
     rest_torque
@@ -200,6 +203,7 @@ class Term(ABC):
     family: ClassVar[str] = ""
     separated_by: ClassVar[str] = ""
     searched: ClassVar[bool] = True
+    flexible: ClassVar[bool] = False
     companions: ClassVar[tuple[str, ...]] = ()
     follows_torque: ClassVar[bool] = False
     rest_torque: ClassVar[str] = ""

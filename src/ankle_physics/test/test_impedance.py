@@ -143,9 +143,11 @@ def test_every_term_says_to_whom_it_belongs():
         "lost_motion",
         "partial_sensor_mode",
         "plate_appendage",
+        "recovering_lost_motion",
         "servo_compliance",
         "torque_sensor_lag",
         "torque_sensor_mode",
+        "uneven_angle",
     }
 
 

@@ -48,6 +48,10 @@ of 0.07 mrad, differentiated, travels 10 mrad/s: friction that slips over 4 mrad
 torque within half a second, though nothing moves. A velocity channel is ten times quieter."""
 
 
+DRIVE_TERMS = ("cyclic_angle_error", "lost_motion", "recovering_lost_motion", "uneven_angle")
+"""Terms between the encoder and the plate."""
+
+
 class Motion(NamedTuple):
     """Holds angle [rad], velocity [rad/s] and acceleration [rad/s²] of plate or foot, each (n,)."""
 
@@ -92,7 +96,7 @@ class JointPath:
         self._sensor_states: dict[str, list[State]] = {}
         self.straps = Straps(model, rate, layout.measured_velocity) if known.has_straps else None
         self._on_foot = foot_torques(model, rate) if self.straps is not None else None
-        self._drive_train = _Connections(model, ("cyclic_angle_error", "lost_motion"), rate)
+        self._drive_train = _Connections(model, DRIVE_TERMS, rate)
         self._gap = _Connections(model, ("backlash",), rate)
         self._plate_inertia = known.plate_inertia
         self._before: np.ndarray | None = None
@@ -310,7 +314,8 @@ class _Connections:
 
     def __init__(self, model: Model, names: tuple[str, ...], rate: float) -> None:
         self._rate = rate
-        entries = [model.entry(name) for name in names if model.has(name)]
+        # In the order of the model, as it was fitted.
+        entries = [entry for entry in model.entries if entry.term.name in names]
         self._parts = [(entry, entry.term.start(rate)) for entry in entries]
 
     @property

@@ -44,7 +44,9 @@ SUPPORTED_TERMS = (
     "cyclic_angle_error",
     "footplate_inertia",
     "lost_motion",
+    "recovering_lost_motion",
     "servo_compliance",
+    "uneven_angle",
     "voluntary_torque",
 )
 """Terms that are not subtracted as a torque: those that are estimated, those that change the motion

@@ -183,9 +183,22 @@ def test_a_gap_between_plate_and_foot_gives_the_motion_of_the_foot():
 
 LOOSE_SHAFT = {"lost_motion": {"gap": 0.004}}
 UNEVEN_GEAR = {"cyclic_angle_error": {"s": 6e-4, "c": 8e-4, "p": 0.04, "xc": 0.01}}
+YIELDING = {"recovering_lost_motion": {"gap": 0.004, "recovery": 0.3}}
+UNEVEN_ANGLE = {"uneven_angle": {"e5": 1.5e-3, "e7": -1e-3, "e9": 2e-3, "span": 0.12, "xc": 0.0}}
 
 
-@pytest.mark.parametrize("drive", [LOOSE_SHAFT, UNEVEN_GEAR, {**UNEVEN_GEAR, **LOOSE_SHAFT}])
+@pytest.mark.parametrize(
+    "drive",
+    [
+        LOOSE_SHAFT,
+        UNEVEN_GEAR,
+        {**UNEVEN_GEAR, **LOOSE_SHAFT},
+        YIELDING,
+        UNEVEN_ANGLE,
+        {**YIELDING, **UNEVEN_ANGLE},
+        {**UNEVEN_ANGLE, **YIELDING},
+    ],
+)
 def test_a_loose_shaft_or_an_uneven_gear_gives_the_motion_of_the_plate(drive):
     x, v, a = motion(4.0)
     model = Model.of({**CORE, **drive, "footplate_inertia": {"Ip": 0.005}})
@@ -199,7 +212,7 @@ def test_a_loose_shaft_or_an_uneven_gear_gives_the_motion_of_the_plate(drive):
     # The samples pass the kernel that the acceleration needs.
     apart = out[:, 1] - smoothed(signals.position)
     moved = np.std((x - signals.position)[skip:])
-    assert moved > 5e-4
+    assert moved > 4e-4
     assert np.std(apart[skip:]) < 0.1 * moved
 
 

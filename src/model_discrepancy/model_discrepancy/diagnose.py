@@ -27,7 +27,7 @@ from model_discrepancy.report.result_folder import write_results
 from model_discrepancy.report.verdict import Verdict
 from model_discrepancy.search.found import Found, Progress
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.term_search import search
+from model_discrepancy.search.term_search import complete, search
 
 
 @dataclass
@@ -166,6 +166,7 @@ def _diagnose(
         progress("the torque that the muscles hold is known better now: searching again")
         problem = better
         found, null = _searched(problem, library, progress)
+    complete(problem.fitter, found, null, library, progress)
     criticism = criticise(problem, found, null, reading.findings, progress)
     verdict = conclude(reading.recording, problem, found, criticism, reading.findings, baseline)
     return Diagnosis(reading.recording, verdict, problem, found, criticism)

@@ -222,7 +222,7 @@ def test_a_rival_that_predicts_unseen_torque_worse_than_it_helps_does_harm(
         exchanging, "held_out", lambda fitter, fit: SimpleNamespace(vaf=unseen[fit.score])
     )
     final, other = SimpleNamespace(score=100.0), SimpleNamespace(score=score)
-    assert exchanging._harms(None, final, other) == harms
+    assert exchanging.harms(None, final, other) == harms
 
 
 def test_a_lag_takes_the_place_of_a_resonance_beside_a_much_larger_effect():
@@ -417,17 +417,36 @@ def test_a_further_name_is_sure_only_where_nothing_stands_against_the_model():
     assert entry_of("maxwell_relaxation", (), True, Standing.UNEXPLAINED)["probability"] < 0.3
 
 
-def entry_of(name, at_bounds, first, standing):
+def test_rivals_are_weighed_against_the_model_that_they_were_tried_with():
+    """A flexible term lowers the error of the final model, and of none of its rivals."""
+    rival = SimpleNamespace(name="short_range_stiffness", fit=SimpleNamespace(score=1.0))
+    alone, beside, later = (
+        entry_of("maxwell_relaxation", (), True, Standing.COMPLETE, rivals, inflexible)
+        for rivals, inflexible in (([], None), ([rival], None), ([rival], 1.0))
+    )
+    assert beside["probability"] == pytest.approx(0.5 * alone["probability"])
+    assert later["probability"] == beside["probability"]
+    unweighed = entry_of("maxwell_relaxation", (), True, Standing.COMPLETE, [rival], 0.7)
+    assert unweighed["probability"] > 0.99 * alone["probability"]
+
+
+def entry_of(name, at_bounds, first, standing, rivals=(), inflexible=None):
     effect = SimpleNamespace(
         trial=SimpleNamespace(name=name, held_out=(0.2, 0.2)),
-        rivals=[],
+        rivals=list(rivals),
         excluded={},
     )
+    before = None if inflexible is None else SimpleNamespace(score=inflexible)
     final = SimpleNamespace(
         values={name: {"k": 30.0, "T": 0.1}}, errors={}, score=1.0, at_bounds=at_bounds
     )
     return effect_entry(
-        effect, final, final, Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1), first, standing
+        effect,
+        Found(final, final, inflexible=before),
+        final,
+        Size(0.1, 0.2, 0.1, "dorsiflexion", 0.1),
+        first,
+        standing,
     )
 
 

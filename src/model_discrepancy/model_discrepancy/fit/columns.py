@@ -21,6 +21,7 @@ import numpy as np
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.joint_profile import joint_in_force
+from ankle_physics.operating_parameters import SPAN
 from ankle_physics.term import Place, term_library
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.coupled_foot import (
@@ -60,6 +61,8 @@ class Columns:
         self.motion = motion
         self.rows = rows
         self.mean_angle = float(np.mean(motion.position))
+        # Of all samples but the outermost hundredth, which may be single ones.
+        self.angle_span = 2.0 * float(np.quantile(np.abs(motion.position - self.mean_angle), 0.99))
         self.mean_activation = float(np.mean(motion.activation))
         self.target = rows.spectrum(motion.torque)
         self._path = MotionPath(motion)
@@ -69,12 +72,12 @@ class Columns:
 
     def convention(self, name: str) -> dict[str, float]:
         """Return the values of the parameters that are not fitted: angles and the torque of the
-        muscles at the recording's mean, all else typical.
+        muscles at the recording's mean, the range of angles as the recording's, all else typical.
         """
         joint = joint_in_force()
         means = {joint.position_unit: self.mean_angle, joint.torque_unit: self.mean_activation}
         return {
-            p.symbol: means.get(p.unit, p.default)
+            p.symbol: self.angle_span if p.symbol == SPAN else means.get(p.unit, p.default)
             for p in term_library()[name].parameters
             if not p.fitted and not p.linear
         }

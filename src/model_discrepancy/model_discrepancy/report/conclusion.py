@@ -111,7 +111,7 @@ def _verdict(
     effects = [
         effect_entry(
             effect,
-            found.final,
+            found,
             criticism.stated,
             size_of(fitter, criticism.stated, effect.trial.name, base_map.onsets),
             place == 0,

@@ -144,7 +144,7 @@ def with_model_error(
     """
     base, searched = _values(found.base.values, at), _values(found.final.values, at)
     others = [
-        (float(np.exp(-max(t.fit.score / found.final.score - 1.0, 0.0) / ODDS_SCALE)), t.fit)
+        (float(np.exp(-max(t.fit.score / found.compared.score - 1.0, 0.0) / ODDS_SCALE)), t.fit)
         for effect in found.effects
         for t in effect.rivals
     ]

@@ -111,18 +111,18 @@ def _in_units(found: Any) -> Any:
 
 
 def effect_entry(
-    effect: Effect, final: Fit, stated: Fit, size: Size, first: bool, standing: Standing
+    effect: Effect, found: Found, stated: Fit, size: Size, first: bool, standing: Standing
 ) -> dict[str, Any]:
     """Return one effect of ``verdict.json``.
 
     Parameters
     ----------
     effect
-        What was found.
-    final
-        The augmented model as the search fitted it.
+        The one of what was found.
+    found
+        All that was found.
     stated
-        The same with the values that are stated.
+        The augmented model with the values that are stated.
     size
         How much torque it is.
     first
@@ -135,10 +135,11 @@ def effect_entry(
     term = term_library()[name]
     rivals = effect.rivals[: LARGEST_SET - 1]
     odds = [1.0] + [
-        float(np.exp(-max(t.fit.score / final.score - 1.0, 0.0) / ODDS_SCALE)) for t in rivals
+        float(np.exp(-max(t.fit.score / found.compared.score - 1.0, 0.0) / ODDS_SCALE))
+        for t in rivals
     ]
     if standing is Standing.COMPLETE and any(
-        label.startswith(f"{name}.") for label in final.at_bounds
+        label.startswith(f"{name}.") for label in found.final.at_bounds
     ):
         standing = Standing.CRITICISED
     of_name, of_its_family = CERTAINTY[first, standing]
@@ -192,11 +193,12 @@ def alternatives(found: Found) -> list[dict[str, Any]]:
     ``delta_score`` is the change of BIC against the chosen model.
     """
     listed = []
-    n = len(found.final.residual)
+    chosen = found.compared
+    n = len(chosen.residual)
     for effect in found.effects:
         for trial in effect.rivals:
-            delta = -n * float(np.log(trial.fit.score / found.final.score)) - (
-                trial.fit.size - found.final.size
+            delta = -n * float(np.log(trial.fit.score / chosen.score)) - (
+                trial.fit.size - chosen.size
             ) * float(np.log(n))
             listed.append(
                 {

@@ -68,7 +68,7 @@ def _weigh(fitter: Fitter, found: Found, null: Null, before: np.ndarray) -> None
         small = bool(np.all(before - effect.errors < REFINEMENT * whole))
         before = np.minimum(before, effect.errors)
         (found.refinements if small else found.effects).append(effect)
-    in_parallel(lambda effect: _try_without(fitter, final, effect, null), found.effects)
+    in_parallel(lambda effect: try_without(fitter, final, effect, null), found.effects)
     _name_second_effect(fitter, found, null)
 
 
@@ -79,7 +79,7 @@ def _name_second_effect(fitter: Fitter, found: Found, null: Null) -> Effect | No
     if not found.effects or not 1 <= len(found.refinements) <= MOST_REFINEMENTS:
         return None
     final = found.final
-    in_parallel(lambda effect: _try_without(fitter, final, effect, null), found.refinements)
+    in_parallel(lambda effect: try_without(fitter, final, effect, null), found.refinements)
     refinements = {effect.trial.name: effect for effect in found.refinements}
     named = [effect.trial.name for effect in found.effects]
     name = second_effect(final, [e.trial for e in refinements.values()], named)
@@ -90,8 +90,20 @@ def _name_second_effect(fitter: Fitter, found: Found, null: Null) -> Effect | No
     return refinements[name]
 
 
-def _try_without(fitter: Fitter, final: Fit, effect: Effect, null: Null) -> None:
-    """Measure what the final model loses without an effect."""
+def try_without(fitter: Fitter, final: Fit, effect: Effect, null: Null) -> None:
+    """Measure what the final model loses without an effect.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    final
+        The model.
+    effect
+        Of this model; changed.
+    null
+        What each term gains by chance.
+    """
     name = effect.trial.name
     effect.without = fitter.fit(without_term(final.terms, name), final.values, evaluations=15)
     gain = 1.0 - final.score / effect.without.score
@@ -277,7 +289,7 @@ def exchange(
             [*found.effects, *_ending_at_bounds(fitter, found, null)],
         )
         options = better_rivals(found) if swaps < MOST_SWAPS else []
-        better = next((o for o in options if not _harms(fitter, found.final, o[1].fit)), None)
+        better = next((o for o in options if not harms(fitter, found.final, o[1].fit)), None)
         if better is None:
             break
         _swap(fitter, found, *better, null, yardstick, progress)
@@ -294,7 +306,7 @@ def _ending_at_bounds(fitter: Fitter, found: Found, null: Null) -> list[Effect]:
     ending = [
         effect for effect in found.refinements if ends_at_bound(found.final, effect.trial.name)
     ]
-    in_parallel(lambda effect: _try_without(fitter, found.final, effect, null), ending)
+    in_parallel(lambda effect: try_without(fitter, found.final, effect, null), ending)
     return ending
 
 
@@ -334,7 +346,7 @@ def better_rivals(found: Found) -> list[tuple[Effect, Trial]]:
     return sorted(options, key=lambda option: option[1].fit.score)
 
 
-def _harms(fitter: Fitter, final: Fit, other: Fit) -> bool:
+def harms(fitter: Fitter, final: Fit, other: Fit) -> bool:
     """Say whether another model predicts unseen plain torque worse than the final one by a larger
     factor than it lowers the whitened error: one with a drift that a half of the recording seems to
     show, and that the other half does not continue.

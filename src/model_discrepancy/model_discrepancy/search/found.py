@@ -177,6 +177,9 @@ class Found:
     refinements
         Terms that stay in the model but take off too little of the mismatch to be an effect: no
         equation is exact.
+    inflexible
+        The final model before flexible terms were added, beside which rivals and other hypotheses
+        were tried; None where none was added.
     unrefined
         The final model without the refinements; None where it has none.
     near
@@ -198,6 +201,7 @@ class Found:
     final: Fit
     effects: list[Effect] = field(default_factory=list)
     refinements: list[Effect] = field(default_factory=list)
+    inflexible: Fit | None = None
     unrefined: Fit | None = None
     near: list[Trial] = field(default_factory=list)
     other_models: list[Fit] = field(default_factory=list)
@@ -207,6 +211,11 @@ class Found:
     base_reflex_stands_in: bool = False
     base_held_out: HeldOut = field(init=False, repr=False)
     final_held_out: HeldOut = field(init=False, repr=False)
+
+    @property
+    def compared(self) -> Fit:
+        """Return the model with which rivals and other hypotheses are to be compared."""
+        return self.final if self.inflexible is None else self.inflexible
 
     @property
     def cut(self) -> float:

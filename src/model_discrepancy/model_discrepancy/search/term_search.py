@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ankle_physics.term import Place
+from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.base_model import (
     ALIGNMENT,
     bic_change,
@@ -29,7 +29,9 @@ from model_discrepancy.search.exchange import (
     exchange,
     name_second_effect,
     specialise,
+    try_without,
 )
+from model_discrepancy.search.flexible_terms import add_flexible, add_further
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses, Hypothesis
@@ -93,6 +95,45 @@ def search(
         terms = len(found.effects) + len(found.refinements)
         if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
             break
+    _score(fitter, found, grids, null, progress)
+    found.base_reflex_stands_in = reflex_stands_in(fitter, found.base)
+    found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
+    return found
+
+
+def complete(
+    fitter: Fitter,
+    found: Found,
+    null: Null,
+    library: Sequence[str] | None = None,
+    progress: Progress = lambda _: None,
+) -> None:
+    """Add flexible terms, and what shows beside them, to what the last search of a recording found,
+    where it needed so many terms that no equation is exact.
+
+    Parameters
+    ----------
+    fitter, null, library, progress
+        As `search` takes them.
+    found
+        The search's result; changed.
+    """
+    if len(found.effects) + len(found.refinements) <= MOST_TERMS_SEARCHED_BESIDE:
+        return
+    flexible = [
+        name
+        for name, term in term_library().items()
+        if term.flexible and (library is None or name in library)
+    ]
+    if add_flexible(fitter, found, flexible, null, progress):
+        grids = Grids(library, fitter.rows.count / fitter.rows.rate)
+        add_further(fitter, found, grids, null, progress)
+        in_parallel(lambda effect: try_without(fitter, found.final, effect, null), found.effects)
+        _score(fitter, found, grids, null, progress)
+
+
+def _score(fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Progress) -> None:
+    """Score what was found on unseen data, remove refinements that do harm, and state errors."""
     progress("scoring on unseen data")
     models = [found.base, found.final] if found.effects else [found.base]
     scored = in_parallel(lambda fit: held_out(fitter, fit), models)
@@ -102,9 +143,6 @@ def search(
     found.unrefined = _unrefined(fitter, found)
     found.final = fitter.with_errors(found.final)
     found.reflex_stands_in = reflex_stands_in(fitter, found.final)
-    found.base_reflex_stands_in = reflex_stands_in(fitter, found.base)
-    found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
-    return found
 
 
 def _settle(fitter: Fitter, base: Fit, best: Hypothesis, null: Null, yardstick: np.ndarray) -> None:

@@ -228,7 +228,7 @@ def _open_sets(first: Diagnosis) -> list[OpenSet]:
     sets = []
     for effect in first.found.effects:
         if effect.trial.name in named and effect.rivals:
-            scores = {effect.trial.name: final.score}
+            scores = {effect.trial.name: first.found.compared.score}
             scores |= {t.name: t.fit.score for t in effect.rivals}
             models = {effect.trial.name: final.values}
             models |= {t.name: t.fit.values for t in effect.rivals}
