@@ -5,16 +5,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ankle_physics.angle_spline import KNOTS
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
 from model_discrepancy.problem import prepare
+from model_discrepancy.report.angle_error import angle_curve, angle_error
+from model_discrepancy.report.pictures import angle_error_picture
 from model_discrepancy.search import term_search
-from model_discrepancy.search.flexible_terms import add_flexible
+from model_discrepancy.search.flexible_terms import add_flexible, add_further
 from model_discrepancy.search.found import Effect, Found, Trial
+from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from simulation_study.planted_trials import simulate_trial
 
-UNEVEN = {"e4": 8e-4, "e6": -6e-4, "e8": 9e-4, "e9": -7e-4, "span": 0.06, "xc": 0.0}
+FLAT = {f"e{number}": 0.0 for number in range(1, KNOTS + 1)}
+UNEVEN = {**FLAT, "e4": 8e-4, "e6": -6e-4, "e8": 9e-4, "e9": -7e-4, "span": 0.06, "xc": 0.0}
 YIELDING = {"gap": 0.004, "recovery": 0.2}
 
 
@@ -24,13 +29,10 @@ def prepared(planted):
     return problem, Null.of(problem.noise, fitter.rows.time, fitter.rows.used)
 
 
-def error_of(values, angles):
-    """Return the angle error of a model at some angles, without its straight line."""
-    still = np.zeros_like(angles)
-    signals = Signals(1000.0, angles, still, still)
-    Model.of({"uneven_angle": values}).start(1000.0).torque(signals)
-    error = signals.position - angles
-    return error - np.polyval(np.polyfit(angles, error, 1), angles)
+def damping_at(values, angles):
+    """Return the torque per velocity that a term adds at some angles [N.m.s/rad]."""
+    signals = Signals(1000.0, angles, np.ones_like(angles), np.zeros_like(angles))
+    return Model.of({"uneven_damping": values}).torque(signals)
 
 
 def test_an_uneven_angle_is_found_with_its_curve():
@@ -40,11 +42,30 @@ def test_an_uneven_angle_is_found_with_its_curve():
     assert found.final.score < 0.8 * problem.base.score
     assert found.compared is problem.base
     assert [effect.trial.name for effect in found.refinements] == ["uneven_angle"]
-    angles = np.linspace(-0.02, 0.02, 81) + problem.fitter.columns.mean_angle
-    hidden = error_of(UNEVEN, angles)
-    stated = error_of(found.final.values["uneven_angle"], angles)
+    final = problem.fitter.with_errors(found.final)
+    angles, stated, spread = angle_curve(problem.fitter, final)
+    hidden = angle_error({"uneven_angle": UNEVEN}, angles)
     assert np.corrcoef(stated, hidden)[0, 1] > 0.9
     assert np.std(stated) == pytest.approx(np.std(hidden), rel=0.3)
+    # Knots at other angles than the hidden ones cannot follow its corners.
+    assert np.mean(np.abs(stated - hidden) < 3.0 * spread) > 0.7
+    assert spread.max() < np.ptp(hidden)
+    assert len(angle_error_picture(problem.fitter, final)) > 1000
+
+
+def test_uneven_damping_is_found_beside_viscosity():
+    hidden = {f"b{number}": 0.0 for number in range(1, KNOTS + 1)}
+    hidden |= {"b5": 1.2, "b9": -1.2, "span": 0.06, "xc": 0.0}
+    problem, null = prepared({"uneven_damping": hidden})
+    found = Found(problem.base, problem.base)
+    assert add_flexible(problem.fitter, found, ["uneven_damping"], null, print)
+    angles = np.linspace(-0.02, 0.02, 81)
+    difference = damping_at(found.final.values["uneven_damping"], angles)
+    difference = difference - damping_at(hidden, angles)
+    assert np.ptp(difference) < 0.2 * np.ptp(damping_at(hidden, angles))
+    viscosity = found.final.values["viscosity"]["B"] + difference.mean()
+    # The same subject without uneven damping.
+    assert viscosity == pytest.approx(prepared({})[0].base.values["viscosity"]["B"], rel=0.05)
 
 
 def test_a_coupling_that_yields_takes_the_place_of_lost_motion_and_keeps_its_rivals():
@@ -68,11 +89,23 @@ def test_nothing_flexible_is_added_to_a_recording_that_holds_nothing_of_it():
     terms = [*problem.base.terms, "maxwell_relaxation"]
     final = problem.fitter.fit(terms, problem.base.values)
     found = Found(problem.base, final)
-    names = ["recovering_lost_motion", "uneven_angle"]
+    names = ["recovering_lost_motion", "uneven_angle", "uneven_damping"]
     assert not add_flexible(problem.fitter, found, names, null, print)
     assert found.final is final
     assert found.compared is final
     assert not found.refinements
+
+
+@pytest.mark.parametrize(
+    ("library", "left"),
+    [(["maxwell_relaxation"], ["maxwell_relaxation"]), (["stiffness_drift"], [])],
+)
+def test_a_further_term_is_added_where_it_predicts_unseen_data_better(library, left):
+    problem, null = prepared({"maxwell_relaxation": {"k": 40.0, "T": 0.05}})
+    found = Found(problem.base, problem.base)
+    add_further(problem.fitter, found, Grids(library, 25.0), null, print)
+    assert [effect.trial.name for effect in found.refinements] == left
+    assert (found.final.score < 0.9 * problem.base.score) == bool(left)
 
 
 @pytest.mark.parametrize(("effects", "tried"), [(3, False), (5, True)])
@@ -81,6 +114,7 @@ def test_flexible_terms_are_tried_only_beside_several_terms(effects, tried, monk
     monkeypatch.setattr(term_search, "add_flexible", lambda *given: asked.append(given[2]))
     found = SimpleNamespace(effects=[None] * (effects - 1), refinements=[None])
     term_search.complete(None, found, None)
-    assert asked == ([["recovering_lost_motion", "uneven_angle"]] if tried else [])
+    every = ["recovering_lost_motion", "uneven_angle", "uneven_damping"]
+    assert asked == ([every] if tried else [])
     term_search.complete(None, found, None, library=["uneven_angle", "backlash"])
     assert asked[1:] == ([["uneven_angle"]] if tried else [])

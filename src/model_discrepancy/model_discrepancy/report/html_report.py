@@ -12,6 +12,7 @@ from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.ceiling import unexplainable_power
 from model_discrepancy.report.pictures import (
+    angle_error_picture,
     before_and_after,
     block_picture,
     cells_picture,
@@ -196,6 +197,13 @@ def _sections(d: Diagnosis) -> list[str]:
     if effects:
         parts += ["<h2>What was left out</h2>", html_list([_effect_line(e) for e in effects])]
         parts += _consequences(effects) + _equations(effects) + _excluded(effects)
+    if augmented and "uneven_angle" in d.found.final.terms:
+        parts += [
+            "<h2>The error of the measured angle</h2>",
+            "<p>The torque shows that the plate does not turn by what the sensor says. An error of "
+            "constant slope would be a wrong gain, which torque does not show.</p>",
+            image(angle_error_picture(fitter, d.found.final)),
+        ]
     marked = {e["location"] for e in effects} | (
         {left.block.place} if left.block is not None else set()
     )

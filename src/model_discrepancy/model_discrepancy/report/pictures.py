@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 
 from model_discrepancy.criticism.locate import Cell, ResidualMap
 from model_discrepancy.criticism.missing_block import MissingBlock
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.angle_error import angle_curve
 from model_discrepancy.search.found import Found
 
 matplotlib.use("Agg")
@@ -282,6 +284,30 @@ def block_picture(block: MissingBlock) -> str:
     right.set_xlabel("lag [ms]")
     right.set_ylabel("torque per second of input [N.m/s]")
     right.set_title("followed by these dynamics (impulse response)", fontsize=10)
+    figure.tight_layout()
+    return encoded(figure)
+
+
+def angle_error_picture(fitter: Fitter, fit: Fit) -> str:
+    """Draw the error of the measured angle with its 95 % band, and how often each angle was
+    held.
+    """
+    angles, error, spread = angle_curve(fitter, fit)
+    figure = Figure(figsize=(7, 3.2))
+    axes = figure.add_subplot()
+    often = axes.twinx()
+    often.hist(fitter.motion.position, bins=angles[::3].tolist(), color="0.9")
+    often.set_yticks([])
+    axes.set_zorder(often.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    low, high = 1000 * (error - 1.96 * spread), 1000 * (error + 1.96 * spread)
+    axes.fill_between(angles, low, high, color=_RED, alpha=0.2, lw=0, label="95 % band")
+    axes.plot(angles, 1000 * error, color=_RED, lw=1.5, label="error")
+    axes.axhline(0.0, color="0.5", lw=0.8)
+    axes.set_xlim(angles[0], angles[-1])
+    axes.set_xlabel("measured angle [rad]; grey: how often it was held")
+    axes.set_ylabel("plate less measured angle [mrad]")
+    axes.legend(fontsize=8)
     figure.tight_layout()
     return encoded(figure)
 
