@@ -40,8 +40,10 @@ def curve_of_angle(
     pad = _DEGREE
     first = -0.5 * (KNOTS - 1) - pad - 0.5 * (_DEGREE + 1)
     places = middle + span / (KNOTS - 1) * (np.arange(KNOTS + 3 * pad + 1) + first)
-    padding = [(pad, pad), *[(0, 0)] * (np.ndim(coefficients) - 1)]
-    curve = BSpline(places, np.pad(coefficients, padding), _DEGREE)
+    padded = np.zeros((KNOTS + 2 * pad, *np.shape(coefficients)[1:]))
+    padded[pad:-pad] = coefficients
+    # Blocks of 32 samples come in live, and the checks would take longer than the curve.
+    curve = BSpline.construct_fast(places, padded, _DEGREE)
     inside = np.clip(angles, places[pad], places[-pad - 1])
     return [curve(inside, order) for order in range(derivatives + 1)]
 

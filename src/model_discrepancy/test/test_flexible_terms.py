@@ -108,13 +108,18 @@ def test_a_further_term_is_added_where_it_predicts_unseen_data_better(library, l
     assert (found.final.score < 0.9 * problem.base.score) == bool(left)
 
 
-@pytest.mark.parametrize(("effects", "tried"), [(3, False), (5, True)])
-def test_flexible_terms_are_tried_only_beside_several_terms(effects, tried, monkeypatch):
+@pytest.mark.parametrize(
+    ("effects", "seconds", "tried"), [(3, 60.0, False), (5, 30.0, False), (5, 60.0, True)]
+)
+def test_flexible_terms_are_tried_beside_several_terms_of_a_long_recording(
+    effects, seconds, tried, monkeypatch
+):
     asked = []
     monkeypatch.setattr(term_search, "add_flexible", lambda *given: asked.append(given[2]))
+    fitter = SimpleNamespace(rows=SimpleNamespace(count=round(200 * seconds), rate=200.0))
     found = SimpleNamespace(effects=[None] * (effects - 1), refinements=[None])
-    term_search.complete(None, found, None)
+    term_search.complete(fitter, found, None)
     every = ["recovering_lost_motion", "uneven_angle", "uneven_damping"]
     assert asked == ([every] if tried else [])
-    term_search.complete(None, found, None, library=["uneven_angle", "backlash"])
+    term_search.complete(fitter, found, None, library=["uneven_angle", "backlash"])
     assert asked[1:] == ([["uneven_angle"]] if tried else [])

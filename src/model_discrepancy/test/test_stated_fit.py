@@ -45,3 +45,12 @@ def test_a_fit_without_errors_is_stated_without_errors(lacking):
 def test_a_model_of_which_little_is_missing_is_stated_as_it_was_found(lacking, little):
     fitter, base, _ = lacking
     assert stated_fit(fitter, base, little) is base
+
+
+def test_a_model_with_a_flexible_term_is_stated_by_the_plain_torque(lacking):
+    fitter, base, _ = lacking
+    little = Remainder(0.05, 0.04, {}, 0.5, 0.01)
+    final = fitter.fit([*base.terms, "uneven_damping"], base.values, evaluations=5)
+    stated = stated_fit(fitter, final, little)
+    used = fitter.rows.used
+    assert np.var(stated.plain[used]) < 0.95 * np.var(final.plain[used])

@@ -54,7 +54,5 @@ class UnevenDamping(Term):
         (splines,) = curve_of_angle(
             signals.foot_position, float(values["xc"]), float(values["span"]), _WITHOUT_MEAN
         )
-        return {
-            f"b{number}": splines[:, number - 1] * signals.foot_velocity
-            for number in range(1, KNOTS + 1)
-        }
+        columns = splines.T * signals.foot_velocity
+        return {f"b{number}": column for number, column in enumerate(columns, start=1)}

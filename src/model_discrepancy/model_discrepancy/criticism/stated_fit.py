@@ -4,11 +4,13 @@ A fit to the whitened torque is the best one where the model is right: it trusts
 far as its noise allows. Where something is missing, it trusts most the small fast torque, in which
 the lack of the model is far above the noise, and gives up values that the large torque of the
 movements shows. In human trials the two halves of a trial then disagree in K and G. So the values
-of a model that leaves much predictable follow from the plain torque, as its VAF does.
+of a model that leaves much predictable follow from the plain torque, as its VAF does. So do those
+of a model with flexible terms, which stand for equations that are not exact.
 """
 
 from __future__ import annotations
 
+from ankle_physics.term import term_library
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -36,12 +38,13 @@ def stated_fit(fitter: Fitter, fit: Fit, after: Remainder) -> Fit:
     Returns
     -------
     Fit
-        The same where little is missing; else the model fitted to the plain torque, with standard
-        errors where the given one has them.
+        The same where little is missing and no term is flexible; else the model fitted to the plain
+        torque, with standard errors where the given one has them.
     """
-    if not after.exceeds_chance or after.share < LEAST_SHARE:
-        return fit
-    return plain_fit(fitter, fit)
+    lacks = after.exceeds_chance and after.share >= LEAST_SHARE
+    if lacks or any(term_library()[name].flexible for name in fit.terms):
+        return plain_fit(fitter, fit)
+    return fit
 
 
 def plain_fit(fitter: Fitter, fit: Fit) -> Fit:
