@@ -138,7 +138,9 @@ def test_only_what_the_first_recording_names_is_asked_about(named, sets):
     final = SimpleNamespace(score=100.0, values={"tendon": {}})
     rivals = [trial("reflex_threshold", 101.0)]
     found = SimpleNamespace(
-        final=final, effects=[SimpleNamespace(trial=trial("tendon", 100.0), rivals=rivals)]
+        final=final,
+        compared=final,
+        effects=[SimpleNamespace(trial=trial("tendon", 100.0), rivals=rivals)],
     )
     verdict = SimpleNamespace(effects=[{"name": name} for name in named])
     asked = investigation._open_sets(SimpleNamespace(found=found, verdict=verdict))
