@@ -11,7 +11,7 @@ from ankle_physics.signals import Signals
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.angle_error import angle_curve, angle_error
 from model_discrepancy.report.pictures import angle_error_picture
-from model_discrepancy.search import term_search
+from model_discrepancy.search import flexible_terms, term_search
 from model_discrepancy.search.flexible_terms import add_flexible, add_further
 from model_discrepancy.search.found import Effect, Found, Trial
 from model_discrepancy.search.grids import Grids
@@ -106,6 +106,25 @@ def test_a_further_term_is_added_where_it_predicts_unseen_data_better(library, l
     add_further(problem.fitter, found, Grids(library, 25.0), null, print)
     assert [effect.trial.name for effect in found.refinements] == left
     assert (found.final.score < 0.9 * problem.base.score) == bool(left)
+
+
+@pytest.mark.parametrize(
+    ("held_out", "by_chance", "taken"),
+    [((0.05, 0.04), 0.01, True), ((0.05, 0.01), 0.01, False), ((0.05, 0.04), 0.2, False)],
+)
+def test_a_further_term_needs_both_halves_and_more_than_chance_but_no_torque(
+    held_out, by_chance, taken, monkeypatch
+):
+    problem, null = prepared({"maxwell_relaxation": {"k": 40.0, "T": 0.05}})
+    fit = problem.fitter.fit([*problem.base.terms, "maxwell_relaxation"], problem.base.values)
+    trial = Trial("maxwell_relaxation", fit, 0.1, held_out, -50.0, by_chance, torque_share=0.0)
+    offered = [[trial], []]
+    candidates = SimpleNamespace(best=lambda _: (offered.pop(0), 0.0))
+    monkeypatch.setattr(flexible_terms, "Candidates", lambda *_: candidates)
+    found = Found(problem.base, problem.base)
+    add_further(problem.fitter, found, None, null, print)
+    assert (found.final is not problem.base) == taken
+    assert [effect.trial for effect in found.refinements] == [trial] * taken
 
 
 @pytest.mark.parametrize(

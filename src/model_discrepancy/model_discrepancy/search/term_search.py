@@ -99,6 +99,7 @@ def search(
         terms = len(found.effects) + len(found.refinements)
         if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
             break
+    found.base_held_out = held_out(fitter, found.base)
     _score(fitter, found, grids, null, progress)
     found.base_reflex_stands_in = reflex_stands_in(fitter, found.base)
     found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
@@ -141,9 +142,7 @@ def complete(
 def _score(fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Progress) -> None:
     """Score what was found on unseen data, remove refinements that do harm, and state errors."""
     progress("scoring on unseen data")
-    models = [found.base, found.final] if found.effects else [found.base]
-    scored = in_parallel(lambda fit: held_out(fitter, fit), models)
-    found.base_held_out, found.final_held_out = scored[0], scored[-1]
+    found.final_held_out = held_out(fitter, found.final) if found.effects else found.base_held_out
     if _drop_harmful_refinements(fitter, found, progress):
         name_second_effect(fitter, found, grids, null, progress)
     found.unrefined = _unrefined(fitter, found)
