@@ -49,13 +49,14 @@ class Sources:
 
 def publishers(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that publish a topic, one for each publisher, sorted."""
-    return _full_names(node.get_publishers_info_by_topic(topic))
+    return sorted(full_names(node.get_publishers_info_by_topic(topic)))
 
 
 def readers(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that read a topic, one for each subscription, sorted."""
-    return _full_names(node.get_subscriptions_info_by_topic(topic))
+    return sorted(full_names(node.get_subscriptions_info_by_topic(topic)))
 
 
-def _full_names(ends: Sequence[TopicEndpointInfo]) -> list[str]:
-    return sorted(f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends)
+def full_names(ends: Sequence[TopicEndpointInfo]) -> list[str]:
+    """Return the full name of the node at each end of a topic, in their order."""
+    return [f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in ends]

@@ -39,7 +39,7 @@ class Recording:
         self.account = LossAccount()
         self.warnings: list[str] = []
         self._numbers: dict[str, MessageNumbers] = {}
-        self._mixed: set[str] = set()
+        self._mixed: set[tuple[str, str]] = set()
         self._began = time.monotonic()
 
     @property
@@ -70,15 +70,17 @@ class Recording:
         Returns
         -------
         str | None
-            A sentence where a topic of samples has more than one publisher, the first time.
+            A sentence as long as a topic of samples has more than one publisher. The bag notes
+            each such sentence once.
         """
         self._numbers.setdefault(topic, MessageNumbers()).set_publishers(publishers)
-        if len(publishers) < 2 or topic not in self.account.topics or topic in self._mixed:
+        if len(publishers) < 2 or topic not in self.account.topics:
             return None
-        self._mixed.add(topic)
         names = ", ".join(sorted(publishers.values()))
         sentence = f"{len(publishers)} nodes publish it ({names}); their samples are mixed"
-        self.note(f"{topic}: {sentence}")
+        if (topic, sentence) not in self._mixed:
+            self._mixed.add((topic, sentence))
+            self.note(f"{topic}: {sentence}")
         return sentence
 
     def write(

@@ -10,6 +10,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ankle_node.acknowledgement import ACKNOWLEDGEMENT_SUFFIX
 from ankle_node.node import AnkleNode
+from ankle_node.sources import full_names
 from session_recorder import bag_metadata
 from session_recorder.errors import BagError
 from session_recorder.raw_subscriptions import RawSubscriptions
@@ -110,10 +111,9 @@ class TopicDiscovery:
     def _set_publishers(
         self, recording: Recording, topic: str, offers: Sequence[TopicEndpointInfo]
     ) -> None:
-        publishers = {
-            str(offer.endpoint_gid): f"{offer.node_namespace.rstrip('/')}/{offer.node_name}"
-            for offer in offers
-        }
+        identities = (str(offer.endpoint_gid) for offer in offers)
+        publishers = dict(zip(identities, full_names(offers), strict=True))
         sentence = recording.set_publishers(self._choice.name_in_bag(topic), publishers)
         if sentence is not None:
-            self._warn(topic, sentence)
+            # Apart from what is said of the samples, which changes more often.
+            self._warn(f"{topic} publishers", sentence)
