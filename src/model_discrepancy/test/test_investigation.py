@@ -19,9 +19,9 @@ from simulation_study.planted_trials import simulate_trial
 CONDITIONS = {"whitening_rate[Hz]": 200.0}
 
 
-def judged(excess, evidence):
+def judged(excess, evidence, without=()):
     one = OpenSet(next(iter(excess)), {name: {} for name in excess})
-    one.excess, one.evidence = excess, evidence
+    one.excess, one.evidence, one.without = excess, evidence, list(without)
     return remaining(one, list(excess))
 
 
@@ -47,6 +47,21 @@ def test_a_name_goes_where_the_recordings_add_up_against_it():
     assert judged(little, evidence) == ["tendon", "reflex_threshold"]
     assert judged(enough, evidence) == ["tendon"]
     assert judged(undecided, evidence) == ["tendon", "reflex_threshold"]
+
+
+@pytest.mark.parametrize(
+    ("without", "evidence", "left"),
+    [
+        # It leaves 1.4 of 2 % that the likeliest one takes off, or of 5 %.
+        ([0.008, 0.012], 60.0, ["tendon"]),
+        ([0.02, 0.03], 60.0, ["tendon", "reflex_threshold"]),
+        ([0.008, 0.012], 6.0, ["tendon", "reflex_threshold"]),
+    ],
+)
+def test_a_name_goes_that_explains_less_than_half_of_the_effect(without, evidence, left):
+    # The recording that chose the names does not count.
+    excess = {"tendon": [0.005, 0.0, 0.0], "reflex_threshold": [0.0, 0.006, 0.008]}
+    assert judged(excess, {"tendon": 0.0, "reflex_threshold": evidence}, without) == left
 
 
 def test_the_likeliest_of_all_recordings_stays_though_one_recording_prefers_another():

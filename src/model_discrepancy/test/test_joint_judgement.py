@@ -39,7 +39,7 @@ def searched(monkeypatch):
         zero = {name: [0.0, 0.0] for name in rivals}
         models = {name: [fit(name), fit(name)] for name in rivals}
         tried = Rivals(models, zero, dict.fromkeys(rivals, 0.0))
-        monkeypatch.setattr(joint_judgement, "diagnose_together", lambda *_: found)
+        monkeypatch.setattr(joint_judgement, "diagnose_together", lambda *_, **__: found)
         monkeypatch.setattr(joint_judgement, "rivals_together", lambda *_: tried)
         monkeypatch.setattr(joint_judgement, "_worse", lambda *_: worse)
 
@@ -70,17 +70,72 @@ def test_what_is_named_instead_and_is_likelier_takes_the_place_of_the_names(sear
     assert one.left == ["reflex_exponent", "reflex_drift"]
 
 
+@pytest.mark.parametrize(("share", "left"), [(0.1, ["reflex_exponent"]), (0.3, list(OLD))])
+def test_what_is_named_beside_a_set_in_similar_size_does_not_take_its_place(searched, share, left):
+    searched({"reflex_exponent": 1.0 - share, "tendon": share}, "explained", worse=True)
+    one = open_set()
+    judge_together([one], [])
+    assert one.left == left
+
+
+def test_a_stand_in_of_what_is_not_explained_takes_no_place(searched):
+    searched({"inertia": 0.6, "reflex_exponent": 0.4}, "unexplained", worse=True)
+    one = open_set()
+    judge_together([one], [], beside={"inertia": {}})
+    assert one.left == []
+
+
+def test_the_search_begins_once_more_from_what_is_left(searched, monkeypatch):
+    searched({"reflex_threshold": 1.0}, "explained")
+    begun = []
+    found = joint_judgement.diagnose_together()
+
+    def search(*_, begin):
+        begun.append(begin)
+        return found
+
+    monkeypatch.setattr(joint_judgement, "diagnose_together", search)
+    one = open_set()
+    one.models["reflex_threshold"]["reflex_threshold"] = {"vt": 0.2}
+    one.left = ["reflex_threshold"]
+    judge_together([one], [], beside={"inertia": {"I": 0.01}})
+    assert begun == [{"inertia": {"I": 0.01}, "reflex_threshold": {"vt": 0.2}}]
+
+
 def test_names_that_nothing_confirms_are_withdrawn_where_no_new_effect_is_named(searched):
     searched({"reflex_exponent": 0.9, "tendon": 0.01}, "unexplained")
     one = open_set()
-    assert not judge_together([one], [], beside=["reflex_exponent"]).asks
+    assert not judge_together([one], [], beside={"reflex_exponent": {}}).asks
     assert one.left == []
+
+
+def recorded(gain):
+    """Return a recording of which either name of the open set takes this share off the error."""
+
+    def fitted(terms, *_, **__):
+        return SimpleNamespace(
+            terms=terms, score=1.0 - gain * bool(set(OLD) & set(terms)), size=len(terms)
+        )
+
+    fitter = SimpleNamespace(rows=SimpleNamespace(independent=1000.0), fit=fitted)
+    return SimpleNamespace(problem=SimpleNamespace(fitter=fitter))
+
+
+@pytest.mark.parametrize(
+    ("gains", "left"), [((0.2, 0.0), []), ((0.0, 0.2), list(OLD)), ((0.2,), list(OLD))]
+)
+def test_names_that_no_designed_recording_needs_are_withdrawn(searched, gains, left):
+    searched({"inertia": 0.9}, "explained")
+    joint_judgement.diagnose_together().members.extend(recorded(gain) for gain in gains)
+    one = open_set()
+    judge_together([one], [], beside={"inertia": {}})
+    assert one.left == left
 
 
 def test_a_name_that_only_refines_a_model_does_not_question_a_set(searched):
     searched({"inertia": 0.96, "reflex_exponent": 0.04}, "explained")
     one = open_set()
-    assert not judge_together([one], [], beside=["inertia"]).asks
+    assert not judge_together([one], [], beside={"inertia": {}}).asks
     assert one.left == list(OLD)
 
 
@@ -111,10 +166,11 @@ def story_of(monkeypatch, tmp_path):
 
     def made(asks, recorded=True, rounds=3):
         effects = [{"name": "tendon"}]
-        verdict = SimpleNamespace(verdict="explained", effects=effects)
-        monkeypatch.setattr(
-            investigation, "diagnose", lambda *_, **__: SimpleNamespace(verdict=verdict)
+        diagnosis = SimpleNamespace(
+            verdict=SimpleNamespace(verdict="explained", effects=effects),
+            found=SimpleNamespace(final=fit("tendon")),
         )
+        monkeypatch.setattr(investigation, "diagnose", lambda *_, **__: diagnosis)
         monkeypatch.setattr(investigation, "_open_sets", lambda _: [open_set()])
         searches = []
 

@@ -82,6 +82,22 @@ def test_a_set_without_the_right_name_gives_way_to_what_all_recordings_say():
     assert "torque sensor mode" not in said
 
 
+def test_a_second_search_begins_from_given_terms_and_keeps_those_that_are_needed():
+    visits = [recording(1, 60.0, 40.0, seconds=20.0), recording(2, 90.0, 40.0, seconds=20.0)]
+    begin = {
+        "torque_sensor_lag": {"T": 0.005},
+        "maxwell_relaxation": {"k": 30.0, "T": 0.1},
+        "reflex_threshold": {"vt": 0.1},
+    }
+    # The library of the first search lacks what the second one begins from.
+    found = diagnose_together(visits, ["torque_sensor_mode"], begin=begin)
+    names = {effect.name for effect in found.effects}
+    assert {"maxwell_relaxation", "torque_sensor_mode"} <= names
+    assert "reflex_threshold" not in names
+    from_base = diagnose_together(visits, ["torque_sensor_mode"])
+    assert {effect.name for effect in from_base.effects} == {"torque_sensor_mode"}
+
+
 @pytest.mark.slow
 def test_what_is_the_rigs_is_shared_and_what_is_the_subjects_is_free(tmp_path):
     found = diagnose_together(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
@@ -44,16 +45,20 @@ def write_investigation(story: Investigation, path: Path) -> None:
     judged = [s for s in story.sets if s.evidence]
     if judged:
         parts += ["<h2>What excludes what</h2>", image(encoded(_excess_picture(judged)))]
-        rows = [
-            [
-                _plain(name),
-                ", ".join(f"{100 * e:.1f}" for e in one.excess.get(name, [])),
-                f"{one.evidence.get(name, float('nan')):.0f}",
-                "left" if name in one.left else "excluded" if one.left else "withdrawn",
+        rows = []
+        for asked in judged:
+            rows += [
+                [
+                    _plain(name),
+                    _percent(asked.excess.get(name, [])),
+                    f"{asked.evidence.get(name, float('nan')):.0f}",
+                    "left" if name in asked.left else "excluded" if asked.left else "withdrawn",
+                ]
+                for name in asked.models
             ]
-            for one in judged
-            for name in one.models
-        ]
+            if asked.without:
+                without = _percent(asked.without)
+                rows.append(["none of these, in the designed ones", without, "", ""])
         head = [
             "name",
             "error beyond the best of its set, recording by recording [%]",
@@ -70,6 +75,10 @@ def _headline(story: Investigation) -> str:
     if not story.names:
         return f"Nothing was left to ask: {story.first.verdict.verdict.replace('_', ' ')}."
     return f"The base model leaves out {_plain(', '.join(story.names))}."
+
+
+def _percent(shares: Sequence[float]) -> str:
+    return ", ".join(f"{100 * share:.1f}" for share in shares)
 
 
 def _plain(text: str) -> str:

@@ -30,7 +30,7 @@ from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet, rank
+from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet, Values, rank
 from model_discrepancy.tools.joint_judgement import judge_together, settle_doubts
 from model_discrepancy.tools.open_set import OpenSet, remaining
 
@@ -113,10 +113,13 @@ class Investigation:
         return list(dict.fromkeys(name for name in names if name))
 
     @property
-    def beside(self) -> list[str]:
-        """Return the names of the effects for which no other names would do."""
+    def beside(self) -> Values:
+        """Return the effects for which no other names would do, with their values."""
+        assert self.first.found is not None
         asked = {s.effect for s in self.sets}
-        return [e["name"] for e in self.first.verdict.effects if e["name"] not in asked]
+        values = self.first.found.final.values
+        names = [effect["name"] for effect in self.first.verdict.effects]
+        return {name: dict(values.get(name, {})) for name in names if name not in asked}
 
     def content(self) -> dict[str, Any]:
         """Return plain data of ``investigation.json``."""
@@ -132,6 +135,7 @@ class Investigation:
                     "together": s.together,
                     "excess": s.excess,
                     "log_likelihood_below_best": s.evidence,
+                    "excess_without": s.without,
                 }
                 for s in self.sets
             ],
@@ -323,7 +327,9 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
             scores[name] = fit.score
             # The next movement is designed with what this recording made of each name.
             one.models[name] = fit.values
-        best = min(scores.values())
+        preferred = min(scores, key=lambda name: scores[name])
+        best = scores[preferred]
+        one.without.append(one.fitted_without(fitter, preferred).score / best - 1.0)
         for name, score in scores.items():
             one.excess.setdefault(name, []).append(score / best - 1.0)
             gain = 0.5 * fitter.rows.independent * float(np.log(score / best))
@@ -334,6 +340,6 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
             f"{' or '.join(one.left)} is left"
             + (f", {', '.join(out)} excluded" if out else ", nothing excluded")
             + f" ({', '.join(f'{n} {100 * (s / best - 1.0):.1f} %' for n, s in scores.items())}"
-            " more error than the best)"
+            f" more error than the best, none of them {100 * one.without[-1]:.1f} %)"
         )
     return ("; ".join(said) + ".").replace("_", " ")

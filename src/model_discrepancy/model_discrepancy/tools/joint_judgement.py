@@ -3,17 +3,20 @@
 A set holds what fits the first recording about as well as the name that was preferred there. Where
 that name stood in for something else, the right one may not be in the set, and no experiment that
 tells its members apart brings it in. A search of all recordings together does: what stands in for
-an effect in one movement seldom does so in another one.
+an effect in one movement seldom does so in another one. The search begins from the base model, and
+once more from what is left of the sets. Where it leaves a recording unexplained, only its largest
+effect is confirmed, since what is missing has stand-ins of its own.
 
-- A set is replaced where that search names another effect that is larger than whatever it names of
-  the set, and the set's names leave all recordings less likely, by BIC, than what the search found.
+- A set is replaced where that search names another effect that is much larger than whatever it
+  names of the set, and the set's names leave all recordings less likely, by BIC, than what the
+  search found. What it names beside the set in similar size is another effect.
 - Where such an effect is named and confirms none of the set's names, but these fit all recordings
   as well with all that stands beside them, both stay in question: either model was chosen on
   these recordings, so that only a further one can decide.
 - A set is withdrawn where that search confirms none of its names and puts none in their place:
-  they take off next to nothing of what all effects take off together. Where the search leaves a
-  recording unexplained, only its largest effect is confirmed, since what is missing has stand-ins
-  of its own.
+  they take off next to nothing of what all effects take off together. Where the names make all
+  recordings likelier than what the search found, this holds only if the designed recordings need
+  none of them: the first one chose the names, and says nothing more.
 """
 
 from __future__ import annotations
@@ -35,6 +38,9 @@ from model_discrepancy.tools.shared_effects import Together
 # Names of a set that are compared with what all recordings say, the likeliest first: each is fitted
 # to every recording, and the others were less likely.
 MOST_COMPARED = 3
+# What stood in for another effect may still correct the equation of that one a little. Where it is
+# more than this share of it, it stands beside it: both are needed.
+LARGEST_REMNANT = 0.25
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ def judge_together(
     recordings: Sequence[Recording],
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
-    beside: Sequence[str] = (),
+    beside: Values | None = None,
 ) -> Judgement:
     """Search all recordings together, and replace, question or withdraw what is left of the sets
     that this contradicts.
@@ -74,7 +80,7 @@ def judge_together(
     progress
         Called with one line for each step.
     beside
-        Names of other effects, which the sets do not ask about.
+        Values by term and symbol of other effects, which the sets do not ask about.
 
     Raises
     ------
@@ -82,35 +88,43 @@ def judge_together(
         One of the recordings cannot be used.
     """
     named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
-    found = diagnose_together(named, library, progress)
-    shares = {effect.name: effect.share for effect in found.effects}
     asked = [one for one in sets if one.left]
-    known = set(beside) | {name for one in asked for name in one.upheld}
+    begin = dict(beside or {})
+    for one in asked:
+        likeliest = one.upheld[0]
+        begin[likeliest] = one.model(likeliest).get(likeliest, {})
+    found = diagnose_together(named, library, progress, begin=begin)
+    shares = {effect.name: effect.share for effect in found.effects}
+    known = set(beside or {}) | {name for one in asked for name in one.upheld}
     # What is named beside a set, or in another one, is no new name for it.
     new = sorted(shares.keys() - known, key=lambda name: -shares[name])
     said, asks = [], False
     for one in asked:
         names, largest = " or ".join(one.upheld), max(shares.get(n, 0.0) for n in one.upheld)
-        larger = bool(new) and shares[new[0]] > max(largest, REFINEMENT)
+        instead = (
+            bool(new)
+            and shares[new[0]] > max(largest / LARGEST_REMNANT, REFINEMENT)
+            and _confirmed(shares[new[0]], shares, found)
+        )
         confirmed = _confirmed(largest, shares, found)
-        if confirmed and not larger:
+        if confirmed and not instead:
             continue
         worse = _worse(one, found)
-        if larger and worse:
+        if instead and worse:
             _replace(one, found, new.pop(0), library)
             asks = asks or one.open
             said.append(
                 f"{' or '.join(one.left)} takes the place of {names}, which leaves all "
                 "recordings less likely"
             )
-        elif larger and not confirmed and _confirmed(shares[new[0]], shares, found):
+        elif instead and not confirmed:
             _question(one, found, new.pop(0), library)
             asks = True
             said.append(
                 f"{' or '.join(one.together)} is named instead of {names}, which fits as well "
                 "with all that stands beside it, so that a further recording has to decide"
             )
-        elif not confirmed and (found.verdict == "unexplained" or worse):
+        elif not confirmed and (found.verdict == "unexplained" or worse or _needless(one, found)):
             one.left, one.doubted = [], []
             said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
     if not said:
@@ -162,6 +176,19 @@ def _worse(one: OpenSet, found: Together) -> bool:
     return min(changes, default=0.0) > 0.0
 
 
+def _needless(one: OpenSet, found: Together) -> bool:
+    """Say whether the designed recordings are as likely, by BIC, without any name of a set."""
+    designed = [member.problem.fitter for member in found.members[1:]]
+    changes = [
+        sum(
+            bic_change(fitter, one.fitted_without(fitter, name), one.fitted(fitter, name))
+            for fitter in designed
+        )
+        for name in one.upheld[:MOST_COMPARED]
+    ]
+    return bool(designed) and min(changes, default=0.0) > 0.0
+
+
 def _replace(one: OpenSet, found: Together, name: str, library: Sequence[str] | None) -> None:
     """Put a name, and the others that fit all recordings about as well in its place, in the place
     of a set's names.
@@ -171,7 +198,8 @@ def _replace(one: OpenSet, found: Together, name: str, library: Sequence[str] | 
     fits = {name: rivals.fits[name], **rivals.fits}
     # The next movement is designed with what the last recording made of each name.
     one.models = {other: _values(each[-1]) for other, each in fits.items()}
-    one.excess, one.evidence, one.doubted = rivals.excess, rivals.evidence, []
+    one.excess, one.evidence, one.without = rivals.excess, rivals.evidence, []
+    one.doubted = []
     one.left = one.together = remaining(one, list(fits))
     one.models = {other: one.models[other] for other in one.left}
 

@@ -12,6 +12,12 @@ from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.experiment_design import Values
 
+# A name that leaves more than this share of what the likeliest name takes off explains less than
+# half of the effect: it is another one, however small the effect is beside all the torque.
+LARGEST_LOSS = 0.5
+# Log-likelihood by which it must be the less likely: twice what counts as very strong evidence
+# (Kass & Raftery, J. Am. Stat. Assoc. 90 (1995) 773-795), since residuals are no white noise.
+LEAST_EVIDENCE = 10.0
 # Evaluations of the refit of a name to another recording.
 EVALUATIONS = 25
 
@@ -33,6 +39,9 @@ class OpenSet:
         recording, the first one included; 0 is the best.
     evidence
         Log-likelihood of each name below that of the best, over all designed recordings.
+    without
+        Whitened error that the model without any of the names leaves beyond the best of the set,
+        one number for each designed recording that judged the present names.
     left
         Names that are not excluded; none where the set was withdrawn (`joint_judgement`).
     together
@@ -49,6 +58,7 @@ class OpenSet:
     models: dict[str, Values]
     excess: dict[str, list[float]] = field(default_factory=dict)
     evidence: dict[str, float] = field(default_factory=dict)
+    without: list[float] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
     together: list[str] = field(default_factory=list)
     doubted: list[str] = field(default_factory=list)
@@ -105,6 +115,17 @@ class OpenSet:
         values = self.model(name)
         return fitter.fit(with_term(list(values), name), values, evaluations=EVALUATIONS)
 
+    def fitted_without(self, fitter: Fitter, name: str) -> Fit:
+        """Return the model with one of the names, fitted to another recording without that name.
+
+        Parameters
+        ----------
+        fitter, name
+            See `fitted`.
+        """
+        values = self.model(name)
+        return fitter.fit(without_term(list(values), name), values, evaluations=EVALUATIONS)
+
 
 def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     """Return the names of a set that no recording excludes, the likeliest first.
@@ -112,7 +133,9 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
     or all recordings together leave it so much more than the likeliest name, and all designed
     recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
-    and those of independent recordings multiply. A general term stays beside a special case of it,
+    and those of independent recordings multiply. It is excluded, too, where it leaves more than
+    `LARGEST_LOSS` of what the likeliest name takes off the error of all designed recordings, and
+    these speak against it by `LEAST_EVIDENCE`. A general term stays beside a special case of it,
     or of one of its special cases, only where it does better.
 
     Parameters
@@ -124,10 +147,18 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     """
     best = min(judged, key=lambda name: one.evidence[name])
 
+    def beyond(name: str, last: int) -> float:
+        return sum(one.excess[name][-last:]) - sum(one.excess[best][-last:])
+
     def excluded(name: str) -> bool:
-        largest = max(one.excess[name])
-        together = sum(one.excess[name]) - sum(one.excess[best])
-        return max(largest, together) >= RIVAL_EXCESS and one.evidence[name] > one.evidence[best]
+        less_likely = one.evidence[name] - one.evidence[best]
+        judged_by = len(one.without)
+        if judged_by and less_likely > LEAST_EVIDENCE:
+            taken = sum(one.without) - sum(one.excess[best][-judged_by:])
+            if beyond(name, judged_by) > LARGEST_LOSS * taken:
+                return True
+        most = max(*one.excess[name], beyond(name, len(one.excess[name])))
+        return most >= RIVAL_EXCESS and less_likely > 0.0
 
     kept = [name for name in judged if not excluded(name)]
     # A general term that does no better than its special case says nothing of its own.

@@ -21,6 +21,7 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.remainder import remainder
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_background, in_parallel, side_by_side
@@ -33,6 +34,8 @@ from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.found import Progress
 from model_discrepancy.search.hypotheses import MOST_TERMS
 from model_discrepancy.search.null import Null
+from model_discrepancy.search.screening import with_term
+from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import best_step, specialised
 from model_discrepancy.tools.shared_effects import (
     Member,
@@ -42,6 +45,8 @@ from model_discrepancy.tools.shared_effects import (
 
 # A standard error below this share of the parameter is not believed: models are not that exact.
 LEAST_RELATIVE_ERROR = 0.02
+# Evaluations of the refit of a term from which a search begins.
+BEGIN_EVALUATIONS = 25
 
 Held = dict[str, dict[str, float]]
 """Values by term and symbol that are the same in all recordings."""
@@ -53,6 +58,7 @@ def diagnose_together(
     progress: Progress = lambda _: None,
     joint: JointProfile | None = None,
     rig: RigFile | str | Path | None = None,
+    begin: Values | None = None,
 ) -> Together:
     """Diagnose several recordings of one rig together.
 
@@ -68,6 +74,10 @@ def diagnose_together(
         Whose ranges, units and base model hold; None: those in force.
     rig
         A calibrated rig (or its file), which is taken as known.
+    begin
+        Terms, with values by symbol, from which a second search begins; of both, the models that
+        make all recordings likelier, by BIC, are kept. One search takes what is best first, which
+        in several movements may be a stand-in that one of them excludes.
 
     Raises
     ------
@@ -78,7 +88,9 @@ def diagnose_together(
     """
     known = RigFile.load(rig) if isinstance(rig, str | Path) else rig
     with (joint or joint_in_force()).in_force(), side_by_side():
-        return in_background(lambda: _diagnosed_together(sources, library, progress, known))
+        return in_background(
+            lambda: _diagnosed_together(sources, library, progress, known, begin or {})
+        )
 
 
 def _diagnosed_together(
@@ -86,19 +98,17 @@ def _diagnosed_together(
     library: Sequence[str] | None,
     progress: Progress,
     known: RigFile | None,
+    begin: Values,
 ) -> Together:
     recordings = [s if isinstance(s, Recording) else Recording.from_bag(s) for s in sources]
     _require_usable(recordings)
     members = [_member(r, known, progress) for r in recordings]
-    found = Together(members)
-    gains = _search(found, library, progress)
+    found, gains = _searched(members, library, progress, begin)
     fits = [m.fit if knows_movement_better(m.problem, m.fit) else None for m in members]
     if any(fits):
         progress("the movement that torque made is known better now: searching again")
-        found = Together(
-            [_member(r, known, progress, f) for r, f in zip(recordings, fits, strict=True)]
-        )
-        gains = _search(found, library, progress)
+        members = [_member(r, known, progress, f) for r, f in zip(recordings, fits, strict=True)]
+        found, gains = _searched(members, library, progress, begin)
     _settle(found, gains, progress)
     return found
 
@@ -130,9 +140,59 @@ def _member(
     return Member(problem, Null.of(problem.noise, rows.time, rows.used), problem.base)
 
 
-def _search(found: Together, library: Sequence[str] | None, progress: Progress) -> dict[str, float]:
-    """Add terms to all models while they are worth it; the joint gain of each by its name."""
-    gains: dict[str, float] = {}
+def _searched(
+    members: list[Member], library: Sequence[str] | None, progress: Progress, begin: Values
+) -> tuple[Together, dict[str, float]]:
+    """Return what is found from the base models or from given terms, whichever makes all recordings
+    likelier, and the joint gain of each term by its name.
+    """
+    found = Together(members)
+    gains = _search(found, library, progress, {})
+    if not begin:
+        return found, gains
+    progress("the same from what the first one shows")
+    other = Together([Member(m.problem, m.null, m.problem.base) for m in members])
+    other_gains = _search(other, library, progress, _begun(other, begin))
+    change = sum(
+        bic_change(m.problem.fitter, m.fit, o.fit)
+        for m, o in zip(found.members, other.members, strict=True)
+    )
+    return (other, other_gains) if change < 0.0 else (found, gains)
+
+
+def _begun(found: Together, begin: Values) -> dict[str, float]:
+    """Put those of the given terms into all models that make all recordings likelier, one after
+    the other, and return the joint gain of each.
+    """
+    gains = {}
+    for name, values in begin.items():
+        old = [m.fit for m in found.members]
+        new = [
+            m.problem.fitter.fit(
+                with_term(m.fit.terms, name),
+                {**m.fit.values, name: dict(values)},
+                evaluations=BEGIN_EVALUATIONS,
+            )
+            for m in found.members
+        ]
+        fitters = [m.problem.fitter for m in found.members]
+        if sum(map(bic_change, fitters, old, new)) >= 0.0:
+            continue
+        gains[name] = 1.0 - sum(fit.score for fit in new) / sum(fit.score for fit in old)
+        for member, fit in zip(found.members, new, strict=True):
+            member.fit = fit
+    return gains
+
+
+def _search(
+    found: Together,
+    library: Sequence[str] | None,
+    progress: Progress,
+    gains: dict[str, float],
+) -> dict[str, float]:
+    """Add terms to all models while they are worth it; the joint gain of each by its name, beside
+    those that the models hold.
+    """
     while len(gains) < MOST_TERMS:
         progress(f"looking for term {len(gains) + 1}: screening all recordings")
         best = best_step(found, library, progress)
