@@ -56,6 +56,8 @@ def test_a_name_goes_where_the_recordings_add_up_against_it():
         ([0.008, 0.012], 60.0, ["tendon"]),
         ([0.02, 0.03], 60.0, ["tendon", "reflex_threshold"]),
         ([0.008, 0.012], 6.0, ["tendon", "reflex_threshold"]),
+        # Next to nothing is shown of the effect itself.
+        ([0.003, 0.001], 60.0, ["tendon", "reflex_threshold"]),
     ],
 )
 def test_a_name_goes_that_explains_less_than_half_of_the_effect(without, evidence, left):

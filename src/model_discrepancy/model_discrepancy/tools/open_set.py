@@ -15,6 +15,9 @@ from model_discrepancy.tools.experiment_design import Values
 # A name that leaves more than this share of what the likeliest name takes off explains less than
 # half of the effect: it is another one, however small the effect is beside all the torque.
 LARGEST_LOSS = 0.5
+# Share of the error that the likeliest name must take off all designed recordings for that: what
+# takes off less is not shown by them.
+LEAST_TAKEN = 0.005
 # Log-likelihood by which it must be the less likely: twice what counts as very strong evidence
 # (Kass & Raftery, J. Am. Stat. Assoc. 90 (1995) 773-795), since residuals are no white noise.
 LEAST_EVIDENCE = 10.0
@@ -134,9 +137,9 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     or all recordings together leave it so much more than the likeliest name, and all designed
     recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
     and those of independent recordings multiply. It is excluded, too, where it leaves more than
-    `LARGEST_LOSS` of what the likeliest name takes off the error of all designed recordings, and
-    these speak against it by `LEAST_EVIDENCE`. A general term stays beside a special case of it,
-    or of one of its special cases, only where it does better.
+    `LARGEST_LOSS` of what the likeliest name takes off the error of all designed recordings, if
+    that is `LEAST_TAKEN` at least, and these speak against it by `LEAST_EVIDENCE`. A general term
+    stays beside a special case of it, or of one of its special cases, only where it does better.
 
     Parameters
     ----------
@@ -155,7 +158,7 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
         judged_by = len(one.without)
         if judged_by and less_likely > LEAST_EVIDENCE:
             taken = sum(one.without) - sum(one.excess[best][-judged_by:])
-            if beyond(name, judged_by) > LARGEST_LOSS * taken:
+            if beyond(name, judged_by) > LARGEST_LOSS * taken > LARGEST_LOSS * LEAST_TAKEN:
                 return True
         most = max(*one.excess[name], beyond(name, len(one.excess[name])))
         return most >= RIVAL_EXCESS and less_likely > 0.0
