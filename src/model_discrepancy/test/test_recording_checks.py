@@ -7,8 +7,10 @@ import pytest
 
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.recording_checks import faults
+from model_discrepancy.tools.candidate_movements import candidates_for
+from simulation_study.independent_conduct import IndependentConduct
 from simulation_study.planted_trials import simulate_trial
-from simulation_study.verdict_cases import Plan, made
+from simulation_study.verdict_cases import Plan, made, trial_of
 
 BREAKAGES = {
     "wrong sign": lambda r: replace(r, torque=-r.torque),
@@ -144,3 +146,15 @@ def test_a_late_reflex_behind_late_torque_is_no_wrong_sign():
         scaled=True,
     )
     assert faults(made(plan).recording) == []
+
+
+def test_a_slow_movement_that_does_not_show_the_inertia_is_no_wrong_unit():
+    """Triangles of 0.2 s leave the torque to a reflex that varies: an inertia of 0.25 kg.m^2."""
+    case = ("effect", 44, 2645295806925682303, ("reflex_exponent",), "stiff", "random_levels")
+    subject = {"noise": "quiet", "variability": "large", "scaled": True}
+    plan = Plan(*case, rate=500.0, velocity=False, reference=True, **subject)
+    trial, _ = trial_of(plan)
+    slow = next(c for c in candidates_for(0.03, levels=False) if c.title.startswith("triangles"))
+    recording = IndependentConduct(plan, trial)(slow, 60.0, 2)
+    assert faults(recording) == []
+    assert "wrong unit" in faults(replace(recording, torque=1000.0 * recording.torque))[0]
