@@ -31,7 +31,7 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.search.found import REFINEMENT, Progress
 from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import rivals_together
-from model_discrepancy.tools.open_set import OpenSet, remaining
+from model_discrepancy.tools.open_set import LEAST_TAKEN, OpenSet, remaining
 from model_discrepancy.tools.several_recordings import diagnose_together
 from model_discrepancy.tools.shared_effects import Together
 
@@ -177,16 +177,16 @@ def _worse(one: OpenSet, found: Together) -> bool:
 
 
 def _needless(one: OpenSet, found: Together) -> bool:
-    """Say whether the designed recordings are as likely, by BIC, without any name of a set."""
+    """Say whether each name of a set takes next to nothing off all designed recordings."""
     designed = [member.problem.fitter for member in found.members[1:]]
-    changes = [
+    taken = [
         sum(
-            bic_change(fitter, one.fitted_without(fitter, name), one.fitted(fitter, name))
+            one.fitted_without(fitter, name).score / one.fitted(fitter, name).score - 1.0
             for fitter in designed
         )
         for name in one.upheld[:MOST_COMPARED]
     ]
-    return bool(designed) and min(changes, default=0.0) > 0.0
+    return bool(designed) and max(taken, default=0.0) < LEAST_TAKEN
 
 
 def _replace(one: OpenSet, found: Together, name: str, library: Sequence[str] | None) -> None:
