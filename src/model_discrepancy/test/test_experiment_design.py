@@ -123,6 +123,14 @@ def test_a_verdict_without_rivals_says_what_needs_another_recording(
     assert ("nothing open" in found[-1]) is (verdict == "mismatch" and not tentative)
 
 
+def test_a_rival_that_runs_away_is_told_apart_without_an_absurd_number():
+    runaway = PAPER | {"stiffness": PAPER["stiffness"] | {"K": 1e9}}
+    sets = [RivalSet({"tendon": PAPER, "position_reflex_gain": runaway}, 0.0)]
+    proposals = rank(sets, CONDITIONS, made=[c.title for c in candidates_for(0.04, False)[2:]])
+    assert max(proposals[0].pairs.values()) == 10.0
+    assert "at least 1000.0 % more" in Design(sets, proposals, []).sentence
+
+
 @pytest.mark.slow
 def test_the_proposed_perturbation_settles_a_set(tmp_path):
     """Steps of one size and speed do not tell a reflex threshold from an exponent; the second

@@ -46,6 +46,9 @@ Pair = tuple[str, str]
 SIMULATED_S = 30.0
 # Whitened misfit, twice the log-likelihood ratio, at which the wrong one of two models has lost.
 DECIDING_MISFIT = 50.0
+# No more than this is expected: a rival that leaves more is far from the movements to which it was
+# fitted (a reflex that grows with position runs away), and by how much says nothing.
+LARGEST_EXCESS = 10.0
 REFITTED_DESIGNS = 5
 # Shorter recordings give few stretches to judge on unseen data.
 LEAST_MINUTES = 1.0
@@ -139,7 +142,8 @@ class Design:
         best = self.proposals[0]
         now = min(s.excess for s in self.sets)
         true, wrong = (name.replace("_", " ") for name in best.pair)
-        worth = f"{100 * best.excess:.1f} % more whitened error with the wrong explanation"
+        least = "at least " if best.excess >= LARGEST_EXCESS else ""
+        worth = f"{least}{100 * best.excess:.1f} % more whitened error with the wrong explanation"
         if best.excess < RIVAL_EXCESS:
             return (
                 f"No perturbation within the limits tells {true} from {wrong}: the best, "
@@ -333,7 +337,8 @@ def _excesses(
             # Every pair with the chosen model; rivals among each other need no decision.
             if next(iter(models)) in (true, wrong):
                 fitter = _fitter(columns, models[true])
-                found[true, wrong] = _misfit(fitter, models[wrong], refit) / count
+                excess = _misfit(fitter, models[wrong], refit) / count
+                found[true, wrong] = float(np.fmin(excess, LARGEST_EXCESS))
     return found
 
 
