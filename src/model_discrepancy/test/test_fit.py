@@ -17,6 +17,7 @@ from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
 from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.rows import autoregression
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.screening import grid, screen
 from simulation_study.planted_trials import simulate_trial
@@ -37,7 +38,7 @@ def fitter_of(recording):
 @pytest.mark.parametrize(("rate", "velocity"), [(2048.0, True), (1024.0, False)])
 def test_base_parameters_come_back(rate, velocity):
     fitter = fitter_of(simulate_trial(JOINT, seed=3, duration=40.0, rate=rate, velocity=velocity))
-    fit = fitter.with_errors(fit_base(fitter))
+    fit = with_errors(fitter, fit_base(fitter))
     for name, symbol, tolerance in (
         ("inertia", "I", 0.01),
         ("viscosity", "B", 0.02),
@@ -136,7 +137,7 @@ def test_other_parts_take_no_more_than_four_fifths_of_the_inertia():
 
 def test_standard_errors_agree_with_a_bootstrap_over_blocks():
     fitter = fitter_of(simulate_trial({}, seed=4, duration=40.0))
-    fit = fitter.with_errors(fit_base(fitter))
+    fit = with_errors(fitter, fit_base(fitter))
     matrix, labels = fitter.derivatives(fit)
     used = np.flatnonzero(fitter.rows.used)
     blocks = np.array_split(used, 24)

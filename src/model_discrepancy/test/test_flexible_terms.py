@@ -8,6 +8,7 @@ import pytest
 from ankle_physics.angle_spline import KNOTS
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import prepare
 from model_discrepancy.report.angle_error import angle_curve, angle_error
 from model_discrepancy.report.pictures import angle_error_picture
@@ -42,7 +43,7 @@ def test_an_uneven_angle_is_found_with_its_curve():
     assert found.final.score < 0.8 * problem.base.score
     assert found.compared is problem.base
     assert [effect.trial.name for effect in found.refinements] == ["uneven_angle"]
-    final = problem.fitter.with_errors(found.final)
+    final = with_errors(problem.fitter, found.final)
     angles, stated, spread = angle_curve(problem.fitter, final)
     hidden = angle_error({"uneven_angle": UNEVEN}, angles)
     assert np.corrcoef(stated, hidden)[0, 1] > 0.9

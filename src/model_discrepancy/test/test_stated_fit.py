@@ -5,6 +5,7 @@ import pytest
 
 from model_discrepancy.criticism.remainder import Remainder, remainder
 from model_discrepancy.criticism.stated_fit import stated_fit
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import prepare
 from simulation_study.planted_trials import simulate_trial
 
@@ -13,7 +14,7 @@ from simulation_study.planted_trials import simulate_trial
 def lacking():
     """The base model of a joint whose muscles also relax, and what it leaves predictable."""
     problem = prepare(simulate_trial({"maxwell_relaxation": {"k": 35.0, "T": 0.05}}, 1, 40.0))
-    base = problem.fitter.with_errors(problem.base)
+    base = with_errors(problem.fitter, problem.base)
     after = remainder(problem.bank, problem.fitter, base.residual, base.plain, problem.parts)
     return problem.fitter, base, after
 

@@ -20,6 +20,7 @@ from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.preceding_torque import begins_from_rest
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import Problem
 from model_discrepancy.recording.channel_gains import Finding
 from model_discrepancy.search.found import Found
@@ -109,7 +110,7 @@ def criticise(
         progress("describing what is missing")
         block = missing_block(fitter, final, base_map.onsets)
     stated = (
-        fitter.with_errors(found.base)
+        with_errors(fitter, found.base)
         if verdict == "no_mismatch" and found.effects
         else stated_fit(fitter, final, after)
     )

@@ -14,6 +14,7 @@ from ankle_physics.term import term_library
 from model_discrepancy.criticism.remainder import Remainder
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.standard_errors import with_errors
 
 # Of the whitened residual, predictable on unseen rows. The base model was fitted to recordings of
 # an independent rig: where less is predictable, K was off by 1 % (plain fit: 3 %), and where more
@@ -59,4 +60,4 @@ def plain_fit(fitter: Fitter, fit: Fit) -> Fit:
     """
     plain = fitter.unwhitened()
     refitted = plain.fit(fit.terms, fit.values, evaluations=_EVALUATIONS)
-    return plain.with_errors(refitted) if fit.draws else refitted
+    return with_errors(plain, refitted) if fit.draws else refitted

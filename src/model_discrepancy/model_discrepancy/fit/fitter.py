@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ankle_physics.term import Parameter, term_library
-from model_discrepancy.fit.block_bootstrap import bootstrap_changes
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.coupled_foot import Foot
 from model_discrepancy.fit.fit_result import Fit
@@ -38,8 +37,6 @@ from model_discrepancy.fit.signal_path import Column
 from model_discrepancy.recording.motion import Motion
 
 Spectra = Mapping[Column, np.ndarray]
-# A refit to half of the rows stays within this share of a nonlinear parameter's range.
-_LINEAR_SHARE = 0.1
 # Whitened columns kept: four models of twelve columns each, of two hypotheses that are followed at
 # the same time; one takes 0.1 to 0.2 MB.
 _CACHE_SIZE = 96
@@ -340,23 +337,6 @@ class Fitter:
             )
         return columns_of(list(found.values())), list(found)
 
-    def room(self, fit: Fit, labels: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far each parameter may go down and up.
-
-        Nonlinear ones move on their scaled range, where the fit is linear enough.
-        """
-        down, up = ranges(labels)
-        for k, (name, symbol) in enumerate(labels):
-            parameter, value = term_library()[name].parameter(symbol), fit.values[name][symbol]
-            if parameter.linear:
-                # The fit solves for amplitudes to rounding only.
-                down[k], up[k] = min(down[k] - value, 0.0), max(up[k] - value, 0.0)
-            else:
-                unit = to_unit(parameter, value)
-                down[k], up[k] = max(-unit, -_LINEAR_SHARE), min(1.0 - unit, _LINEAR_SHARE)
-        # A range of no width is no range to the solver.
-        return np.minimum(down, -1e-9), np.maximum(up, 1e-9)
-
     def slope(
         self,
         values: Start,
@@ -401,34 +381,3 @@ class Fitter:
             return still
         rows = self.rows.plain if plain else self.rows.whitened
         return rows(change) / step
-
-    def with_errors(self, fit: Fit) -> Fit:
-        """Return the fit with standard errors; parameters at bounds are held.
-
-        The errors are those of whitened least squares or of stretches, whichever are larger.
-        """
-        matrix, labels = self.derivatives(fit)
-        used = self.rows.used
-        held = set(fit.at_bounds)
-        free = [k for k, (name, symbol) in enumerate(labels) if f"{name}.{symbol}" not in held]
-        part = matrix[used][:, free]
-        scale = np.linalg.norm(part, axis=0)
-        scale[scale == 0] = 1.0
-        information = (part / scale).T @ (part / scale)
-        variance = fit.score / max(int(used.sum()) - len(free), 1)
-        covariance = (
-            np.diag(np.linalg.pinv(information, rcond=1e-12, hermitian=True)) * variance / scale**2
-        )
-        changes = bootstrap_changes(matrix[:, free], fit.residual, used, self.rows.rate)
-        drawn = np.std(changes, axis=0, ddof=1)
-        errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
-        spreads = np.fmax(np.sqrt(np.maximum(covariance, 0.0)), drawn)
-        for place, (k, spread) in enumerate(zip(free, spreads, strict=True)):
-            name, symbol = labels[k]
-            parameter = term_library()[name].parameter(symbol)
-            unit = 1.0 if parameter.linear else stretch(parameter, fit.values[name][symbol])
-            errors[name][symbol] = float(spread * unit)
-            if np.isfinite(drawn[place]) and drawn[place] > 0.0:
-                fit.draws[name, symbol] = changes[:, place] * unit * spread / drawn[place]
-        fit.errors = errors
-        return fit

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from model_discrepancy.criticism.stated_fit import stated_fit
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.report.html_report import write_report
 
@@ -60,6 +61,6 @@ def augmented_model(diagnosis: Diagnosis) -> Model:
         fitter = diagnosis.problem.fitter
         missing = block.term_values(fitter.columns.mean_angle)
         values = {**final.values, "missing_block": missing}
-        together = fitter.with_errors(fitter.fit(list(values), values, evaluations=10))
+        together = with_errors(fitter, fitter.fit(list(values), values, evaluations=10))
         final = stated_fit(fitter, together, diagnosis.criticism.after)
     return fitted_model(final, f"{diagnosis.recording.name}: fitted by diagnosis")

@@ -24,6 +24,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.parallel import in_parallel
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.search.exchange import (
     ends_at_bound,
     exchange,
@@ -146,7 +147,7 @@ def _score(fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Pro
     if _drop_harmful_refinements(fitter, found, progress):
         name_second_effect(fitter, found, grids, null, progress)
     found.unrefined = _unrefined(fitter, found)
-    found.final = fitter.with_errors(found.final)
+    found.final = with_errors(fitter, found.final)
     found.reflex_stands_in = reflex_stands_in(fitter, found.final)
 
 

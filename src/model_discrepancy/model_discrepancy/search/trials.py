@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import cast
@@ -17,7 +18,8 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.least_squares import bounded, orthonormal
 from model_discrepancy.fit.parallel import in_parallel
-from model_discrepancy.fit.parameter_scale import Start
+from model_discrepancy.fit.parameter_scale import Start, ranges, to_unit
+from model_discrepancy.fit.signal_path import Column
 from model_discrepancy.search.acting_stretches import acting_in
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.null import Null
@@ -30,8 +32,8 @@ INDISPENSABLE_SHARE = 0.1
 VANISHING_SHARE = 0.02
 # Evaluations of a refit from values that are right but for the size of one term.
 PRECEDING_EVALUATIONS = 6
-
-
+# A refit to half of the rows stays within this share of a nonlinear parameter's range.
+_LINEAR_SHARE = 0.1
 # Where movements follow each other without rest, sizes of successive responses that are alike by
 # accident seem to follow what was held before: a reflex that only varies gained up to 1.1 times as
 # much as by chance in a human trial. What is gained there counts less by this factor.
@@ -143,12 +145,30 @@ def halves_errors(fitter: Fitter, fit: Fit, plain: bool = False) -> tuple[float,
     parts = interleaved(fitter.rows)
     derivatives, labels = fitter.derivatives(fit, plain)
     residual = fit.plain if plain else fit.residual
-    lower, upper = fitter.room(fit, labels)
+    lower, upper = _room(fit, labels)
     errors = []
     for train, test in (parts, parts[::-1]):
         change = bounded(derivatives[train], residual[train], lower, upper)
         errors.append(float(np.sum((residual[test] - derivatives[test] @ change) ** 2)))
     return errors[0], errors[1]
+
+
+def _room(fit: Fit, labels: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far each parameter may go down and up.
+
+    Nonlinear ones move on their scaled range, where the fit is linear enough.
+    """
+    down, up = ranges(labels)
+    for k, (name, symbol) in enumerate(labels):
+        parameter, value = term_library()[name].parameter(symbol), fit.values[name][symbol]
+        if parameter.linear:
+            # The fit solves for amplitudes to rounding only.
+            down[k], up[k] = min(down[k] - value, 0.0), max(up[k] - value, 0.0)
+        else:
+            unit = to_unit(parameter, value)
+            down[k], up[k] = max(-unit, -_LINEAR_SHARE), min(1.0 - unit, _LINEAR_SHARE)
+    # A range of no width is no range to the solver.
+    return np.minimum(down, -1e-9), np.maximum(up, 1e-9)
 
 
 def halves_gain(old: tuple[float, float], new: tuple[float, float]) -> tuple[float, float]:

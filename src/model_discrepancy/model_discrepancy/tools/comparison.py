@@ -27,6 +27,7 @@ from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_quality import (
     FollowingResponse,
@@ -116,7 +117,7 @@ def _side(recording: Recording, start: Fit | None, progress: Callable[[str], Non
     """
     problem = prepare(recording, progress=progress)
     fitter = problem.fitter
-    base = fitter.with_errors(problem.base)
+    base = with_errors(fitter, problem.base)
     known = base
     if start is not None and set(start.terms) != set(base.terms):
         known = fitter.fit(start.terms, start.values)

@@ -25,6 +25,7 @@ from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_background, in_parallel, side_by_side
+from model_discrepancy.fit.standard_errors import with_errors
 from model_discrepancy.problem import knows_movement_better, prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_step
@@ -209,7 +210,7 @@ def _search(
 def _settle(found: Together, gains: dict[str, float], progress: Progress) -> None:
     """Compare the recordings' values, share what is the rig's, and score everything."""
     for member in found.members:
-        member.fit = member.problem.fitter.with_errors(member.fit)
+        member.fit = with_errors(member.problem.fitter, member.fit)
     held: Held = {}
     shares = _shares(gains)
     for name, gain in gains.items():
@@ -225,7 +226,7 @@ def _settle(found: Together, gains: dict[str, float], progress: Progress) -> Non
         problem = member.problem
         fitter = problem.fitter.holding(held)
         if held:
-            member.fit = fitter.with_errors(fitter.fit(member.fit.terms, member.fit.values))
+            member.fit = with_errors(fitter, fitter.fit(member.fit.terms, member.fit.values))
         member.base = held_out(problem.fitter, problem.base)
         member.final = held_out(fitter, member.fit)
         member.after = remainder(

@@ -1,0 +1,43 @@
+"""Standard errors of a fit: those of whitened least squares, or of disjoint stretches of data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.term import term_library
+from model_discrepancy.fit.block_bootstrap import bootstrap_changes
+from model_discrepancy.fit.fit_result import Fit
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parameter_scale import stretch
+
+
+def with_errors(fitter: Fitter, fit: Fit) -> Fit:
+    """Return the fit with standard errors; parameters at bounds are held.
+
+    The errors are those of whitened least squares or of stretches, whichever are larger.
+    """
+    matrix, labels = fitter.derivatives(fit)
+    used = fitter.rows.used
+    held = set(fit.at_bounds)
+    free = [k for k, (name, symbol) in enumerate(labels) if f"{name}.{symbol}" not in held]
+    part = matrix[used][:, free]
+    scale = np.linalg.norm(part, axis=0)
+    scale[scale == 0] = 1.0
+    information = (part / scale).T @ (part / scale)
+    variance = fit.score / max(int(used.sum()) - len(free), 1)
+    covariance = (
+        np.diag(np.linalg.pinv(information, rcond=1e-12, hermitian=True)) * variance / scale**2
+    )
+    changes = bootstrap_changes(matrix[:, free], fit.residual, used, fitter.rows.rate)
+    drawn = np.std(changes, axis=0, ddof=1)
+    errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
+    spreads = np.fmax(np.sqrt(np.maximum(covariance, 0.0)), drawn)
+    for place, (k, spread) in enumerate(zip(free, spreads, strict=True)):
+        name, symbol = labels[k]
+        parameter = term_library()[name].parameter(symbol)
+        unit = 1.0 if parameter.linear else stretch(parameter, fit.values[name][symbol])
+        errors[name][symbol] = float(spread * unit)
+        if np.isfinite(drawn[place]) and drawn[place] > 0.0:
+            fit.draws[name, symbol] = changes[:, place] * unit * spread / drawn[place]
+    fit.errors = errors
+    return fit
