@@ -58,7 +58,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
             ]
             if asked.without:
                 without = _percent(asked.without)
-                rows.append(["none of these, in the designed ones", without, "", ""])
+                rows.append(["without any of them (designed recordings)", without, "", ""])
         head = [
             "name",
             "error beyond the best of its set, recording by recording [%]",
@@ -92,7 +92,7 @@ def _excess_picture(sets: list[OpenSet]) -> Figure:
     for axis, one in zip(axes, sets, strict=True):
         for name, excess in one.excess.items():
             axis.plot(range(1, len(excess) + 1), 100 * np.array(excess), "o-", label=_plain(name))
-        axis.axhline(100 * RIVAL_EXCESS, color="0.5", ls="--", lw=1)
+        axis.axhline(100 * RIVAL_EXCESS, color="0.5", ls="--", lw=1, label="excludes a name")
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.set_xlabel("recording")
         axis.set_ylabel("error beyond the best [%]")

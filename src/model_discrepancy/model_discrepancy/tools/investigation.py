@@ -340,6 +340,6 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
             f"{' or '.join(one.left)} is left"
             + (f", {', '.join(out)} excluded" if out else ", nothing excluded")
             + f" ({', '.join(f'{n} {100 * (s / best - 1.0):.1f} %' for n, s in scores.items())}"
-            f" more error than the best, none of them {100 * one.without[-1]:.1f} %)"
+            f" more error than the best; without any of them {100 * one.without[-1]:.1f} %)"
         )
     return ("; ".join(said) + ".").replace("_", " ")
