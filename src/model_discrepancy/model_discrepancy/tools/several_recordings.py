@@ -151,7 +151,7 @@ def _searched(
     gains = _search(found, library, progress, {})
     if not begin:
         return found, gains
-    progress("the same from what the first one shows")
+    progress("searching once more from the effects that are known")
     other = Together([Member(m.problem, m.null, m.problem.base) for m in members])
     other_gains = _search(other, library, progress, _begun(other, begin))
     change = sum(
