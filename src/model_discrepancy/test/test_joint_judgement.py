@@ -121,11 +121,13 @@ def recorded(gain):
     return SimpleNamespace(problem=SimpleNamespace(fitter=fitter))
 
 
+@pytest.mark.parametrize("share", [0.0, 0.1])
 @pytest.mark.parametrize(
     ("gains", "left"), [((0.2, 0.0), []), ((0.0, 0.2), list(OLD)), ((0.2,), list(OLD))]
 )
-def test_names_that_no_designed_recording_needs_are_withdrawn(searched, gains, left):
-    searched({"inertia": 0.9}, "explained")
+def test_names_that_no_designed_recording_needs_are_withdrawn(searched, gains, left, share):
+    """What all recordings confirm may be what the first one alone needs."""
+    searched({"inertia": 0.9, "tendon": share}, "explained")
     joint_judgement.diagnose_together().members.extend(recorded(gain) for gain in gains)
     one = open_set()
     judge_together([one], [], beside={"inertia": {}})

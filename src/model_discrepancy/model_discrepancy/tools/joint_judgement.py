@@ -14,9 +14,9 @@ effect is confirmed, since what is missing has stand-ins of its own.
   as well with all that stands beside them, both stay in question: either model was chosen on
   these recordings, so that only a further one can decide.
 - A set is withdrawn where that search confirms none of its names and puts none in their place:
-  they take off next to nothing of what all effects take off together. Where the names make all
-  recordings likelier than what the search found, this holds only if the designed recordings need
-  none of them: the first one chose the names, and says nothing more.
+  they take off next to nothing of what all effects take off together, and leave all recordings
+  less likely than what the search found. It is withdrawn, too, where no designed recording needs
+  any of its names: the first one chose them, and says nothing more.
 """
 
 from __future__ import annotations
@@ -106,8 +106,8 @@ def judge_together(
             and shares[new[0]] > max(largest / LARGEST_REMNANT, REFINEMENT)
             and _confirmed(shares[new[0]], shares, found)
         )
-        confirmed = _confirmed(largest, shares, found)
-        if confirmed and not instead:
+        confirmed, needless = _confirmed(largest, shares, found), _needless(one, found)
+        if confirmed and not instead and not needless:
             continue
         worse = _worse(one, found)
         if instead and worse:
@@ -124,7 +124,7 @@ def judge_together(
                 f"{' or '.join(one.together)} is named instead of {names}, which fits as well "
                 "with all that stands beside it, so that a further recording has to decide"
             )
-        elif not confirmed and (found.verdict == "unexplained" or worse or _needless(one, found)):
+        elif needless or (not confirmed and (found.verdict == "unexplained" or worse)):
             one.left, one.doubted = [], []
             said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
     if not said:
