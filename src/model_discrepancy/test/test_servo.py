@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import bilinear, lfilter
 
 from model_discrepancy.fit.generic_bank import cross_score
 from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.motion import motion_step
+from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import identify_servo
 from simulation_study.planted_trials import simulate_trial
 from simulation_study.verdict_cases import Plan, made
@@ -53,6 +54,19 @@ def test_a_rigid_servo_has_no_compliance():
     servo = identify_servo(recording, motion_step(recording))
     assert not servo.compliance.significant
     assert np.all(servo.compliance.weights == 0.0)
+
+
+def test_a_step_that_the_drive_alone_makes_smooth_is_followed():
+    """The command jumps; a drive of 24 Hz makes the movement of it."""
+    rate, count = 1000.0, 30_000
+    generator = np.random.default_rng(5)
+    command = np.repeat(generator.uniform(-0.02, 0.02, count // 250), 250)
+    numerator, denominator = bilinear([0, 0, 150.0**2], [1, 2 * 0.75 * 150.0, 150.0**2], rate)
+    moved = lfilter(numerator, denominator, command)
+    noise = 1e-6 * generator.standard_normal(count)
+    recording = Recording(rate, moved + noise, 40.0 * moved, reference=command)
+    servo = identify_servo(recording, motion_step(recording))
+    assert np.std(servo.unexplained) < 3.0 * np.std(noise)
 
 
 def test_a_servo_that_sags_is_no_gain_error(on_a_soft_servo):

@@ -3,7 +3,8 @@
 Values that lie at equal distances show as a comb in their histogram, and a comb's spectrum (the
 values' characteristic function) has a peak at one over the distance. Noise that was added later
 widens the comb's teeth and lowers the peak. Levels of a protocol have peaks, too, but the lowest of
-them is the highest.
+them is the highest. And where a torque rests at a few levels, as behind friction in a binary
+sequence, its way from one to the next passes between them; that of a coarse channel does not.
 """
 
 from __future__ import annotations
@@ -23,6 +24,12 @@ FINEST_STEP, COARSEST_STEP = 1.0 / 30.0, 0.5
 LEAST_PEAK, LEAST_RATIO = 0.3, 1.15
 # The peak's own first subharmonic, and its foot, do not count as what lies below.
 _LOWER_FREQUENCY_RANGE = (0.35, 0.85)
+# A value is on its way where those so many samples before and after it are more than a step apart:
+# some milliseconds, in which a perturbation moves the torque by newton metres.
+_PASSAGE = 8
+# On its way a coarse channel has the same comb as everywhere (in 40 simulations with steps of 0.3
+# to 1 N.m), a binary sequence with friction a tenth of it.
+LEAST_PEAK_ON_THE_WAY = 0.3
 
 
 def coarse_step(values: np.ndarray) -> float:
@@ -49,5 +56,12 @@ def coarse_step(values: np.ndarray) -> float:
     below = (frequency > _LOWER_FREQUENCY_RANGE[0] * frequency[peak]) & (
         frequency < _LOWER_FREQUENCY_RANGE[1] * frequency[peak]
     )
-    clear = height[peak] > max(LEAST_PEAK, LEAST_RATIO * float(height[below].max()))
-    return float(1.0 / frequency[peak]) if clear else 0.0
+    if not height[peak] > max(LEAST_PEAK, LEAST_RATIO * float(height[below].max())):
+        return 0.0
+    step = float(1.0 / frequency[peak])
+    way = 2 * _PASSAGE
+    passing = values[_PASSAGE:-_PASSAGE][np.abs(values[way:] - values[:-way]) > step]
+    if not len(passing):
+        return step
+    on_the_way = abs(np.exp(2j * np.pi * passing / step).mean())
+    return step if on_the_way > LEAST_PEAK_ON_THE_WAY * height[peak] else 0.0

@@ -10,6 +10,7 @@ torque on that position would explain such torque by the movement that it made (
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +23,8 @@ from model_discrepancy.recording.spectrum import Spectrum, low_pass, signal_shar
 # A drive of 20 Hz has settled within 0.1 s; slower parts (an integrator) are in the slow poles.
 FOLLOWING_S = 0.1
 # Between two lags of H: an edge of 11 ms holds nothing above 120 Hz, and each lag costs precision.
-LAG_S = 0.004
+# A step that nothing but the drive makes smooth holds more, and needs a lag at each sample.
+LAGS_S = (0.004, 0.0)
 # The reference may be stamped somewhat later than the motion that it caused.
 EARLIEST_S = 0.01
 # Poles of the compliance and of the slow part of H [s]: from a stiff current loop to an integrator.
@@ -132,6 +134,12 @@ class Servo:
     share: float
     uncertainty: float
 
+    @property
+    def information(self) -> float:
+        """Return Schwarz's criterion per sample (1978, Ann. Statist. 6, 461), lower is better."""
+        left = max(1.0 - self.share, math.ulp(1.0))
+        return math.log(left) + self.uncertainty * math.log(len(self.position))
+
     def unloaded(self) -> Servo:
         """Return the servo as the command alone moves it."""
         return replace(self, position=self.commanded, unexplained=np.zeros(len(self.commanded)))
@@ -178,13 +186,18 @@ def identify_servo(recording: Recording, step: int) -> Servo | None:
         _thinned(signal, recording.rate, step)
         for signal in (recording.position, recording.torque, recording.reference)
     )
-    following = _following_columns(command, rate)
     limit = _acting_limit(recording)
-    servo = _fitted(x, following, _compliance_columns(torque, rate, limit), rate, limit)
-    if servo is None or servo.compliance.significant:
-        return servo
+    giving = _compliance_columns(torque, rate, limit)
+    best: tuple[Servo, np.ndarray] | None = None
+    for between in sorted({max(1, round(lag * rate)) for lag in LAGS_S}, reverse=True):
+        following = _following_columns(command, rate, between)
+        servo = _fitted(x, following, giving, rate, limit)
+        if servo is not None and (best is None or servo.information < best[0].information):
+            best = servo, following
+    if best is None or best[0].compliance.significant:
+        return None if best is None else best[0]
     # A compliance that is not there would only carry the torque's noise into the position.
-    return _fitted(x, following, np.zeros((len(x), 0)), rate, limit)
+    return _fitted(x, best[1], np.zeros((len(x), 0)), rate, limit)
 
 
 def _acting_limit(recording: Recording) -> float:
@@ -249,9 +262,17 @@ def _thinned(signal: np.ndarray, rate: float, step: int) -> np.ndarray:
     return spectrum.read(spectrum.anti_alias())
 
 
-def _following_columns(command: np.ndarray, rate: float) -> np.ndarray:
-    lags = range(-int(EARLIEST_S * rate), int(FOLLOWING_S * rate), max(1, round(LAG_S * rate)))
-    columns = [np.roll(command, lag) for lag in lags]
+def _following_columns(command: np.ndarray, rate: float, between: int) -> np.ndarray:
+    """Return the command at each lag, so many samples apart, and behind the slow poles.
+
+    H is straight between two lags: one that is made of pulses would answer a step by a staircase.
+    """
+    flat = np.full(between, 1.0 / between)
+    weights = np.convolve(flat, flat)
+    held = np.pad(command, between - 1, mode="edge")
+    smooth = np.convolve(held, weights, mode="valid")
+    lags = range(-int(EARLIEST_S * rate), int(FOLLOWING_S * rate), between)
+    columns = [np.roll(smooth, lag) for lag in lags]
     return np.column_stack(columns + [_low_passed(command, rate, pole) for pole in SLOW_POLES_S])
 
 
