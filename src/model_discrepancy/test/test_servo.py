@@ -77,6 +77,19 @@ def test_a_servo_that_sags_is_no_gain_error(on_a_soft_servo):
     assert channel_findings(recording, servo) == []
 
 
+def test_pick_up_from_the_mains_moves_no_plate(on_a_soft_servo):
+    recording, _ = on_a_soft_servo
+    hum = 0.3 * np.sin(2.0 * np.pi * 50.0 * recording.time)
+    step = motion_step(recording)
+    quiet, humming = (
+        identify_servo(replace(recording, torque=torque), step)
+        for torque in (recording.torque, recording.torque + hum)
+    )
+    assert humming.compliance.significant
+    inner = slice(2000, -2000)
+    assert np.std((humming.position - quiet.position)[inner]) < 0.02 * np.std(hum) * COMPLIANCE
+
+
 def test_the_movement_that_is_fitted_with_holds_no_torque_that_no_movement_causes(
     on_a_soft_servo,
 ):

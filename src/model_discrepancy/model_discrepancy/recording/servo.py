@@ -37,6 +37,9 @@ _SKIP_S = 1.2
 _FADE_S = 0.4
 # Torque acts on the plate from below this frequency [Hz]; what is faster the drive's mass holds.
 _TORQUE_HZ = 60.0
+# Lines of the mains in the torque are pick-up of the sensor's cable [Hz]; a plate that they seemed to
+# move would then predict them. Half the width of what is left out [Hz].
+_MAINS_HZ, _MAINS_WIDTH_HZ = (50.0, 60.0), 1.0
 # Of the torque's power, above which it acts: where its sensor's noise is more than a tenth of it,
 # that noise would be put into the movement, and a fit would find it there and in the torque.
 _ACTING_SHARE = 0.9
@@ -166,7 +169,17 @@ def compliance_response(
     for weight, pole in zip(weights[1:], COMPLIANCE_POLES_S, strict=True):
         decay = np.exp(-1.0 / (rate * pole))
         total += weight * (1.0 - decay) / (1.0 - decay * z)
-    return total * low_pass(frequency, limit, 4)
+    return total * acting_gain(frequency, limit)
+
+
+def acting_gain(frequency: np.ndarray, limit: float) -> np.ndarray:
+    """Return the gain with which torque acts on the plate at each frequency [Hz], below a limit
+    [Hz]: zero at the mains' own.
+    """
+    gain = low_pass(frequency, limit, 4)
+    for line in _MAINS_HZ:
+        gain *= 1.0 - low_pass(np.abs(frequency - line), _MAINS_WIDTH_HZ, 4)
+    return np.asarray(gain)
 
 
 def identify_servo(recording: Recording, step: int) -> Servo | None:
@@ -279,7 +292,7 @@ def _following_columns(command: np.ndarray, rate: float, between: int) -> np.nda
 def _compliance_columns(torque: np.ndarray, rate: float, limit: float = _TORQUE_HZ) -> np.ndarray:
     # Fast torque is noise and what the movement's inertia makes; the drive's own mass holds it.
     spectrum = Spectrum(torque, rate, 1)
-    smooth = spectrum.read(low_pass(spectrum.frequency, limit, 4))
+    smooth = spectrum.read(acting_gain(spectrum.frequency, limit))
     return np.column_stack(
         [smooth] + [_low_passed(smooth, rate, pole) for pole in COMPLIANCE_POLES_S]
     )
