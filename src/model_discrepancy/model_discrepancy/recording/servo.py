@@ -37,8 +37,8 @@ _SKIP_S = 1.2
 _FADE_S = 0.4
 # Torque acts on the plate from below this frequency [Hz]; what is faster the drive's mass holds.
 _TORQUE_HZ = 60.0
-# Lines of the mains in the torque are pick-up of the sensor's cable [Hz]; a plate that they seemed to
-# move would then predict them. Half the width of what is left out [Hz].
+# Lines of the mains in the torque are pick-up of the sensor's cable [Hz], which moves no plate: a
+# movement that held it would predict it. Half the width of what is left out [Hz].
 _MAINS_HZ, _MAINS_WIDTH_HZ = (50.0, 60.0), 1.0
 # Of the torque's power, above which it acts: where its sensor's noise is more than a tenth of it,
 # that noise would be put into the movement, and a fit would find it there and in the torque.
