@@ -30,6 +30,7 @@ BREAKAGES = {
     "movement explains": lambda r: replace(
         r, torque=np.random.default_rng(0).standard_normal(len(r.torque))
     ),
+    "spikes": lambda r: replace(r, torque=r.torque + 80.0 * (np.arange(len(r.torque)) % 4999 == 0)),
     "not finite": lambda r: replace(r, torque=np.where(r.time == r.time[500], np.nan, r.torque)),
     "no excitation": lambda r: replace(
         r, position=1e-5 * np.random.default_rng(0).standard_normal(len(r.position)), velocity=None
@@ -65,6 +66,17 @@ def test_usable_recordings_pass(null_recording, real_recording):
     assert faults(null_recording) == []
     assert channel_findings(null_recording) == []
     assert faults(real_recording) == []
+
+
+def test_torque_that_accelerates_the_plate_is_no_spike(null_recording):
+    """A command that jumps moves the plate with a short, large torque."""
+    second = int(null_recording.rate)
+    speed = np.abs(np.gradient(null_recording.position))
+    whole = len(speed) // second * second
+    fastest = np.argmax(speed[:whole].reshape(-1, second), axis=1)
+    torque = null_recording.torque.copy()
+    torque[np.arange(0, whole, second) + fastest] += 80.0
+    assert not [f for f in faults(replace(null_recording, torque=torque)) if "spikes" in f]
 
 
 def test_a_small_lag_of_torque_is_no_fault(null_recording):

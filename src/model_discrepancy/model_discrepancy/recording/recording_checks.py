@@ -25,6 +25,13 @@ _LONGEST_FLAT_S = 0.5
 # gives up to 0.3.
 LARGEST_FLAT_SHARE = 0.3
 
+# A spike bends a channel so many times as much as all but a hundredth of its samples bend, and is
+# so many times as large as the channel's median deviation; up to three may be anything.
+SPIKE_BENDS, SPIKE_SPREADS, MOST_SPIKES = 40.0, 50.0, 3
+# [s] Around a sample in which the plate rests it moves by less than this share of its largest
+# movements.
+_AROUND_S, REST_SHARE = 0.01, 0.2
+
 
 def faults(recording: Recording) -> list[str]:
     """Return a sentence for each reason why the recording cannot be diagnosed."""
@@ -40,6 +47,8 @@ def faults(recording: Recording) -> list[str]:
     found += saturation_sentences(channels, recording.reference)
     for column, values in channels.items():
         found += _channel_faults(column.split("[")[0], values, recording.rate)
+    if not found:
+        found += _spikes(channels, recording)
     if found:
         return found
     found += _movement_faults(recording)
@@ -61,15 +70,36 @@ def _channel_faults(name: str, values: np.ndarray, rate: float) -> list[str]:
             f"{name} is stuck: {longest / rate:.2f} s without any change, though it varies "
             "elsewhere"
         )
-    spread = np.median(np.abs(values - np.median(values))) + 1e-12
-    spikes = int(
-        np.sum(
-            np.abs(np.diff(values, n=2)) > 40.0 * np.percentile(np.abs(np.diff(values, n=2)), 99.0)
-        )
-    )
-    if spikes > 3 and np.ptp(values) > 50.0 * spread:
-        found.append(f"{name} has {spikes} spikes of up to {np.ptp(values):.3g}")
     return found
+
+
+def _spikes(channels: dict[str, np.ndarray], recording: Recording) -> list[str]:
+    """Return a sentence for each channel that jumps away and back, several times.
+
+    Torque that accelerates the plate as a command jumps does so, too. It counts where the plate
+    rests.
+    """
+    found = []
+    for column, values in channels.items():
+        name, unit = column.rstrip("]").split("[")
+        bend = np.abs(np.diff(values, n=2))
+        jumps = bend > SPIKE_BENDS * np.percentile(bend, 99.0)
+        if values is recording.torque:
+            jumps &= _rests(recording)[1:-1]
+        spread = np.median(np.abs(values - np.median(values))) + 1e-12
+        if jumps.sum() > MOST_SPIKES and np.ptp(values) > SPIKE_SPREADS * spread:
+            found.append(
+                f"{name} has {jumps.sum()} spikes: its values span {np.ptp(values):.3g} {unit}"
+            )
+    return found
+
+
+def _rests(recording: Recording) -> np.ndarray:
+    """Return where the plate hardly moves, bool, shape (n,)."""
+    around = max(1, int(_AROUND_S * recording.rate))
+    held = np.pad(recording.position, around, mode="edge")
+    moved = np.abs(held[2 * around :] - held[: -2 * around])
+    return moved < REST_SHARE * np.percentile(moved, 99.0)
 
 
 def _is_noisy(values: np.ndarray, same: np.ndarray) -> bool:
