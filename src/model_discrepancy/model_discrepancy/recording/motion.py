@@ -3,9 +3,9 @@ measured.
 
 Where the command was recorded, the movement is what command and load make of the servo (`servo`),
 which is free of the encoder's noise; what they do not explain is added as far as it is above that
-noise (Wiener). Without a command the measured position is limited by its noise only. A nonlinear
-term, friction for one, must see the movement as sharp as it was; the low-pass comes afterwards, in
-`rows`, on torque and model torque alike.
+noise and the one that the torque sensor's makes of it (Wiener). Without a command the measured
+position is limited by its noise only. A nonlinear term, friction for one, must see the movement as
+sharp as it was; the low-pass comes afterwards, in `rows`, on torque and model torque alike.
 """
 
 from __future__ import annotations
@@ -148,7 +148,11 @@ def motion_of(recording: Recording, servo: Servo | None = None) -> Motion:
         noise = white_density(servo.unexplained, servo.rate) * servo.uncertainty, math.inf
         rest = Spectrum(servo.unexplained, servo.rate, 1)
         position = Spectrum(servo.position, servo.rate, 1)
-        position.values = position.values + rest.values * clear_share(rest.values, rest.frequency)
+        # The servo's model moves the plate by its sensor's noise, too, which the rest takes back.
+        by_torque = rest.power_of(white_density(recording.torque, recording.rate))
+        moved = np.abs(servo.compliance.response(rest.frequency)) ** 2 * by_torque
+        clear = clear_share(rest.values, rest.frequency, moved)
+        position.values = position.values + rest.values * clear
         keep = np.ones(len(position.frequency))
         middle = float(recording.position.mean())
     else:

@@ -27,8 +27,20 @@ FOLLOWING_S = 0.1
 LAGS_S = (0.004, 0.0)
 # The reference may be stamped somewhat later than the motion that it caused.
 EARLIEST_S = 0.01
-# Poles of the compliance and of the slow part of H [s]: from a stiff current loop to an integrator.
-COMPLIANCE_POLES_S = (0.005, 0.015, 0.05, 0.2, 1.0)
+# Low-passes of the compliance: pole [s], from a stiff current loop to an integrator, and how many
+# of them are in series. Several in series (Laguerre) make the resonance of the drive's mass on its
+# stiffness, at 15 to 60 Hz.
+COMPLIANCE_LOW_PASSES = (
+    (0.005, 1),
+    (0.005, 2),
+    (0.005, 3),
+    (0.005, 4),
+    (0.015, 1),
+    (0.05, 1),
+    (0.2, 1),
+    (1.0, 1),
+)
+# Poles of the slow part of H [s].
 SLOW_POLES_S = (0.03, 0.1, 0.4, 1.5)
 # Relative to the largest eigenvalue: keeps frequencies that the command does not hold at zero.
 _RIDGE = 1e-11
@@ -52,8 +64,9 @@ _SETTLED_S = 0.1
 _HELD_S = 0.08
 _MARGIN_S = 0.03
 _FEWEST_HOLDS = 24
-# A hold lasts some tenths of a second and loses its level and slope: slower low-passes look alike.
-_HELD_POLES = 3
+# A hold lasts some tenths of a second and loses its level and slope: slower low-passes than the
+# first so many look alike.
+_HELD_LOW_PASSES = 6
 # Relative to the trace: low-passes of 5 and 15 ms differ little in what tremor and reflexes hold.
 _HELD_RIDGE = 1e-6
 # Standard errors of the compliance at rest by which it must differ from zero, so that what torque
@@ -72,7 +85,7 @@ class Compliance:
     rate
         Of the samples that it was fitted at [Hz].
     weights
-        Of the direct path and of each low-pass [rad/N.m], shape (1 + len(COMPLIANCE_POLES_S),).
+        Of the direct path and of each of `COMPLIANCE_LOW_PASSES` [rad/N.m], shape (9,).
     at_rest
         Their sum with its standard error [rad/N.m].
     limit
@@ -151,7 +164,7 @@ class Servo:
 def compliance_response(
     weights: np.ndarray, frequency: np.ndarray, rate: float, limit: float = _TORQUE_HZ
 ) -> np.ndarray:
-    """Return the frequency response of a sum of low-passes with `COMPLIANCE_POLES_S`.
+    """Return the frequency response of a sum of `COMPLIANCE_LOW_PASSES`.
 
     Parameters
     ----------
@@ -166,9 +179,9 @@ def compliance_response(
     """
     z = np.exp(-2j * np.pi * frequency / rate)
     total = np.full(len(frequency), weights[0], dtype=complex)
-    for weight, pole in zip(weights[1:], COMPLIANCE_POLES_S, strict=True):
+    for weight, (pole, times) in zip(weights[1:], COMPLIANCE_LOW_PASSES, strict=True):
         decay = np.exp(-1.0 / (rate * pole))
-        total += weight * (1.0 - decay) / (1.0 - decay * z)
+        total += weight * ((1.0 - decay) / (1.0 - decay * z)) ** times
     return total * acting_gain(frequency, limit)
 
 
@@ -254,7 +267,7 @@ def _fitted(
         (x - position) * _fade(inner, rate),
         Compliance(
             rate,
-            -weights[count:] if giving.shape[1] else np.zeros(1 + len(COMPLIANCE_POLES_S)),
+            -weights[count:] if giving.shape[1] else np.zeros(1 + len(COMPLIANCE_LOW_PASSES)),
             (float(-weights[count:].sum()), float(spread[1])),
             limit,
         ),
@@ -294,14 +307,19 @@ def _compliance_columns(torque: np.ndarray, rate: float, limit: float = _TORQUE_
     spectrum = Spectrum(torque, rate, 1)
     smooth = spectrum.read(acting_gain(spectrum.frequency, limit))
     return np.column_stack(
-        [smooth] + [_low_passed(smooth, rate, pole) for pole in COMPLIANCE_POLES_S]
+        [smooth, *(_low_passed(smooth, rate, *stages) for stages in COMPLIANCE_LOW_PASSES)]
     )
 
 
-def _low_passed(signal: np.ndarray, rate: float, pole: float) -> np.ndarray:
+def _low_passed(signal: np.ndarray, rate: float, pole: float, times: int = 1) -> np.ndarray:
+    """Return a signal behind so many low-passes with a pole [s] in series, settled at its first
+    value.
+    """
     decay = np.exp(-1.0 / (rate * pole))
-    settled = [decay * signal[0]]
-    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal, zi=settled)[0])
+    for _ in range(times):
+        settled = [decay * signal[0]]
+        signal = lfilter([1.0 - decay], [1.0, -decay], signal, zi=settled)[0]
+    return np.asarray(signal)
 
 
 def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -341,7 +359,7 @@ def held_compliance(
     ]
     if len(runs) < _FEWEST_HOLDS:
         return None
-    columns = _compliance_columns(torque - torque.mean(), rate)[:, : 1 + _HELD_POLES]
+    columns = _compliance_columns(torque - torque.mean(), rate)[:, : 1 + _HELD_LOW_PASSES]
     products = [_held_products(position[b:e], columns[b:e]) for b, e in runs]
     parts = np.array_split(np.arange(len(runs)), _STRETCHES)
     grams, rights = (
@@ -367,7 +385,7 @@ def _held_weights(grams: np.ndarray, rights: np.ndarray, rate: float) -> Complia
         for g, r in zip(grams, rights, strict=True)
     ]
     error = float(np.sqrt((_STRETCHES - 1) * np.var(drawn)))
-    weights = np.zeros(1 + len(COMPLIANCE_POLES_S))
+    weights = np.zeros(1 + len(COMPLIANCE_LOW_PASSES))
     weights[: len(found)] = found
     return Compliance(rate, weights, (float(found.sum()), error))
 

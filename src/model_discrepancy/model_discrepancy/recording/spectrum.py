@@ -83,9 +83,9 @@ def signal_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
     return share_above(spectrum, noise_floor(spectrum, frequency))
 
 
-def share_above(spectrum: np.ndarray, noise: float) -> np.ndarray:
-    """Return the share of the power at each frequency that is above a flat noise of this power per
-    bin, 0...1.
+def share_above(spectrum: np.ndarray, noise: float | np.ndarray) -> np.ndarray:
+    """Return the share of the power at each frequency that is above a noise of this power per bin,
+    0...1.
     """
     power = np.abs(spectrum) ** 2
     # Means over a sixteenth of an octave at least 40 bins wide, so that the estimate's own scatter
@@ -107,12 +107,20 @@ def white_density(signal: np.ndarray, rate: float) -> float:
     return 2.0 * floor / (rate * float(np.sum(np.hanning(len(signal)) ** 2)))
 
 
-def clear_share(spectrum: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """Return `signal_share`, and 0 where the power is less than twice the noise.
+def clear_share(
+    spectrum: np.ndarray, frequency: np.ndarray, further_noise: np.ndarray
+) -> np.ndarray:
+    """Return the share of the power at each frequency that is not noise, and 0 where the power is
+    less than twice the noise: such power may be noise alone.
 
-    Such power may be noise alone.
+    Parameters
+    ----------
+    spectrum, frequency
+        As `signal_share` takes them.
+    further_noise
+        Power per bin of noise beside the flat one, of the spectrum's shape.
     """
-    share = signal_share(spectrum, frequency)
+    share = share_above(spectrum, noise_floor(spectrum, frequency) + further_noise)
     return np.where(share < 0.5, 0.0, share)
 
 
