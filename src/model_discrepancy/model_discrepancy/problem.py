@@ -20,11 +20,12 @@ from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_torque import following
 from model_discrepancy.fit.rows import LOW_PASS_HZ
+from model_discrepancy.recording.compliance import Compliance, held_compliance
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.recording.servo import Compliance, Servo, held_compliance, identify_servo
+from model_discrepancy.recording.servo import Servo, identify_servo
 from model_discrepancy.recording.spectrum import white_density
 
 Progress = Callable[[str], None]

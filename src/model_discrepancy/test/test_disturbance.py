@@ -9,8 +9,8 @@ from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.problem import knows_movement_better, prepare
+from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.recording.servo import Compliance
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
 

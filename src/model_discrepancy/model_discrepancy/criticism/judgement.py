@@ -129,7 +129,7 @@ def judge(
     leaked = not remainder.judged and remainder.torque_share <= LARGEST_TORQUE_BY_LEAKAGE
     # Torque that moved the plate takes off more.
     little = found.cut < LEAST_USEFUL_CUT or leaked
-    useless = not large and (gained <= 0.0 or (gains_little and little))
+    useless = not (large or remainder.held) and (gained <= 0.0 or (gains_little and little))
     if useless or found.cut < LEAST_CUT:
         if unsteady or stands_in:
             return "unexplained", closed

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ankle_physics.rig_file import RigFile
+from model_discrepancy.recording.compliance import COMPLIANCE_LOW_PASSES, Compliance
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.recording.servo import COMPLIANCE_LOW_PASSES, Compliance
 
 # The calibration states this in place of the term.
 SKEW = "channel_skew"

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from model_discrepancy.recording.compliance import Compliance
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.recording.servo import Compliance, Servo
+from model_discrepancy.recording.servo import Servo
 from model_discrepancy.recording.spectrum import (
     Spectrum,
     clear_share,
