@@ -7,6 +7,7 @@ import pytest
 
 from ankle_physics.impedance import OperatingPoint
 from model_discrepancy.report.operating_point import (
+    DOUBTED_EQUATION_SHARE,
     EFFECT_SHARE,
     ENGINE_SHARE,
     EQUATION_SHARE,
@@ -96,9 +97,15 @@ def test_equations_of_the_reflex_widen_the_error_of_its_gain_most():
 
 def test_something_missing_widens_the_error():
     found = Found(fit(100.0), fit(100.0))
-    assert with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), True)[KEY][1] > (
+    assert with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), missing=True)[KEY][1] > (
         100.0 * UNEXPLAINED_SHARE["K"]
     )
+
+
+def test_equations_that_something_stands_against_may_be_wrong_by_half_of_what_they_changed():
+    found = Found(fit(60.0), fit(100.0))
+    wider = with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), unexplained=True)[KEY][1]
+    assert wider == pytest.approx(DOUBTED_EQUATION_SHARE * 40.0, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -172,8 +172,11 @@ def _verdict(
         "remaining_predictable_share": round(max(after.share, 0.0), 4),
     }
     at = operating_point(fitter.motion, base_map.onsets)
-    missing = word == "unexplained" and after.significant
-    stated = with_model_error(stated_impedance(criticism.stated, at), held, at, missing)
+    unexplained = word == "unexplained"
+    missing = unexplained and after.significant
+    stated = with_model_error(
+        stated_impedance(criticism.stated, at), held, at, unexplained, missing
+    )
     for effect, entry in zip(named, effects, strict=False):
         without = stated_fit(fitter, effect.without, after)
         entry["on_impedance"] = on_impedance(stated_impedance(without, at), stated)
