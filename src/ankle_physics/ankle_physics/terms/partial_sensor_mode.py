@@ -40,6 +40,7 @@ class PartialSensorMode(TorqueSensorMode):
             description=(
                 "It is the share of the torque that passes through the sensor that vibrates."
             ),
+            tried=(0.1, 0.4, 0.8),
         ),
     )
 

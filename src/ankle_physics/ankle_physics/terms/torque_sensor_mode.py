@@ -33,6 +33,8 @@ class TorqueSensorMode(Term):
             "sensors and footplates of ankle rigs: 20 to 200 Hz; what lies above the recorded "
             "band cannot be seen",
             description="It is the natural frequency of the vibration.",
+            # A light vibration is found from within a fifth of its frequency.
+            tried=(10.0, 15.0, 23.0, 34.0, 52.0, 80.0, 121.0),
         ),
         Parameter(
             "damping",
@@ -42,6 +44,7 @@ class TorqueSensorMode(Term):
             0.1,
             "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3",
             description="It is the damping ratio of the vibration.",
+            tried=(0.03, 0.1, 0.3),
         ),
     )
 
