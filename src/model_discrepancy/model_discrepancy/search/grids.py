@@ -22,6 +22,10 @@ class Grids:
         self._kept: dict[str, list[Point]] = {}
         self._best: dict[str, list[Point]] = {}
 
+    def allows(self, name: str) -> bool:
+        """Tell whether a term may be added."""
+        return self._library is None or name in self._library
+
     def points(self, fit: Fit) -> dict[str, list[Point]]:
         """Return, for a further term, the whole grid at first, its better half later."""
         return {

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from ankle_physics.term import term_library
-from model_discrepancy.fit.base_model import align, bic_change
+from model_discrepancy.fit.base_model import ALIGNMENT, align, bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
@@ -79,6 +79,7 @@ class Hypotheses:
         progress: Progress,
     ) -> None:
         self._fitter, self._base, self._null = fitter, base, null
+        self._grids = grids
         self._candidates = Candidates(fitter, null, grids, progress)
         self._yardstick, self._progress = yardstick, progress
         # Those that began with the base model, by their first term.
@@ -289,7 +290,10 @@ class Hypotheses:
     def _add(self, hypothesis: Hypothesis, trial: Trial) -> None:
         """Add a term and remove what it makes superfluous."""
         found, fitter = hypothesis.found, self._fitter
-        current = align(fitter, fitter.fit(trial.fit.terms, trial.fit.values, evaluations=15))
+        current = fitter.fit(trial.fit.terms, trial.fit.values, evaluations=15)
+        # An alignment may become a skew between the channels, which has to be allowed.
+        if self._grids.allows(ALIGNMENT):
+            current = align(fitter, current)
         newest = Effect(trial, fixed_errors(current, self._yardstick))
         found.effects.append(newest)
         hypothesis.current = drop_superfluous(
