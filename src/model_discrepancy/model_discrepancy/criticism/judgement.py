@@ -69,8 +69,9 @@ MANY_NAMES = 3
 
 # One name alone explains nothing where the movement predicts more than `LARGEST_BESIDE_NAMES` of
 # the whitened residual and so many times what it predicts by chance: another term stands in for
-# what is missing as often as not. Of 202 development recordings in which one name was called explained,
-# 18 of 190 right ones left so much, and 8 of the 12 that stood in for a term the library lacked.
+# what is missing as often as not. Of 202 development recordings in which one name was called
+# explained, 18 of 190 right ones left so much, and 8 of the 12 that stood in for a term the library
+# lacked.
 CRITICISED_RATIO = 5.0
 
 
