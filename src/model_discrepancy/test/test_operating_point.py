@@ -102,9 +102,12 @@ def test_something_missing_widens_the_error():
     )
 
 
-def test_equations_that_something_stands_against_may_be_wrong_by_half_of_what_they_changed():
-    found = Found(fit(60.0), fit(100.0))
-    wider = with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), unexplained=True)[KEY][1]
+@pytest.mark.parametrize(("unexplained", "at_bounds"), [(True, ()), (False, ("stiffness.K",))])
+def test_equations_that_something_stands_against_may_be_wrong_by_half_of_what_they_changed(
+    unexplained, at_bounds
+):
+    found = Found(fit(60.0), fit(100.0, at_bounds=at_bounds))
+    wider = with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), unexplained)[KEY][1]
     assert wider == pytest.approx(DOUBTED_EQUATION_SHARE * 40.0, rel=0.01)
 
 

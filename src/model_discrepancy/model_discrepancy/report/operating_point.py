@@ -31,12 +31,14 @@ UNITS = {
     "G": "N.m.s/rad",
     "K_effective": "N.m/rad",
 }
+# The terms whose parameters have these names.
+_OWN_TERMS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex"}
 # Of a standard error: small against what makes the model bend, large against rounding.
 _STEP = 0.2
 # An equation of the library is right to about this share of what it changes in K and G, by the 34
 # recordings with hidden effects of the study of verdicts.
 EQUATION_SHARE = 0.15
-# The same where the recording stays unexplained: something stands against the equations, and K of
+# The same where the recording stays unexplained, or the value ends at a bound: something stands against the equations, and K of
 # short-range stiffness by other equations than the library's was wrong by half of what they changed
 # (two recordings of a third engine).
 DOUBTED_EQUATION_SHARE = 0.5
@@ -161,7 +163,6 @@ def with_model_error(
     moved = [(odds, there) for (odds, _), there in zip(others, impedances, strict=True)]
     total = 1.0 + sum(odds for odds, _ in moved)
     shares = _model_shares(found, missing)
-    equations = DOUBTED_EQUATION_SHARE if unexplained else EQUATION_SHARE
     held = _rest_torque(found.final) / (np.sqrt(3.0) * at.step)
     unrefined = _values(found.unrefined.values, at) if found.unrefined is not None else None
     wider: dict[str, tuple[float, float | None]] = {}
@@ -170,6 +171,9 @@ def with_model_error(
         if error is None:
             wider[key] = (value, None)
             continue
+        # A joint without any stiffness, say, has lost it to another term.
+        lost = f"{_OWN_TERMS.get(name)}.{name}" in found.final.at_bounds
+        equations = DOUBTED_EQUATION_SHARE if unexplained or lost else EQUATION_SHARE
         variance = error**2 + (equations * (value - base[name])) ** 2
         variance += (shares.get(name, 0.0) * value) ** 2
         if unrefined is not None:
