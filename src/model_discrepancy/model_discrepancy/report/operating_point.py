@@ -31,16 +31,14 @@ UNITS = {
     "G": "N.m.s/rad",
     "K_effective": "N.m/rad",
 }
-# The terms whose parameters have these names.
-_OWN_TERMS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex"}
 # Of a standard error: small against what makes the model bend, large against rounding.
 _STEP = 0.2
 # An equation of the library is right to about this share of what it changes in K and G, by the 34
 # recordings with hidden effects of the study of verdicts.
 EQUATION_SHARE = 0.15
-# The same where the recording stays unexplained, or the value ends at a bound: something stands against the equations, and K of
-# short-range stiffness by other equations than the library's was wrong by half of what they changed
-# (two recordings of a third engine).
+# The same where the recording stays unexplained, or no stiffness is left: something stands against
+# the equations. K beside short-range stiffness by other equations than the library's was wrong by
+# half of what they changed (two recordings of a third engine).
 DOUBTED_EQUATION_SHARE = 0.5
 # By which the equations of two engines of the same joint differ, as a share of K and of G: the
 # scatter that 39 recordings without mismatch left beside their standard errors.
@@ -171,8 +169,8 @@ def with_model_error(
         if error is None:
             wider[key] = (value, None)
             continue
-        # A joint without any stiffness, say, has lost it to another term.
-        lost = f"{_OWN_TERMS.get(name)}.{name}" in found.final.at_bounds
+        # A joint without any stiffness has lost it to another term.
+        lost = name == "K" and "stiffness.K" in found.final.at_bounds
         equations = DOUBTED_EQUATION_SHARE if unexplained or lost else EQUATION_SHARE
         variance = error**2 + (equations * (value - base[name])) ** 2
         variance += (shares.get(name, 0.0) * value) ** 2
