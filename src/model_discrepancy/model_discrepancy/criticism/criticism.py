@@ -136,7 +136,7 @@ def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarr
 
     What is missing physics comes first, then what exceeds chance by most.
     """
-    held = problem.servo is not None or not (problem.gives_way or problem.in_a_loop)
+    held = not problem.in_a_loop
 
     def predicted(bank: GenericBank, noise: np.ndarray, judged: bool) -> Remainder:
         found = remainder(bank, problem.fitter, fit.residual, fit.plain, problem.parts, noise)

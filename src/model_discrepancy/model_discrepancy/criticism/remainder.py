@@ -33,8 +33,8 @@ class Remainder:
     judged
         Whether what is predicted is missing physics; not where torque may have moved the plate.
     held
-        Whether the movement holds no torque that no movement causes: the command is known, or the
-        servo holds the plate against torque.
+        Whether the movement holds no torque that no movement causes: the command is known, the
+        holds tell how the servo gives way, or it holds the plate against torque.
     both_ways
         Whether each half must predict more of the other than chance does, not their mean alone.
     """
