@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
-from blind_rig.mechanics import servo_gains
 from model_discrepancy.fit.generic_bank import cross_score
 from model_discrepancy.problem import Problem, prepare
 from model_discrepancy.recording.channel_gains import channel_findings
@@ -15,7 +14,7 @@ from model_discrepancy.recording.motion import motion_step
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import identify_servo
 from simulation_study.planted_trials import simulate_trial
-from simulation_study.verdict_cases import Plan, made, trial_of
+from simulation_study.verdict_cases import Plan, made
 
 COMPLIANCE = 1 / 2500.0
 
@@ -68,20 +67,6 @@ def test_a_step_that_the_drive_alone_makes_smooth_is_followed():
     recording = Recording(rate, moved + noise, 40.0 * moved, reference=command)
     servo = identify_servo(recording, motion_step(recording))
     assert np.std(servo.unexplained) < 3.0 * np.std(noise)
-
-
-def test_a_servo_that_gives_way_resonates_as_a_mass_on_a_spring():
-    """It is the one that another engine made."""
-    plan = Plan(
-        "null", 0, 31, (), "compliant", "pulse_step", 1000.0, True, True, "quiet", "large", True
-    )
-    stiffness, damping, inertia = servo_gains(trial_of(plan)[0].setup)
-    frequency = np.array([0.0, 5.0, 10.0, 20.0, 30.0])
-    s = 2j * np.pi * frequency
-    right = 1.0 / (inertia * s**2 + damping * s + stiffness)
-    recording = made(plan).recording
-    found = identify_servo(recording, motion_step(recording)).compliance.response(frequency)
-    assert np.abs(found / right - 1.0) == pytest.approx(0, abs=0.1)
 
 
 def test_a_servo_that_sags_is_no_gain_error(on_a_soft_servo):
