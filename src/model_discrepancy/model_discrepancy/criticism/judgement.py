@@ -38,8 +38,8 @@ GAP_CLOSED_BESIDE_LEAKAGE = 0.5
 # Where torque does not move the plate, right names left up to 20 % of the whitened residual
 # predictable, those that stood in for another effect 31 and 32 %, however little torque that was.
 LARGEST_PREDICTABLE_WITHOUT_LOOP = 0.25
-# Recordings without a mismatch left at most 2 % there (88 of them, servos that give way among
-# them); with an effect that was not named 21 to 35 %.
+# Recordings without a mismatch left at most 8.5 % there (177 of them, servos that give way among
+# them; the second 3 %); with an effect that was not named 21 to 35 %.
 LARGEST_WITHOUT_NAMES = 0.1
 # The same of the plain torque, to which the whitened residual's highest frequencies add little:
 # names that close less of its gap describe something else. Right names closed 86 % and more, those
