@@ -93,31 +93,15 @@ class Compliance:
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
         """Return the compliance at each frequency [Hz], complex [rad/N.m]."""
-        through = compliance_response(self.weights, frequency, self.rate)
-        return through * acting_gain(frequency, self.limit, self.lines)
+        z = np.exp(-2j * np.pi * frequency / self.rate)
+        total = np.full(len(frequency), self.weights[0], dtype=complex)
+        for weight, (pole, times) in zip(self.weights[1:], COMPLIANCE_LOW_PASSES, strict=True):
+            decay = np.exp(-1.0 / (self.rate * pole))
+            total += weight * ((1.0 - decay) / (1.0 - decay * z)) ** times
+        return total * _acting_gain(frequency, self.limit, self.lines)
 
 
-def compliance_response(weights: np.ndarray, frequency: np.ndarray, rate: float) -> np.ndarray:
-    """Return the frequency response of a sum of `COMPLIANCE_LOW_PASSES`.
-
-    Parameters
-    ----------
-    weights
-        Of the direct path and of each low-pass [rad/N.m].
-    frequency
-        [Hz].
-    rate
-        At which the low-passes run [Hz].
-    """
-    z = np.exp(-2j * np.pi * frequency / rate)
-    total = np.full(len(frequency), weights[0], dtype=complex)
-    for weight, (pole, times) in zip(weights[1:], COMPLIANCE_LOW_PASSES, strict=True):
-        decay = np.exp(-1.0 / (rate * pole))
-        total += weight * ((1.0 - decay) / (1.0 - decay * z)) ** times
-    return total
-
-
-def acting_gain(frequency: np.ndarray, limit: float, lines: tuple[float, ...]) -> np.ndarray:
+def _acting_gain(frequency: np.ndarray, limit: float, lines: tuple[float, ...]) -> np.ndarray:
     """Return the gain with which torque acts on the plate at each frequency [Hz]: below a limit,
     and not at lines of pick-up [Hz].
     """
@@ -128,7 +112,15 @@ def acting_gain(frequency: np.ndarray, limit: float, lines: tuple[float, ...]) -
 
 
 def pick_up(torque: np.ndarray, rate: float) -> tuple[float, ...]:
-    """Return the frequencies of the mains [Hz] whose line stands out of the torque, shape (n,)."""
+    """Return the frequencies of the mains [Hz] whose line stands out of the torque.
+
+    Parameters
+    ----------
+    torque
+        As it was measured [N.m], shape (n,).
+    rate
+        Of its samples [Hz].
+    """
     power = np.abs(rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2
     frequency = rfftfreq(len(torque), 1.0 / rate)
 
@@ -155,11 +147,11 @@ def compliance_columns(
     rate
         Of its samples [Hz].
     limit, lines
-        As `acting_gain` takes them.
+        As those of `Compliance`.
     """
     # Fast torque is noise and what the movement's inertia makes; the drive's own mass holds it.
     spectrum = Spectrum(torque, rate, 1)
-    smooth = spectrum.read(acting_gain(spectrum.frequency, limit, lines))
+    smooth = spectrum.read(_acting_gain(spectrum.frequency, limit, lines))
     return np.column_stack(
         [smooth, *(low_passed(smooth, rate, *stages) for stages in COMPLIANCE_LOW_PASSES)]
     )
