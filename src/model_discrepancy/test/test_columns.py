@@ -45,6 +45,16 @@ def _torques(motion: Motion, extra: dict[str, dict[str, float]]) -> tuple[np.nda
     return made[rows.used], (fitter.plain_target - fitter.evaluate(values).plain)[rows.used]
 
 
+@pytest.mark.parametrize(("samples", "rate"), [(6144, 512.0), (5001, 300.0), (4001, 150.0)])
+def test_the_spectrum_of_a_column_is_its_fourier_transform_without_the_mean(samples, rate):
+    rows = Rows(samples, rate)
+    column = np.random.default_rng(2).standard_normal(samples) + 3.0
+    at = np.linspace(0, len(rows.frequency) - 1, 40).astype(int)
+    turns = np.outer(rows.frequency[at], np.arange(samples)) / rate
+    expected = np.exp(-2j * np.pi * turns) @ (column - column.mean())
+    np.testing.assert_allclose(rows.spectrum(column)[at], expected, atol=1e-8)
+
+
 @pytest.mark.parametrize("name", TERMS)
 def test_both_make_the_same_torque(motion: Motion, name: str) -> None:
     without, _ = _torques(motion, {})

@@ -13,6 +13,7 @@ from ankle_physics.memory_elements import BacklashOperator
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.signals import Signals
 from ankle_physics.virtual_rig import simulate
+from model_discrepancy.criticism import criticism
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.html_report import explained, headline
@@ -120,6 +121,18 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     assert error > 0.0
     assert effect["excluded"]
     assert not set(effect["excluded"]) & set(effect["set"])
+
+
+def test_names_that_are_too_small_to_be_stated_widen_the_errors(monkeypatch):
+    recording = simulate_trial({"channel_skew": {"skew": 0.003}}, seed=5, duration=30.0)
+    monkeypatch.setattr(criticism, "judge", lambda *_: ("no_mismatch", float("nan")))
+    diagnosis = diagnose(recording, library=("channel_skew",))
+    assert diagnosis.verdict.effects == []
+    assert any("errors allow for the values with it" in why for why in diagnosis.verdict.reasons)
+    stated = diagnosis.verdict.parameters["K[N.m/rad]"]
+    apart = abs(stated["augmented"] - diagnosis.found.final.values["stiffness"]["K"])
+    assert apart > 5.0
+    assert stated["standard_error"] > 0.6 * apart
 
 
 def recorded_before(motor, plate, random, name):

@@ -59,7 +59,7 @@ class Rows:
         self._samples = samples
         self._rate = rate
         self.limit = limit
-        self._length = next_fast_len(samples + int(SKIP_START_S * rate), real=True)
+        self._length = 4 * next_fast_len(-(-(samples + int(SKIP_START_S * rate)) // 4), real=True)
         # The rows' grid has the same period as the columns'.
         self._short = 2 * next_fast_len(round(0.5 * self._length * ROW_RATE_HZ / rate), real=True)
         self.rate = self._short * rate / self._length
@@ -70,8 +70,7 @@ class Rows:
         self.fitted = slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
         self.frequency = rfftfreq(self._length, 1.0 / rate)[: self._short // 2 + 1]
         high = (self.frequency / HIGH_PASS_HZ) ** 4
-        # A column's mean is taken out of its spectrum, which is shorter than the column.
-        self._of_one = rfft(np.ones(samples), self._length)[: len(self.frequency)]
+        self._later_by_one = np.exp(-2j * np.pi * self.frequency / rate)
         self.band = high / (1.0 + high) * low_pass(self.frequency, limit, LOW_PASS_ORDER)
         self._whitening = self.band.astype(complex)
         self._scale = self._short / self._length
@@ -90,11 +89,21 @@ class Rows:
         return int(self.used.sum() * min(2.0 * self.limit / self.rate, 1.0))
 
     def spectrum(self, column: np.ndarray) -> np.ndarray:
-        """Return the spectrum of a column (n,) up to half the row rate."""
-        whole = rfft(column, self._length)
-        mean = whole[0].real / self._samples
-        # A copy of a part does not keep the whole alive.
-        return np.asarray(whole[: len(self.frequency)] - mean * self._of_one)
+        """Return the spectrum of a column (n,) up to half the row rate, without its mean.
+
+        Even and odd samples are transformed in one call, which the processor does side by side:
+        that takes less time than one long transform.
+        """
+        padded = np.zeros(self._length)
+        np.subtract(column, np.mean(column), out=padded[: self._samples])
+        halves = rfft(padded.reshape(-1, 2), axis=0, overwrite_x=True)
+        count = len(self.frequency)
+        if count > len(halves):
+            # The spectrum of every other sample repeats, mirrored.
+            halves = np.concatenate([halves, halves[-2::-1].conj()])
+        spectrum: np.ndarray = halves[:count, 1] * self._later_by_one
+        spectrum += halves[:count, 0]
+        return spectrum
 
     def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
         """Return what lies below a cutoff [Hz], at the columns' rate, shape (n,)."""

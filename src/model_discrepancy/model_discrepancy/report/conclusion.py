@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ankle_physics.impedance import OperatingPoint
 from ankle_physics.model import Model
 from model_discrepancy.criticism.criticism import Criticism
 from model_discrepancy.criticism.judgement import criticised
@@ -106,7 +108,9 @@ def _verdict(
     # What is not named is not in the model either.
     held = found
     if named != found.effects:
-        held, final, after = Found(found.base, criticism.stated), base, criticism.before
+        # It may hold all the same, so that K and G with it are part of their errors.
+        held = Found(found.base, criticism.stated, near=found.near, other_models=[found.final])
+        final, after = base, criticism.before
     standing = standing_of(word, found, after)
     effects = [
         effect_entry(
@@ -135,12 +139,9 @@ def _verdict(
     if named == found.effects and criticism.stated is not found.final:
         reasons.append(PLAIN_SENTENCE)
     reasons += [*criticism.varies.unusual, *criticism.varies.unsteady]
+    at = operating_point(fitter.motion, base_map.onsets)
     if named != found.effects:
-        names = ", ".join(effect.trial.name for effect in found.effects)
-        reasons.append(
-            f"{names} would improve the fit a little, and predict no torque, or next to none, on "
-            "data that were not used for it"
-        )
+        reasons.append(_unused_names(found, at))
     if held.refinements:
         names = ", ".join(effect.trial.name for effect in held.refinements)
         reasons.append(
@@ -171,7 +172,6 @@ def _verdict(
         "gap_closed": None if np.isnan(closed) else round(closed, 3),
         "remaining_predictable_share": round(max(after.share, 0.0), 4),
     }
-    at = operating_point(fitter.motion, base_map.onsets)
     unexplained = word == "unexplained"
     missing = unexplained and after.significant
     stated = with_model_error(
@@ -190,6 +190,16 @@ def _verdict(
         alternatives(found),
         reasons,
         before_and_after(stated_impedance(found.base, at), stated),
+    )
+
+
+def _unused_names(found: Found, at: OperatingPoint) -> str:
+    names = ", ".join(effect.trial.name for effect in found.effects)
+    there = stated_impedance(replace(found.final, draws={}), at)
+    values = ", ".join(f"{key} {there[key][0]:.3g}" for key in there if key[:2] in ("K[", "G["))
+    return (
+        f"{names} would improve the fit a little, and predict no torque, or next to none, on data "
+        f"that were not used for it; the errors allow for the values with it ({values})"
     )
 
 
