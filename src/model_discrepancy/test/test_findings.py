@@ -9,6 +9,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from ankle_physics.memory_elements import BacklashOperator
+from ankle_physics.model import PAPER_TERMS, Model
+from ankle_physics.signals import Signals
 from model_discrepancy.criticism.locate import Cell, ResidualMap
 from model_discrepancy.criticism.variability import LEAST_VARIATION, variability
 from model_discrepancy.fit.base_model import fit_base, is_alignment
@@ -19,6 +21,7 @@ from model_discrepancy.fit.rows import Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.motion import motion_of, motion_step
+from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.resolution import coarse_step
 from model_discrepancy.recording.servo import identify_servo
 from simulation_study.planted_trials import simulate_trial
@@ -84,6 +87,25 @@ def test_a_hump_is_no_line(equal_steps):
     hump *= 0.2 / np.std(hump)
     found = found_in(replace(equal_steps, torque=equal_steps.torque + hump))
     assert found.line_hz is None
+
+
+def test_lines_that_a_sum_of_sines_makes_are_no_tremor_and_no_pick_up():
+    rate, frequencies = 1024.0, np.array([0.3, 0.7, 1.9, 4.3, 7.1, 11.9])
+    t = np.arange(int(40.0 * rate)) / rate
+    turns = 2.0 * np.pi * frequencies[:, None] * t + np.arange(6)[:, None]
+    angle = 0.004 * np.sin(turns).sum(axis=0)
+    velocity = 0.004 * (2.0 * np.pi * frequencies) @ np.cos(turns)
+    signals = Signals(rate, angle, velocity, np.gradient(velocity) * rate)
+    noise = np.random.default_rng(6).standard_normal((2, len(t)))
+    torque = Model.of({term: {} for term in PAPER_TERMS}).torque(signals) + 0.02 * noise[0]
+    not_modelled = 40.0 * np.maximum(velocity, 0.0) ** 3
+    made = Recording(rate, angle + 1e-5 * noise[1], torque + not_modelled)
+    found = found_in(made)
+    assert found.line_hz is None
+    assert found.tremor is None
+    line = 0.2 * np.sin(2.0 * np.pi * 50.25 * t)
+    found = found_in(replace(made, torque=made.torque + line))
+    assert found.line_hz == pytest.approx(50.25, abs=0.3)
 
 
 def test_torque_in_coarse_steps_is_seen_and_nothing_else(equal_steps):

@@ -40,9 +40,10 @@ class TorqueSensorMode(Term):
             "damping",
             "1",
             0.01,
-            0.5,
+            1.0,
             0.1,
-            "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3",
+            "metal structures 0.01 to 0.05, with a foot strapped on up to 0.3; the filter of a "
+            "torque amplifier 0.5 to 1",
             description="It is the damping ratio of the vibration.",
             tried=(0.03, 0.1, 0.3),
         ),
