@@ -12,8 +12,8 @@ from ankle_interfaces.block import Block, pack, require_columns, select_columns,
 from ankle_interfaces.units import split_column, to_si
 
 SOURCES = Path(__file__).parents[2]
-INDEPENDENT_PACKAGES = ("blind_rig",)
-"""The independent rig knows the format of a bag from its description alone."""
+INDEPENDENT_PACKAGES = ("blind_rig", "second_rig")
+"""The independent rigs know formats and columns from their descriptions alone."""
 
 
 def modules():
