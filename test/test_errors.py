@@ -32,6 +32,7 @@ REASONS = {
     ("progress.py", "progress_from"): "caught there and reported as CommandError",
     ("session_program.py", "__init__"): "the node gives one of the two",
     ("correlation.py", "cross_correlation"): "the caller's arrays differ in length",
+    ("draw.py", "draw_cases"): "the kinds are options of a command",
     ("generic_bank.py", "__init__"): "the caller asks for a bank that needs what is not known",
 }
 """Built-in errors that no user causes, by file and function, and why."""
