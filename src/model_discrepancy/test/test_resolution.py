@@ -30,3 +30,13 @@ def test_a_coarse_channel_is_found_by_its_step(noise):
     coarse = np.round(smooth / step) * step + noise * step * generator.standard_normal(60_000)
     assert coarse_step(coarse) == pytest.approx(step, rel=0.02)
     assert coarse_step(smooth) == 0.0
+
+
+@pytest.mark.parametrize(("noise", "coarse"), [(1.0, False), (0.3, True)])
+def test_steps_below_twice_the_noise_that_a_converter_is_given_are_not_coarse(noise, coarse):
+    """A converter of 12 bits for 50 N.m has steps of 0.02 N.m, and hides nothing."""
+    step = 0.02
+    generator = np.random.default_rng(1)
+    smooth = sosfiltfilt(butter(2, 8.0, fs=1000.0, output="sos"), generator.standard_normal(60_000))
+    given = smooth + noise * step * generator.standard_normal(60_000)
+    assert (coarse_step(np.round(given / step) * step) > 0.0) == coarse

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from model_discrepancy.recording.spectrum import white_density
+
 # Bins of the histogram in a standard deviation of the values, and bins of its spectrum: enough for
 # steps of a thirtieth of a standard deviation.
 _BINS, _SPECTRUM = 400, 1 << 15
@@ -30,11 +32,15 @@ _PASSAGE = 8
 # On its way a coarse channel has the same comb as everywhere (in 40 simulations with steps of 0.3
 # to 1 N.m), a binary sequence with friction a tenth of it.
 LEAST_PEAK_ON_THE_WAY = 0.3
+# Of the channel's flat noise, in power. Where noise of half a step or more reaches a converter, the
+# error that this makes is noise, too, whatever the signal (Gray & Stockham 1993, IEEE Trans. Inf.
+# Theory 39, 805): a twelfth of the step's square is a quarter of it then.
+LEAST_SHARE_OF_NOISE = 0.25
 
 
 def coarse_step(values: np.ndarray) -> float:
     """Return the distance of the levels that a channel's values lie at; 0.0 where they lie
-    anywhere.
+    anywhere, or where noise hides the levels from whatever is seen over several samples.
 
     Parameters
     ----------
@@ -59,6 +65,9 @@ def coarse_step(values: np.ndarray) -> float:
     if not height[peak] > max(LEAST_PEAK, LEAST_RATIO * float(height[below].max())):
         return 0.0
     step = float(1.0 / frequency[peak])
+    noise = white_density(values, 1.0) / 2.0
+    if step**2 / 12.0 < LEAST_SHARE_OF_NOISE * noise:
+        return 0.0
     way = 2 * _PASSAGE
     passing = values[_PASSAGE:-_PASSAGE][np.abs(values[way:] - values[:-way]) > step]
     if not len(passing):
