@@ -186,6 +186,9 @@ class Term(ABC):
         Whether every rig with a person in it has this effect to some degree. Where a recording
         needs several terms, so that no equation is exact, and terms fit it about equally well, a
         usual one is more probable than the others.
+    rings
+        Whether it may be a light vibration: from another frequency a fit ends elsewhere, so that a
+        search begins at several.
     of_joint
         Name of the joint to which ranges and units were brought; empty for the ankle's, as written.
     resolved_by_duration
@@ -210,6 +213,7 @@ class Term(ABC):
     generalises: ClassVar[tuple[str, ...]] = ()
     resolved_by_duration: ClassVar[str] = ""
     usual: ClassVar[bool] = False
+    rings: ClassVar[bool] = False
     of_joint: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:

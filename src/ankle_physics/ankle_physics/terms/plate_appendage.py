@@ -28,6 +28,7 @@ class PlateAppendage(Term):
     family = "resonance beside the load path"
     separated_by = "the same movement with the foot out of the plate"
     sentence = "Something that hangs on the footplate swings after each movement."
+    rings = True
     parameters = (
         Parameter(
             "Ia",
@@ -47,6 +48,8 @@ class PlateAppendage(Term):
             20.0,
             "by reasoning: cables swing at some hertz, metal parts up to the recorded band",
             description="It is the natural frequency of the part that swings.",
+            # A light part is found from within a fifth of its frequency.
+            tried=(5.0, 8.0, 12.0, 18.0, 27.0, 40.0, 60.0, 90.0),
         ),
         Parameter(
             "damping",
@@ -56,6 +59,7 @@ class PlateAppendage(Term):
             0.1,
             "metal structures 0.01 to 0.05, cables up to 0.3; with more than 0.4 nothing swings",
             description="It is the damping ratio of the part that swings.",
+            tried=(0.03, 0.1, 0.3),
         ),
     )
 

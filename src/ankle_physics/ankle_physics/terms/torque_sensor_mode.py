@@ -23,6 +23,7 @@ class TorqueSensorMode(Term):
     sentence = (
         "After each movement the torque reading rings: the rig or its torque sensor vibrates."
     )
+    rings = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "frequency",

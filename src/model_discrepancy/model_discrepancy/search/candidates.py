@@ -189,11 +189,13 @@ class Candidates:
         begun: Mapping[str, float] | None = None,
     ) -> Trial:
         """Return the trial refitted further, from other points of its grid too where it takes off
-        much less than the screening promised. It began at one of these points.
+        much less than the screening promised, or may be a light vibration. It began at one of
+        these points.
         """
         fitter, name = self._fitter, trial.name
         best = refitted(fitter, current, name, trial.fit.values)
-        if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
+        as_promised = best.gain > LEAST_OF_PROMISE * promised
+        if not nonlinear([name]) or (as_promised and not term_library()[name].rings):
             return best
         # What is gained by chance is not asked for.
         limit = min(best.fit.score, (1.0 - self._null.threshold(name)) * current.score)
