@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from ankle_interfaces.errors import UserError
 
@@ -31,22 +34,31 @@ def settle(out: Path, asked: dict[str, Any]) -> None:
         Another study, or something else, is in `out`.
     """
     file = out / STUDY_FILE
-    if file.exists():
-        there = json.loads(file.read_text())
-        if there != asked:
-            different = ", ".join(
-                f"{key} {there.get(key)} instead of {asked[key]}"
-                for key in asked
-                if asked[key] != there.get(key)
-            )
-            raise StudyError(
-                f"{out} holds a study with {different}; nothing is overwritten, choose another "
-                "folder"
-            )
-        return
-    if out.exists() and any(out.iterdir()):
+    if not file.exists():
+        _begin(out, asked)
+    there = json.loads(file.read_text())
+    if there != asked:
+        different = ", ".join(
+            f"{key} {there.get(key)} instead of {asked[key]}"
+            for key in asked
+            if asked[key] != there.get(key)
+        )
+        raise StudyError(
+            f"{out} holds a study with {different}; nothing is overwritten, choose another folder"
+        )
+
+
+def _begin(out: Path, asked: dict[str, Any]) -> None:
+    """Write what is asked for; another part of the study may do so at the same moment."""
+    out.mkdir(parents=True, exist_ok=True)
+    others = any(not one.name.startswith(STUDY_FILE) for one in out.iterdir())
+    if others and not (out / STUDY_FILE).exists():
         raise StudyError(
             f"{out} is there and is not a study; nothing is overwritten, choose another folder"
         )
-    out.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(asked, indent=1))
+    # The file is there with all that it holds, or not at all.
+    whole = out / f"{STUDY_FILE}.{uuid4().hex}"
+    whole.write_text(json.dumps(asked, indent=1))
+    with suppress(FileExistsError):
+        os.link(whole, out / STUDY_FILE)
+    whole.unlink()
