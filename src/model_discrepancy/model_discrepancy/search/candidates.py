@@ -101,6 +101,8 @@ class Candidates:
                 break
         if beginning and tried and tried[0].gain > MUCH_TAKEN_OFF:
             tried = _best_of_each([*tried, *self._usual(current, tried, by_chance)])
+        if tried and tried[0].accepted and term_library()[tried[0].name].rings:
+            tried = _best_of_each([*tried, self._rung(current, tried[0])])
         if tried:
             return tried, tried[0].by_chance
         return tried, by_chance[screened[0].name] if screened else 0.0  # all terms are in the model
@@ -129,6 +131,17 @@ class Candidates:
             if trial.gain > NEAR_BEST_RATIO * tried[0].gain:
                 found.append(judged(fitter, current, trial, by_chance[name]))
         return found
+
+    def _rung(self, current: Fit, best: Trial) -> Trial:
+        """Return a light vibration, which is the best candidate, begun at other frequencies: a fit
+        from one of them may end beside it, with too much damping.
+        """
+        points = self._grids.whole(best.name)
+        anew = begun_anew(self._fitter, current, best.name, points, limit=best.fit.score)
+        if not anew.gain > best.gain:
+            return best
+        anew = judged(self._fitter, current, anew, best.by_chance)
+        return anew if anew.accepted else best
 
     def _refitted_and_judged(
         self, current: Fit, few: Sequence[Screened], by_chance: dict[str, float]
@@ -189,13 +202,11 @@ class Candidates:
         begun: Mapping[str, float] | None = None,
     ) -> Trial:
         """Return the trial refitted further, from other points of its grid too where it takes off
-        much less than the screening promised, or may be a light vibration. It began at one of
-        these points.
+        much less than the screening promised. It began at one of these points.
         """
         fitter, name = self._fitter, trial.name
         best = refitted(fitter, current, name, trial.fit.values)
-        as_promised = best.gain > LEAST_OF_PROMISE * promised
-        if not nonlinear([name]) or (as_promised and not term_library()[name].rings):
+        if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
             return best
         # What is gained by chance is not asked for.
         limit = min(best.fit.score, (1.0 - self._null.threshold(name)) * current.score)
