@@ -14,6 +14,7 @@ from model_discrepancy.fit.preceding_torque import (
     RESTLESS_WINDOW_S,
     preceding_torque,
 )
+from model_discrepancy.fit.rows import Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.search.null import Null
@@ -52,10 +53,8 @@ def test_a_continuous_movement_has_nothing_before_it(columns):
 def test_where_movements_follow_each_other_fast_the_last_response_does_not_count(columns):
     motion = columns.motion
     # The same movements in half the time.
-    hurried = Columns(
-        replace(motion, **{n: getattr(motion, n)[::2] for n in ("position", "velocity", "torque")}),
-        columns.rows,
-    )
+    half = {n: getattr(motion, n)[::2] for n in ("position", "velocity", "torque")}
+    hurried = Columns(replace(motion, **half), Rows(len(half["torque"]), motion.rate))
     onsets = np.round(find_onsets(hurried).time * motion.rate).astype(int)
     assert np.median(np.diff(onsets)) < RESTLESS_GUARD_S * motion.rate
     mean = hurried.motion.torque.mean()
