@@ -15,9 +15,9 @@ from model_discrepancy.search.found import Found
 # names above this share with nothing else against them 34 were.
 LEAST_CUT = 0.05
 # The same where torque does not move the plate, or not in what is fitted: slow torque does not
-# follow the movement there. Of 360 recordings without a mismatch three had a name, which took off
-# 1.8 % at most; right names took off 4 to 7 % of five recordings of a third engine, in which they
-# changed K by up to a third.
+# follow the movement there. Of 360 recordings without a mismatch two had a name there, of 1.8 % at
+# most (a third one, of 3.4 %, where torque moved the plate). Names that were dropped in five
+# recordings of a third engine took off 4 to 7 %. In one a wrong name stood beside the right one.
 LEAST_CUT_WHERE_HELD = 0.025
 # Names that take off more are a mismatch, however little they raise the VAF: of recordings without
 # one, torque that moved the plate took off up to 51 % so, and effects 67 to 90 %.
