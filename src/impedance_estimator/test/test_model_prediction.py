@@ -37,6 +37,14 @@ def test_the_model_that_made_the_torque_predicts_it_and_the_core_alone_does_not(
     assert bare.vaf < 95.0
 
 
+@pytest.mark.parametrize("play", ["lost_motion", "fixation_stops"])
+def test_play_acts_on_the_motion_and_not_on_what_a_filter_leaves_of_it(play):
+    x, v, a = random_motion(RATE, 12.0, cutoff=40.0, seed=7)
+    terms = {**CORE, play: {}}
+    known = KnownPhysics(subject=Model.of(terms))
+    assert predict_with_model(RATE, known, x, torque_of(terms, x, v, a)).vaf > 99.7
+
+
 def test_a_torque_that_comes_earlier_is_predicted_earlier():
     x, v, a = motion()
     late_position = {**CORE, "channel_skew": {"skew": -0.003}}
