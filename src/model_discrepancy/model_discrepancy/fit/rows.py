@@ -7,6 +7,7 @@ so that filtering changes neither the parameters of a linear joint nor which mod
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.linalg import solve_toeplitz
 
@@ -27,6 +28,51 @@ SKIP_END_S = 0.5
 EDGE_ORDER = 24
 # 0.2 s of past: resolves a tremor peak of 5 Hz width, and voluntary torque as a slope.
 WHITENING_ORDER = 40
+
+# Transforms that together make the one of a column.
+_PARTS = 4
+
+
+# The sum may be taken in any order, so that the processor adds several values at once.
+@njit(cache=True, nogil=True, fastmath={"reassoc"})
+def _padded(column: np.ndarray, length: int) -> np.ndarray:
+    """Return a column (n,) without its mean and with zeros up to a length, each sample beside the
+    next three, shape (length / 4, 4).
+    """
+    total = 0.0
+    for k in range(column.size):
+        total += column[k]
+    mean = total / column.size
+    padded = np.empty(length)
+    for k in range(column.size):
+        padded[k] = column[k] - mean
+    padded[column.size :] = 0.0
+    return padded.reshape(-1, _PARTS)
+
+
+@njit(cache=True, nogil=True)
+def _joined(parts: np.ndarray, later: np.ndarray) -> np.ndarray:
+    """Return the lowest values of the spectrum of a signal of which every fourth sample was
+    transformed, from each of the first four on.
+
+    Parameters
+    ----------
+    parts
+        The transforms, shape (length / 8 + 1, 4), of parts of even length.
+    later
+        The factor by which a delay of one sample changes the spectrum, shape (values wanted,).
+    """
+    last = parts.shape[0] - 1
+    found = np.empty(later.size, dtype=np.complex128)
+    # The spectrum of a part repeats, and its second half is the first one mirrored.
+    for start in range(0, later.size, 2 * last):
+        for k in range(start, min(start + last + 1, later.size)):
+            p, z = parts[k - start], later[k]
+            found[k] = p[0] + z * (p[1] + z * (p[2] + z * p[3]))
+        for k in range(start + last + 1, min(start + 2 * last, later.size)):
+            p, z = parts[start + 2 * last - k], later[k].conjugate()
+            found[k] = (p[0] + z * (p[1] + z * (p[2] + z * p[3]))).conjugate()
+    return found
 
 
 class Rows:
@@ -59,7 +105,10 @@ class Rows:
         self._samples = samples
         self._rate = rate
         self.limit = limit
-        self._length = 4 * next_fast_len(-(-(samples + int(SKIP_START_S * rate)) // 4), real=True)
+        # Each part has an even length.
+        even = 2 * _PARTS
+        least = samples + int(SKIP_START_S * rate)
+        self._length = even * next_fast_len(-(-least // even), real=True)
         # The rows' grid has the same period as the columns'.
         self._short = 2 * next_fast_len(round(0.5 * self._length * ROW_RATE_HZ / rate), real=True)
         self.rate = self._short * rate / self._length
@@ -91,19 +140,13 @@ class Rows:
     def spectrum(self, column: np.ndarray) -> np.ndarray:
         """Return the spectrum of a column (n,) up to half the row rate, without its mean.
 
-        Even and odd samples are transformed in one call, which the processor does side by side:
-        that takes less time than one long transform.
+        Every fourth sample is transformed, from each of the first four on, in one call: the
+        processor transforms them side by side, and each fits its cache. That takes half the time of
+        one long transform.
         """
-        padded = np.zeros(self._length)
-        np.subtract(column, np.mean(column), out=padded[: self._samples])
-        halves = rfft(padded.reshape(-1, 2), axis=0, overwrite_x=True)
-        count = len(self.frequency)
-        if count > len(halves):
-            # The spectrum of every other sample repeats, mirrored.
-            halves = np.concatenate([halves, halves[-2::-1].conj()])
-        spectrum: np.ndarray = halves[:count, 1] * self._later_by_one
-        spectrum += halves[:count, 0]
-        return spectrum
+        column = np.ascontiguousarray(column, dtype=float)
+        parts = rfft(_padded(column, self._length), axis=0)
+        return np.asarray(_joined(parts, self._later_by_one))
 
     def slow(self, spectrum: np.ndarray, cutoff: float) -> np.ndarray:
         """Return what lies below a cutoff [Hz], at the columns' rate, shape (n,)."""
