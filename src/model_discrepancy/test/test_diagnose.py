@@ -205,7 +205,9 @@ def test_a_bad_recording_gets_no_physics_story(null_recording, tmp_path):
 def test_both_real_trials_gain_on_unseen_data(real_recording):
     diagnosis = diagnose(real_recording)
     fit = diagnosis.verdict.fit
-    assert diagnosis.verdict.verdict == "explained"
+    # What is still predictable of them decides between the two.
+    assert diagnosis.verdict.verdict in ("explained", "unexplained")
+    assert diagnosis.verdict.effects
     assert fit["augmented_vaf_holdout"] > fit["baseline_vaf_holdout"] + 1.0
     assert fit["whitened_error_cut"] > 0.5
     assert np.isfinite(fit["remaining_predictable_share"])

@@ -33,7 +33,7 @@ from model_discrepancy.search.exchange import (
     try_without,
 )
 from model_discrepancy.search.flexible_terms import add_flexible, add_further
-from model_discrepancy.search.found import Effect, Found, Progress, Trial, place_of
+from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses, Hypothesis
 from model_discrepancy.search.null import Null
@@ -179,19 +179,23 @@ def _unrefined(fitter: Fitter, found: Found) -> Fit | None:
 def _drop_harmful_refinements(fitter: Fitter, found: Found, progress: Progress) -> bool:
     """Remove refinements that do harm, and return whether there were any and effects are left.
 
-    A compliant coupling that corrects little goes where it ends at a bound of its range: a strap
-    that no foot wears would take K and I of the joint with it. One goes, too, that lets unseen
-    plain torque be predicted worse by a larger factor than it lowers the whitened error: a drift
-    that a half of the recording seems to show, and that the other half does not continue. The last
-    one goes first as long as the model predicts unseen data worse than the base model does: fitted
-    to a half of the recording, one of them runs away.
+    A compliant coupling that ends at a bound of its range goes where it takes off little, also of
+    what is left beside all other terms: a strap that no foot wears would take K and I of the joint
+    with it. A refinement goes, too, that lets unseen plain torque be predicted worse by a larger
+    factor than it lowers the whitened error: a drift that a half of the recording seems to show,
+    and that the other half does not continue. The last one goes first as long as the model predicts
+    unseen data worse than the base model does: fitted to a half of the recording, one of them runs
+    away.
     """
     before = len(found.refinements)
     for effect in list(found.refinements):
         name = effect.trial.name
         if place_of(name) is Place.COUPLING and ends_at_bound(found.final, name):
-            progress(f"{name} corrects little and ended at the bound of its range")
-            _drop_refinement(fitter, found, effect)
+            without = _fit_without(fitter, found, effect)
+            if 1.0 - found.final.score / without.score < REFINEMENT:
+                progress(f"{name} corrects little and ended at the bound of its range")
+                found.refinements.remove(effect)
+                found.final, found.final_held_out = without, held_out(fitter, without)
     suspects = list(found.refinements)
     while harmful := _harmful(fitter, found, suspects):
         worst = harmful.pop(0)
@@ -229,8 +233,7 @@ def _harmful(fitter: Fitter, found: Found, suspects: Sequence[Effect]) -> list[_
     """
 
     def without(effect: Effect) -> _Without:
-        terms = without_term(found.final.terms, effect.trial.name)
-        fit = fitter.fit(terms, found.final.values, evaluations=20)
+        fit = _fit_without(fitter, found, effect)
         scored = held_out(fitter, fit)
         harm = (100.0 - found.final_held_out.vaf) / (100.0 - scored.vaf)
         return _Without(effect, fit, scored, harm)
@@ -242,9 +245,14 @@ def _harmful(fitter: Fitter, found: Found, suspects: Sequence[Effect]) -> list[_
 def _drop_refinement(fitter: Fitter, found: Found, effect: Effect) -> None:
     """Refit the final model without one of its refinements, and score it."""
     found.refinements.remove(effect)
-    terms = without_term(found.final.terms, effect.trial.name)
-    found.final = fitter.fit(terms, found.final.values, evaluations=20)
+    found.final = _fit_without(fitter, found, effect)
     found.final_held_out = held_out(fitter, found.final)
+
+
+def _fit_without(fitter: Fitter, found: Found, effect: Effect) -> Fit:
+    """Refit the final model without one of its terms."""
+    terms = without_term(found.final.terms, effect.trial.name)
+    return fitter.fit(terms, found.final.values, evaluations=20)
 
 
 def _settle_alignment(
