@@ -14,7 +14,13 @@ from model_discrepancy.fit import projection
 from model_discrepancy.fit.base_model import fit_base, has_joint
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
-from model_discrepancy.fit.parameter_scale import from_unit, ranges, to_unit
+from model_discrepancy.fit.parameter_scale import (
+    absent_parts,
+    at_bounds,
+    from_unit,
+    ranges,
+    to_unit,
+)
 from model_discrepancy.fit.projection import Projection
 from model_discrepancy.fit.rows import autoregression
 from model_discrepancy.fit.standard_errors import with_errors
@@ -167,6 +173,17 @@ def test_where_every_amplitude_is_at_its_bound_nothing_is_spanned(columns):
     assert orthonormal(np.zeros((5, columns))).shape == (5, 0)
 
 
+def test_a_part_that_a_joint_lacks_is_no_bound_that_stopped_the_fit():
+    bonds = {"k1": 40.0, "k2": 0.0, "k3": 0.0, "k4": 5.0, "recovery": 0.3}
+    name = "distributed_short_range_stiffness"
+    assert absent_parts({name: bonds}) == (f"{name}.k2", f"{name}.k3")
+    assert at_bounds({name: bonds}) == ()
+    assert at_bounds({name: {**bonds, "k1": 2000.0}}) == (f"{name}.k1",)
+    none = {**bonds, "k1": 0.0, "k4": 0.0}
+    assert absent_parts({name: none}) == ()
+    assert at_bounds({name: none}) == tuple(f"{name}.k{number}" for number in range(1, 5))
+
+
 def test_scaled_parameters_return():
     for term in term_library().values():
         for parameter in term.parameters:
@@ -223,6 +240,17 @@ def test_a_model_that_runs_away_is_avoided_and_never_chosen(monkeypatch):
     assert found.values["reflex"]["delay"] <= delay + 1e-5
     late = {**best.values, "reflex": {**best.values["reflex"], "delay": delay + 0.004}}
     assert fitter.fit(best.terms, late).score == np.inf
+
+
+@pytest.mark.parametrize("beyond", [1e200, np.nan])
+def test_torque_of_no_column_that_runs_away_is_no_fit(monkeypatch, beyond):
+    fitter = Fitter.of(motion_of(simulate_trial({}, seed=4, duration=20.0)))
+    best = fit_base(fitter)
+    nothing = np.zeros_like(fitter.columns.target)
+    monkeypatch.setattr(fitter.columns, "offset", lambda *_: nothing)
+    assert fitter.solve(best.values).score == pytest.approx(best.score)
+    monkeypatch.setattr(fitter.columns, "offset", lambda *_: nothing + beyond)
+    assert fitter.solve(best.values).score == np.inf
 
 
 @pytest.mark.parametrize("name", ["tendon", "maxwell_relaxation"])

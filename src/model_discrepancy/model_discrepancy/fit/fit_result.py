@@ -32,7 +32,10 @@ class Fit:
     size
         Number of fitted parameters.
     at_bounds
-        "term.symbol" of parameters that ended at a bound.
+        "term.symbol" of parameters that ended at a bound, which says that the term stands in for
+        another one, or is superfluous.
+    absent
+        "term.symbol" of amplitudes that are 0 beside others of their term, which says nothing.
     draws
         Change of each free parameter from draw to draw of the recording's stretches, by term and
         symbol, each of shape (block_bootstrap.DRAWS,); empty without standard errors.
@@ -46,6 +49,7 @@ class Fit:
     size: int
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
     at_bounds: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
     draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
 
     @cached_property

@@ -22,6 +22,7 @@ from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.parameter_scale import (
     UNIT_STEP,
     Start,
+    absent_parts,
     at_bounds,
     nonlinear,
     ranges,
@@ -269,6 +270,8 @@ class Fitter:
         offset = self.columns.offset(values, foot)
         if offset is not None:
             torque, target = torque - offset, target - self.rows.whitened(offset)
+            if runs_away(target):
+                return self._run_away(values)
         rest = target - matrix[:, ~open_] @ amplitudes[~open_]
         amplitudes[open_] = bounded(
             matrix[fitted][:, open_], rest[fitted], *ranges(c for c in order if c not in given)
@@ -287,6 +290,7 @@ class Fitter:
             float(residual[fitted] @ residual[fitted]),
             size,
             at_bounds=at_bounds(filled),
+            absent=absent_parts(filled),
         )
 
     def _run_away(self, values: Start) -> Fit:

@@ -19,6 +19,8 @@ _LOG_RATIO = 8.0
 UNIT_STEP = 1e-4
 # Of "at the bound", in units of the scaled range 0...1: what a search of this tolerance leaves.
 _BOUND_MARGIN = 2e-3
+# The same of an amplitude, which is solved for: rounding.
+_AMPLITUDE_MARGIN = 1e-9
 
 
 def plausible(name: str, parameter: Parameter) -> Parameter:
@@ -98,16 +100,33 @@ def with_unit(
     return changed
 
 
-def at_bounds(values: Start) -> tuple[str, ...]:
-    """Return the names of fitted parameters at a bound of their range."""
+def absent_parts(values: Start) -> tuple[str, ...]:
+    """Return the names of fitted amplitudes that are 0 beside others of the same term that are not:
+    the part of a sum, as the bonds of one reach, that a joint does not have.
+    """
     found = []
+    for name, given in values.items():
+        parts = [
+            p for p in term_library()[name].parameters if p.fitted and p.linear and p.lower == 0.0
+        ]
+        absent = [p.symbol for p in parts if given[p.symbol] <= _AMPLITUDE_MARGIN * p.upper]
+        if len(absent) < len(parts):
+            found += [f"{name}.{symbol}" for symbol in absent]
+    return tuple(found)
+
+
+def at_bounds(values: Start) -> tuple[str, ...]:
+    """Return the names of fitted parameters at a bound of their range, but for `absent_parts`."""
+    found = []
+    absent = absent_parts(values)
     for name, given in values.items():
         for stated in term_library()[name].parameters:
             if not stated.fitted:
                 continue
             p = plausible(name, stated)
             unit = to_unit(p, given[p.symbol]) if p.lower <= given[p.symbol] <= p.upper else 0.0
-            width = 1e-9 if p.linear else _BOUND_MARGIN
-            if unit <= width or unit >= 1.0 - width:
-                found.append(f"{name}.{p.symbol}")
+            width = _AMPLITUDE_MARGIN if p.linear else _BOUND_MARGIN
+            label = f"{name}.{p.symbol}"
+            if (unit <= width or unit >= 1.0 - width) and label not in absent:
+                found.append(label)
     return tuple(found)

@@ -190,7 +190,7 @@ class Projection:
             for (n, symbol), s in spectra.items()
             if (n, symbol) not in own
             and n not in self._fitter.held
-            and f"{n}.{symbol}" not in self._fit.at_bounds
+            and f"{n}.{symbol}" not in (*self._fit.at_bounds, *self._fit.absent)
         ]
         if inside:
             basis = orthonormal(self._fitter.whitened(inside)[self._fitted])

@@ -12,13 +12,13 @@ from model_discrepancy.fit.parameter_scale import stretch
 
 
 def with_errors(fitter: Fitter, fit: Fit) -> Fit:
-    """Return the fit with standard errors; parameters at bounds are held.
+    """Return the fit with standard errors; parameters at bounds and absent ones are held.
 
     The errors are those of whitened least squares or of stretches, whichever are larger.
     """
     matrix, labels = fitter.derivatives(fit)
     used = fitter.rows.used
-    held = set(fit.at_bounds)
+    held = {*fit.at_bounds, *fit.absent}
     free = [k for k, (name, symbol) in enumerate(labels) if f"{name}.{symbol}" not in held]
     part = matrix[used][:, free]
     scale = np.linalg.norm(part, axis=0)
