@@ -105,3 +105,20 @@ def test_an_estimate_that_knows_little_or_an_inertia_that_no_foot_has_is_not_fol
     heavy = rows_of(times, 100.0)
     heavy[:, ESTIMATE_COLUMNS.index("I[kg.m^2]")] *= 2.0
     assert predict_with_model(RATE, known, x, measured, heavy).vaf > 99.0
+
+
+@pytest.mark.parametrize(
+    ("error", "followed"), [(0.0, 1.0), (10.0, 0.75), (20.0, 0.0), (30.0, 0.0)]
+)
+def test_of_a_change_only_what_its_error_does_not_explain_is_followed(error, followed):
+    """K is 120 instead of 100; an estimate of it follows by 1 - (error / change)^2."""
+    x, v, a = motion()
+    measured = torque_of({**CORE, "stiffness": {"K": 120.0}}, x, v, a)
+    rows = rows_of(np.arange(0.0, 12.0, 1.0 / 16.0), 120.0)
+    rows[:, ESTIMATE_COLUMNS.index("se_K[N.m/rad]")] = error
+    known = KnownPhysics(subject=Model.of(CORE))
+    found = predict_with_model(RATE, known, x, measured, rows)
+    expected = torque_of({**CORE, "stiffness": {"K": 100.0 + 20.0 * followed}}, x, v, a)
+    alike = predict_with_model(RATE, known, x, expected, rows)
+    late = found.time > LEAD + 0.5
+    assert found.torque[late] == pytest.approx(alike.measured[late], abs=0.1)

@@ -2,10 +2,12 @@
 
 Every parameter comes from before the sample that it predicts: the held terms from a calibration on
 other data, K, B, I and G from the newest estimate that is at least `LEAD` old. A value that an
-estimate knows worse than to a third stays the calibrated one, and the inertia stays near it. So the
-prediction is one on unseen data, although the estimator goes on learning. Behind a compliant
-fixation the foot's motion is simulated; the measured torque does not take part in its own
-prediction.
+estimate knows worse than to a third stays the calibrated one, and the inertia stays near it. Of a
+change since the calibration only the share is followed that its standard error does not explain
+(`_shrunk`). So the prediction is one on unseen data, although the estimator goes on learning.
+
+Behind a compliant fixation the foot's motion is simulated; the measured torque does not take part
+in its own prediction.
 
 Predicted and measured torque pass the same zero-phase filters as those of the other offline methods
 (`torque_prediction.working_signals`), so the variances accounted for can be compared. They pass
@@ -189,7 +191,7 @@ def _followed(
     at = float(position.mean()), float(torque.mean()), 0.5 * count / rate
     for term, (_, column) in INTRINSIC.items():
         held = known.added_stiffness(*at) if term == "stiffness" else 0.0
-        followed, told = _newest(valid[newest[there]], column)
+        followed, told = _newest(valid[newest[there]], column, own[term][0] + held)
         followed = followed - held
         if term == "inertia":
             # A foot becomes neither lighter nor heavier.
@@ -198,18 +200,27 @@ def _followed(
         own[term][there] = np.where(told, followed, own[term][there])
     gain = known.calibrated_gain + known.added_gain(*at)
     if gain > 0.0:
-        followed, told = _newest(valid[newest[there]], GAIN)
+        followed, told = _newest(valid[newest[there]], GAIN, gain)
         own["reflex"][there] = np.where(told, followed / gain, 1.0)
     return own
 
 
-def _newest(rows: np.ndarray, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the estimates in a column, and which of them tell enough about a change: those that
-    know their value to `LARGEST_GAIN_ERROR`.
+def _newest(rows: np.ndarray, column: str, calibrated: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what to follow of the estimates in a column, and which of them tell enough about a
+    change: those that know their value to `LARGEST_GAIN_ERROR`.
     """
     values = rows[:, ESTIMATE_COLUMNS.index(column)]
     errors = rows[:, ESTIMATE_COLUMNS.index(f"se_{column}")]
-    return values, errors <= LARGEST_GAIN_ERROR * np.abs(values)
+    told = errors <= LARGEST_GAIN_ERROR * np.abs(values)
+    return calibrated + _shrunk(values - calibrated, errors), told
+
+
+def _shrunk(change: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return changes without the share that their standard errors explain (the positive part of
+    James & Stein 1961, Proc. 4th Berkeley Symp., 361): none that is smaller than its error.
+    """
+    share = np.divide(error, change, out=np.full(len(change), np.inf), where=change != 0.0)
+    return np.asarray(np.where(share**2 < 1.0, (1.0 - np.minimum(share**2, 1.0)) * change, 0.0))
 
 
 def _with_gains(model: Model, followed: dict[str, np.ndarray], middle: float) -> Model:
