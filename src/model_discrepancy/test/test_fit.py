@@ -10,7 +10,7 @@ import pytest
 from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, term_library
-from model_discrepancy.fit import projection
+from model_discrepancy.fit import projection, standard_errors
 from model_discrepancy.fit.base_model import fit_base, has_joint
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import bounded, orthonormal
@@ -156,6 +156,19 @@ def test_standard_errors_agree_with_a_bootstrap_over_blocks():
     for symbol in ("I", "B", "K", "G"):
         k = next(i for i, label in enumerate(labels) if label[1] == symbol)
         assert 0.5 < spread[k] / fit.errors[labels[k][0]][symbol] < 2.0
+
+
+def test_no_parameter_is_known_worse_than_its_range(monkeypatch):
+    fitter = Fitter.of(motion_of(simulate_trial({}, seed=4, duration=20.0)))
+
+    def anything(matrix, *_):
+        return 1e6 * np.random.default_rng(0).standard_normal((50, matrix.shape[1]))
+
+    monkeypatch.setattr(standard_errors, "bootstrap_changes", anything)
+    fit = with_errors(fitter, fit_base(fitter))
+    for name, symbol in (("stiffness", "K"), ("reflex", "delay")):
+        parameter = term_library()[name].parameter(symbol)
+        assert fit.errors[name][symbol] == parameter.upper - parameter.lower
 
 
 def test_bounded_least_squares_keeps_physical_signs():

@@ -51,7 +51,7 @@ MOTION_LOWPASS = 2.0 * LOWPASS
 `LOWPASS` itself the filter takes a fifth of the motion at 43 Hz, and up to 1.5 points of the VAF of
 human trials."""
 LARGEST_CUTOFF = 0.4
-"""Of the sampling rate: a digital low-pass needs room below half of it."""
+"""Share of the sampling rate [1]; a digital low-pass needs room below a half."""
 INTRINSIC = {
     "stiffness": ("K", "K[N.m/rad]"),
     "viscosity": ("B", "B[N.m.s/rad]"),

@@ -14,7 +14,8 @@ from model_discrepancy.fit.parameter_scale import stretch
 def with_errors(fitter: Fitter, fit: Fit) -> Fit:
     """Return the fit with standard errors; parameters at bounds and absent ones are held.
 
-    The errors are those of whitened least squares or of stretches, whichever are larger.
+    The errors are those of whitened least squares or of stretches, whichever are larger, and no
+    larger than the range of a parameter: a stop that a foot never reaches may lie anywhere in it.
     """
     matrix, labels = fitter.derivatives(fit)
     used = fitter.rows.used
@@ -36,7 +37,7 @@ def with_errors(fitter: Fitter, fit: Fit) -> Fit:
         name, symbol = labels[k]
         parameter = term_library()[name].parameter(symbol)
         unit = 1.0 if parameter.linear else stretch(parameter, fit.values[name][symbol])
-        errors[name][symbol] = float(spread * unit)
+        errors[name][symbol] = float(min(spread * unit, parameter.upper - parameter.lower))
         if np.isfinite(drawn[place]) and drawn[place] > 0.0:
             fit.draws[name, symbol] = changes[:, place] * unit * spread / drawn[place]
     fit.errors = errors
