@@ -69,6 +69,24 @@ def test_a_maximal_contraction_is_what_is_held_not_a_peak(name, sign):
     assert "in this direction" in result["problem"]
 
 
+@pytest.mark.parametrize(("from_then_on", "kept"), [(0.5, True), (9.0, False)])
+def test_a_reading_without_emg_spoils_no_contraction_that_was_held_with_it(from_then_on, kept):
+    """Its first samples come after the check has begun."""
+
+    def emg(t):
+        return {"SOL": 2e-4 if 2.0 < t < 4.0 else 1e-6} if t > from_then_on else {}
+
+    state, result = measure(
+        CheckList(("mvc_plantarflexion",)),
+        "mvc_plantarflexion",
+        lambda t: -40.0 if 2.0 < t < 4.0 else 0.0,
+        emg=emg,
+    )
+    assert state == DONE
+    assert ("SOL[V]" in result) is kept
+    assert result.get("SOL[V]", 2e-4) == pytest.approx(2e-4, rel=0.01)
+
+
 def test_a_contraction_counts_from_the_torque_of_the_relaxed_leg():
     checks = CheckList(("zero", "mvc_plantarflexion"))
     measure(checks, "zero", lambda t: -2.5)

@@ -333,12 +333,13 @@ def _contraction(
             f"contraction has at least {LEAST_CONTRACTION:g} N.m",
             {},
         )
-    emg = {
-        f"{muscle}[V]": float(
-            np.convolve([reading.emg[muscle] for reading in readings], held, "valid").max()
-        )
-        for muscle in (readings[0].emg if all(reading.emg for reading in readings) else {})
-    }
+    emg = {}
+    for muscle in next((reading.emg for reading in readings if reading.emg), {}):
+        # A reading without EMG, as before its first samples arrive, spoils no other plateau.
+        values = [reading.emg.get(muscle, math.nan) for reading in readings]
+        activity = np.convolve(values, held, "valid")
+        if np.isfinite(activity).any():
+            emg[f"{muscle}[V]"] = float(np.nanmax(activity))
     return "", _rounded({"torque[N.m]": sign * largest, **emg})
 
 
