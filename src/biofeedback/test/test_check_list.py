@@ -69,12 +69,18 @@ def test_a_maximal_contraction_is_what_is_held_not_a_peak(name, sign):
     assert "in this direction" in result["problem"]
 
 
-@pytest.mark.parametrize(("from_then_on", "kept"), [(0.5, True), (9.0, False)])
-def test_a_reading_without_emg_spoils_no_contraction_that_was_held_with_it(from_then_on, kept):
-    """Its first samples come after the check has begun."""
-
+@pytest.mark.parametrize(
+    ("arrives", "kept"),
+    [
+        (lambda t: t > 0.5, True),
+        (lambda t: round(20.0 * t) % 2 == 0, False),
+        (lambda t: False, False),
+    ],
+    ids=["late", "with gaps", "never"],
+)
+def test_a_reading_without_emg_spoils_no_contraction_that_was_held_with_it(arrives, kept):
     def emg(t):
-        return {"SOL": 2e-4 if 2.0 < t < 4.0 else 1e-6} if t > from_then_on else {}
+        return {"SOL": 2e-4 if 2.0 < t < 4.0 else 1e-6} if arrives(t) else {}
 
     state, result = measure(
         CheckList(("mvc_plantarflexion",)),
