@@ -39,6 +39,8 @@ RESPONSE_TOLERANCE = 1e-6
 SETTLING_TIME = 4.0  # s
 # Movements that count: enough steps for a mean over their random levels and pauses.
 TRAIN_TIME = 24.0  # s
+# Of a recorded movement that is shorter, the part that settles.
+SETTLING_SHARE = 1.0 / 7.0
 # After the last step the reflex' torque dies away (delays up to 0.2 s, slow muscles of 5 rad/s).
 DECAY_TIME = 1.5  # s
 # The band of slow responses below the reflex' and above the drift of voluntary torque.
@@ -48,6 +50,27 @@ PAUSE_RANGE = (0.7, 1.3)
 TRAIN_SEED = 2018
 # Reflex arcs that answer something else than the velocity of the calf's stretch.
 NON_VELOCITY_ARCS = frozenset({"antagonist_reflex", "position_reflex"})
+
+
+@dataclass(frozen=True)
+class Movement:
+    """Holds a recorded movement of the plate, or a part of it.
+
+    Attributes
+    ----------
+    rate
+        [Hz].
+    position, velocity, acceleration
+        [rad, rad/s, rad/s^2], each of shape (n,).
+    begin
+        Of the run, when the first sample was taken [s].
+    """
+
+    rate: float
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    begin: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,6 +94,8 @@ class OperatingPoint:
         Duration of a step's edge [s].
     pause
         Mean time between edges [s].
+    movement
+        The recorded one, for which G is stated. None: a train of such steps.
     """
 
     position: float = 0.0
@@ -80,6 +105,7 @@ class OperatingPoint:
     step: float = 0.04
     rise: float = 0.024
     pause: float = 0.35
+    movement: Movement | None = None
 
 
 @dataclass(frozen=True)
@@ -203,9 +229,10 @@ def _slopes(model: Model, at: OperatingPoint, count: int) -> list[float]:
 def reflex_gain(model: Model, at: OperatingPoint) -> float:
     """Return the area of the reflex' impulse response to stretch velocity [N.m.s/rad].
 
-    Over a train of steps of the recorded size: the reflex torque's integral over time divided by
-    the angle through which the calf was stretched. For the paper's reflex this is G itself; a
-    threshold, a saturation or a depression lowers it as it lowers the torque of that recording.
+    Over the recorded movement, or a train of steps of the recorded size: the reflex torque's
+    integral over time divided by the angle through which the calf was stretched. For the paper's
+    reflex this is G itself. A threshold, a saturation or a depression lowers it as it lowers the
+    torque of that recording, and a power of the velocity weighs the velocities that were met.
 
     Parameters
     ----------
@@ -222,19 +249,24 @@ def reflex_gain(model: Model, at: OperatingPoint) -> float:
     ]
     if not any(entry.term.place is Place.REFLEX_DYNAMICS for entry in reflexes):
         return 0.0
-    motion = _train(at)
+    moved = at.movement or _train(at)
+    rate = moved.rate
+    # The plate rests in the end.
+    motion = np.zeros((3, len(moved.position) + round(DECAY_TIME * rate)))
+    motion[:, : len(moved.position)] = moved.position, moved.velocity, moved.acceleration
+    motion[0, len(moved.position) :] = moved.position[-1]
     motion[0] += _foot_position(model, at) - at.position
-    # The same train that ends after settling: what is left of its last responses is taken off.
+    # The same movement that ends after settling: what is left of its last responses is taken off.
     first = motion.copy()
-    settled = round(SETTLING_TIME * RESPONSE_RATE)
+    settled = round(min(SETTLING_TIME * rate, SETTLING_SHARE * motion.shape[1]))
     first[0, settled:] = first[0, settled]
     first[1:, settled:] = 0.0
     activation = np.full(motion.shape[1], _activation(model, at))
     impulses = []
-    for train in (motion, first):
-        signals = Signals(RESPONSE_RATE, train[0], train[1], train[2], activation)
-        impulses.append(np.sum(_torque_along(reflexes, signals, at.time)))
-    stretches = [np.sum(np.maximum(train[1], 0.0)) for train in (motion, first)]
+    for position, velocity, acceleration in (motion, first):
+        signals = Signals(rate, position, velocity, acceleration, activation)
+        impulses.append(np.sum(_torque_along(reflexes, signals, moved.begin)))
+    stretches = [np.sum(np.maximum(velocity, 0.0)) for _, velocity, _ in (motion, first)]
     return float((impulses[0] - impulses[1]) / (stretches[0] - stretches[1]))
 
 
@@ -253,10 +285,11 @@ def effective_stiffness(model: Model, at: OperatingPoint) -> float:
         The operating point.
     """
     entries = [entry for entry in model.entries if shapes_effective_stiffness(entry.term)]
-    position, velocity, acceleration = _train(at)
+    train = _train(at)
+    position, acceleration = train.position, train.acceleration
     activation = np.full(len(position), _activation(model, at))
-    signals = Signals(RESPONSE_RATE, position, velocity, acceleration, activation)
-    torque = _torque_along(entries, signals, at.time)
+    signals = Signals(train.rate, position, train.velocity, acceleration, activation)
+    torque = _torque_along(entries, signals, train.begin)
     inertia = sum(_mean(entry.values["I"]) for entry in entries if entry.term.name == "inertia")
     counted = slice(round(SETTLING_TIME * RESPONSE_RATE), None)
     torque = (torque - inertia * acceleration)[counted]
@@ -307,9 +340,9 @@ def _foot_position(model: Model, at: OperatingPoint) -> float:
     return at.position
 
 
-def _train(at: OperatingPoint) -> np.ndarray:
-    """Return position, velocity, acceleration of the plate, shape (3, n): steps up and down at
-    random times about the mean angle; quintic edges.
+def _train(at: OperatingPoint) -> Movement:
+    """Return a movement of steps up and down at random times about the mean angle, with quintic
+    edges; the stretch that counts is about `OperatingPoint.time`.
     """
     random = np.random.default_rng(TRAIN_SEED)
     knots = [np.array([at.position - 0.5 * at.step, 0.0, 0.0])]
@@ -326,18 +359,20 @@ def _train(at: OperatingPoint) -> np.ndarray:
         parts += [rest, edge]
         length += pause + rise
     parts.append(np.repeat(knots[-1][:, None], round(DECAY_TIME * RESPONSE_RATE), axis=1))
-    return np.concatenate(parts, axis=1)
+    position, velocity, acceleration = np.concatenate(parts, axis=1)
+    begin = at.time - SETTLING_TIME - 0.5 * TRAIN_TIME
+    return Movement(RESPONSE_RATE, position, velocity, acceleration, begin)
 
 
-def _torque_along(entries: list[Entry], signals: Signals, time: float) -> np.ndarray:
-    """Return the torque [N.m] of the terms, shape (n,); drifts are at `time` [s] in the train's
-    middle.
+def _torque_along(entries: list[Entry], signals: Signals, begin: float) -> np.ndarray:
+    """Return the torque [N.m] of the terms, shape (n,), of a movement that begins at a time of the
+    run [s].
     """
     held = copy.deepcopy(entries)
     for entry in held:
         entry.values = _means(entry.values)
     run = Model(held).start(signals.rate, tolerance=RESPONSE_TOLERANCE)
-    run.advance_clock(time - SETTLING_TIME - 0.5 * TRAIN_TIME)
+    run.advance_clock(begin)
     return run.torque(signals)
 
 

@@ -43,6 +43,27 @@ class StatedValue(NamedTuple):
     standard_error: float
 
 
+@dataclass(frozen=True)
+class StatedAt:
+    """Describes where the values of a fit are stated.
+
+    Attributes
+    ----------
+    position, torque
+        Means over the recording [rad], [N.m].
+    time
+        Its middle [s].
+    """
+
+    position: float
+    torque: float
+    time: float
+
+
+# Keys in a model file.
+_STATED_AT = {"position[rad]": "position", "torque[N.m]": "torque", "time[s]": "time"}
+
+
 @dataclass
 class Entry:
     """Holds a term in a model.
@@ -78,6 +99,8 @@ class Model:
         Free text that describes the model.
     stated
         K and G of the whole joint with their standard errors, where a fit gave them; None: none.
+    stated_at
+        Where they are stated; None: nobody knows.
 
     Attributes
     ----------
@@ -95,6 +118,7 @@ class Model:
         entries: list[Entry],
         title: str = "",
         stated: Mapping[str, StatedValue] | None = None,
+        stated_at: StatedAt | None = None,
     ) -> None:
         names = [entry.term.name for entry in entries]
         for name in names:
@@ -105,6 +129,7 @@ class Model:
                 )
         self.title = title
         self.stated = dict(stated or {})
+        self.stated_at = stated_at
         self.joint = joint_in_force()
         self.entries = sorted(entries, key=lambda entry: PATH.index(entry.term.place))
 
@@ -181,7 +206,12 @@ class Model:
             entry.standard_errors = errors
             entry.tracked = _flag(item.get("tracked", False), name)
             entries.append(entry)
-        return cls(entries, str(content.get("model", "")), _stated(content.get("impedance", {})))
+        return cls(
+            entries,
+            str(content.get("model", "")),
+            _stated(content.get("impedance", {})),
+            _stated_at(content["impedance_at"]) if "impedance_at" in content else None,
+        )
 
     def save(self, path: str | Path) -> None:
         """Write a model file that `load` reads back to the same values."""
@@ -193,6 +223,10 @@ class Model:
             content["impedance"] = {
                 _stated_key(symbol): {"value": s.value, "standard_error": s.standard_error}
                 for symbol, s in self.stated.items()
+            }
+        if self.stated_at is not None:
+            content["impedance_at"] = {
+                key: float(getattr(self.stated_at, name)) for key, name in _STATED_AT.items()
             }
         Path(path).write_text(yaml.safe_dump(content, sort_keys=False))
 
@@ -298,6 +332,19 @@ def _stated(content: Any) -> dict[str, StatedValue]:
             )
         found[symbols[key]] = stated
     return found
+
+
+def _stated_at(content: Any) -> StatedAt:
+    """Return the values under 'impedance_at' of a model file."""
+    try:
+        values = {name: float(content[key]) for key, name in _STATED_AT.items()}
+    except (KeyError, TypeError, ValueError):
+        values = {}
+    if not values or not np.all(np.isfinite(list(values.values()))):
+        raise ModelError(
+            f"'impedance_at' has finite {', '.join(_STATED_AT)}; found {content!r}"
+        ) from None
+    return StatedAt(**values)
 
 
 def _find(name: str) -> type[Term]:

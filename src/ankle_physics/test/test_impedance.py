@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from ankle_physics.impedance import OperatingPoint, effective_stiffness, impedance, reflex_gain
+from ankle_physics.impedance import (
+    Movement,
+    OperatingPoint,
+    effective_stiffness,
+    impedance,
+    reflex_gain,
+)
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
 from ankle_physics.term import Owner, term_library
@@ -103,6 +109,51 @@ def test_g_is_the_area_of_the_response_to_a_stretch(extra, tolerance):
     assert reflex_gain(Model.of(JOINT | extra), at) == pytest.approx(
         stretch_area(JOINT | extra, activation=3.0), rel=tolerance
     )
+
+
+def slow_swings(size):
+    """A minute of slow sines: velocities up to 0.8 rad/s at 0.04 rad."""
+    time = np.arange(60 * int(RATE)) / RATE
+    x, v, a = (np.zeros_like(time) for _ in range(3))
+    for frequency, phase in ((0.7, 0.0), (1.9, 1.0), (3.1, 2.0)):
+        rate = 2.0 * np.pi * frequency
+        x += size / 3 * np.sin(rate * time + phase)
+        v += size / 3 * rate * np.cos(rate * time + phase)
+        a -= size / 3 * rate**2 * np.sin(rate * time + phase)
+    return Movement(RATE, x, v, a)
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        {},
+        {"reflex_threshold": {"vt": 0.3}},
+        {"reflex_exponent": {"p": 2.5}},
+        {"reflex_saturation": {"vs": 0.2}},
+        {"reflex_drift": {"Gt": 0.05}},
+    ],
+)
+def test_g_of_a_recorded_movement_is_its_torque_for_each_radian_of_stretch(extra):
+    model, moved = Model.of(JOINT | extra), slow_swings(0.04)
+    found = reflex_gain(model, OperatingPoint(movement=moved))
+    still = np.zeros(len(moved.position))
+    run = model.start(RATE)
+    run.torque(Signals(RATE, moved.position, moved.velocity, moved.acceleration, still))
+    later = slice(round(4.0 * RATE), None)
+    area = run.parts["reflex"][later].sum()
+    area += run.parts["reflex_drift"][later].sum() if "reflex_drift" in extra else 0.0
+    met = area / np.maximum(moved.velocity[later], 0.0).sum()
+    assert found == pytest.approx(met, rel=0.02)
+
+
+def test_g_of_a_reflex_with_a_threshold_follows_the_velocities_of_the_recording():
+    model = Model.of(JOINT | {"reflex_threshold": {"vt": 0.3}})
+    gains = [
+        reflex_gain(model, OperatingPoint(movement=slow_swings(size)))
+        for size in (0.01, 0.04, 0.16)
+    ]
+    assert gains[0] < 0.1 < gains[1] < 0.5 * gains[2]
+    assert 3.0 < gains[2] < 9.0
 
 
 def test_a_depressed_reflex_has_a_lower_gain_the_faster_stretches_follow():

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import Delay, FirstOrder, SecondOrder
-from ankle_physics.model import Model, StatedValue
+from ankle_physics.model import Model, StatedAt, StatedValue
 from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
 
@@ -89,9 +89,11 @@ def test_a_model_file_survives_saving(tmp_path):
     )
     model.entry("stiffness").standard_errors["K"] = 0.25
     model.stated = {"K": StatedValue(55.5, 3.0), "G": StatedValue(9.0, 0.5)}
+    model.stated_at = StatedAt(0.02, -3.0, 45.0)
     model.save(tmp_path / "model.yaml")
     again = Model.load(tmp_path / "model.yaml")
     assert again.stated == model.stated
+    assert again.stated_at == model.stated_at
     assert [entry.values for entry in again.entries] == [entry.values for entry in model.entries]
     assert again.title == model.title
     assert again.entry("stiffness").standard_errors == {"K": 0.25}
@@ -108,6 +110,11 @@ def test_a_model_file_survives_saving(tmp_path):
         ),
         ("terms: [{term: stiffness, 'K[N.m/rad]': soft}]", "'stiffness.K' = 'soft' is refused"),
         ("terms: [{term: inertia}, {term: inertia}]", "appears 2 times"),
+        ("{terms: [], impedance_at: {'position[rad]': 0.1}}", "'impedance_at' has finite"),
+        (
+            "{terms: [], impedance_at: {'position[rad]': .nan, 'torque[N.m]': 0, 'time[s]': 1}}",
+            "'impedance_at' has finite",
+        ),
         (
             "{terms: [{term: stiffness, 'K[N.m/rad]': {value: 9, standard_error: '1,5'}}]}",
             "the standard_error of 'K.N.m/rad.' = '1,5' is refused",

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ankle_physics.model import PAPER_TERMS, TERMS_OF_GAINS, Model, StatedValue
+import numpy as np
+
+from ankle_physics.model import PAPER_TERMS, TERMS_OF_GAINS, Model, StatedAt, StatedValue
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place, term_library
 from calibration.errors import CalibrationError
@@ -82,6 +84,10 @@ def calibrate_session(
         raise CalibrationError(f"{recording.name} cannot calibrate a session: {reasons}")
     model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
     model.stated = stated_values(verdict.parameters)
+    assert found.problem is not None
+    motion = found.problem.fitter.motion
+    position, torque = float(np.mean(motion.position)), float(np.mean(motion.torque))
+    model.stated_at = StatedAt(position, torque, 0.5 * len(motion.position) / motion.rate)
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
 
 

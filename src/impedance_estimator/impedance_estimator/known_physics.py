@@ -184,11 +184,19 @@ class KnownPhysics:
     def added_gain(self, position: float, torque: float, time: float) -> float:
         """Return the reflex gain that the held terms add to the estimate [N.m.s/rad]; arguments as
         above.
+
+        Where the calibrated session states G, it is that of its own movement, and the operating
+        point changes it as it changes the response to the usual steps.
         """
         if not self.model.has("reflex") or not shaping_terms(self.model):
             return 0.0
-        at = OperatingPoint(position=position, torque=torque, time=time)
-        return reflex_gain(self.model, at) - self._value("reflex", "G")
+        gain = reflex_gain(self.model, OperatingPoint(position, torque, time=time))
+        subject = self.subject
+        if subject is not None and subject.stated_at is not None and "G" in subject.stated:
+            where = subject.stated_at
+            there = OperatingPoint(where.position, where.torque, time=where.time)
+            gain += subject.stated["G"].value - reflex_gain(self.model, there)
+        return gain - self._value("reflex", "G")
 
     def expectation(self) -> Expectation:
         """Return what the calibrated session says about the joint's core before the first sample.

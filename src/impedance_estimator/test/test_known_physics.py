@@ -8,7 +8,7 @@ from random_motion import CORE
 from scipy import signal
 from simulated_rig import LAYOUT, RATE, motion, rig, samples_of
 
-from ankle_physics.model import Model
+from ankle_physics.model import Model, StatedAt, StatedValue
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import SampleLayout
 from impedance_estimator.joint_path import SMOOTHING
@@ -54,6 +54,20 @@ def test_a_shaped_reflex_leaves_the_plain_one():
     known = KnownPhysics(subject=model)
     assert left_over(known, samples_of(model, x, v, a), lambda _: smoothed(plain)) < 0.01
     assert known.added_gain(0.0, 0.0, 10.0) != 0.0
+
+
+def test_the_gain_of_the_calibrated_session_is_that_of_its_own_movement():
+    """Its slow stretches hardly reach the threshold, while the usual steps lie far above it."""
+    extra = {"reflex_threshold": {"vt": 1.0}, "activation_reflex_gain": {"Gn": 1.0}}
+    model = Model.of({**CORE, **extra})
+    usual = KnownPhysics(subject=model)
+    model.stated = {"G": StatedValue(2.5, 0.1)}
+    model.stated_at = StatedAt(0.0, 4.0, 30.0)
+    known = KnownPhysics(subject=model)
+    assert known.calibrated_gain + known.added_gain(0.0, 4.0, 30.0) == pytest.approx(2.5)
+    more = [k.added_gain(0.0, 5.0, 30.0) - k.added_gain(0.0, 4.0, 30.0) for k in (known, usual)]
+    assert more[0] == pytest.approx(more[1])
+    assert more[0] > 0.1
 
 
 def test_a_late_torque_is_even_with_the_motion_again():

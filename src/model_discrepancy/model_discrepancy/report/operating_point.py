@@ -12,7 +12,12 @@ from dataclasses import asdict
 import numpy as np
 
 from ankle_physics.errors import ModelError
-from ankle_physics.impedance import OperatingPoint, impedance, shapes_effective_stiffness
+from ankle_physics.impedance import (
+    Movement,
+    OperatingPoint,
+    impedance,
+    shapes_effective_stiffness,
+)
 from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.base_model import reflex_at_bound
 from model_discrepancy.fit.fit_result import Fit
@@ -64,7 +69,9 @@ _REJECTED_TERM_ODDS = 0.5
 
 
 def operating_point(motion: Motion, onsets: Onsets) -> OperatingPoint:
-    """Return a recording's mean angle, torque and activation, its middle and its steps."""
+    """Return a recording's mean angle, torque and activation, its middle, its steps and its
+    movement.
+    """
     usual = OperatingPoint()
     apart = np.diff(onsets.time)
     return OperatingPoint(
@@ -74,6 +81,7 @@ def operating_point(motion: Motion, onsets: Onsets) -> OperatingPoint:
         time=0.5 * len(motion.position) / motion.rate,
         step=float(np.median(onsets.size)) if len(onsets.size) else usual.step,
         pause=max(float(np.median(apart)), 2.0 * usual.rise) if len(apart) else usual.pause,
+        movement=Movement(motion.rate, motion.position, motion.velocity, motion.acceleration),
     )
 
 
