@@ -158,6 +158,23 @@ def test_standard_errors_agree_with_a_bootstrap_over_blocks():
         assert 0.5 < spread[k] / fit.errors[labels[k][0]][symbol] < 2.0
 
 
+def test_what_two_parameters_share_is_known_where_neither_of_them_is():
+    """Two terms for one effect: least squares and stretches know each to a different extent."""
+    fitter = fitter_of(simulate_trial({}, seed=4, duration=40.0))
+    fit = with_errors(fitter, fit_base(fitter))
+    K, G = ("stiffness", "K"), ("reflex", "G")
+    assert fit.error_of({K: 1.0}) == pytest.approx(fit.errors["stiffness"]["K"], rel=0.01)
+    random = np.random.default_rng(1)
+    for wide, narrow in ((30.0, 3.0), (3.0, 30.0)):
+        unknown = random.standard_normal(len(fit.draws[K]))
+        fit.draws[K], fit.draws[G] = wide * unknown, -wide * unknown
+        fit.spreads[K], fit.spreads[G] = np.array([narrow, 0.5]), np.array([-narrow, 0.0])
+        assert fit.error_of({K: 1.0}) == pytest.approx(30.0, rel=0.2)
+        assert fit.error_of({K: 1.0, G: 1.0}) == pytest.approx(0.5)
+    both = fit.error_of({K: np.array([1.0, 0.0, 2.0])})
+    assert both == pytest.approx(fit.error_of({K: 1.0}) * np.array([1.0, 0.0, 2.0]))
+
+
 def test_no_parameter_is_known_worse_than_its_range(monkeypatch):
     fitter = Fitter.of(motion_of(simulate_trial({}, seed=4, duration=20.0)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -39,6 +40,9 @@ class Fit:
     draws
         Change of each free parameter from draw to draw of the recording's stretches, by term and
         symbol, each of shape (block_bootstrap.DRAWS,); empty without standard errors.
+    spreads
+        Rows of a root of the covariance by least squares, likewise: the product of two of them is
+        the covariance of their parameters.
     """
 
     values: dict[str, dict[str, float]]
@@ -51,11 +55,25 @@ class Fit:
     at_bounds: tuple[str, ...] = ()
     absent: tuple[str, ...] = ()
     draws: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
+    spreads: dict[Column, np.ndarray] = field(default_factory=dict, repr=False)
 
     @cached_property
     def plain(self) -> np.ndarray:
         """Return the plain residual [N.m], shape (rows.count,)."""
         return self.rows.plain(self.left)
+
+    def error_of(self, slopes: Mapping[Column, np.ndarray | float]) -> np.ndarray:
+        """Return the standard error of what follows from the parameters: that of the stretches or
+        of least squares, whichever is larger. Both hold what ties the parameters to each other.
+
+        Parameters
+        ----------
+        slopes
+            By each free parameter, of one value or of values of shape (n,); those left out are 0.
+        """
+        drawn = sum(np.multiply.outer(slope, self.draws[at]) for at, slope in slopes.items())
+        spread = sum(np.multiply.outer(slope, self.spreads[at]) for at, slope in slopes.items())
+        return np.fmax(np.std(drawn, axis=-1), np.linalg.norm(spread, axis=-1))
 
     @property
     def terms(self) -> tuple[str, ...]:

@@ -10,6 +10,9 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parameter_scale import stretch
 
+# Of the largest eigenvalue: below it the data say nothing about a sum of parameters.
+_SMALLEST_SHARE = 1e-12
+
 
 def with_errors(fitter: Fitter, fit: Fit) -> Fit:
     """Return the fit with standard errors; parameters at bounds and absent ones are held.
@@ -26,19 +29,27 @@ def with_errors(fitter: Fitter, fit: Fit) -> Fit:
     scale[scale == 0] = 1.0
     information = (part / scale).T @ (part / scale)
     variance = fit.score / max(int(used.sum()) - len(free), 1)
-    covariance = (
-        np.diag(np.linalg.pinv(information, rcond=1e-12, hermitian=True)) * variance / scale**2
-    )
+    root = _inverse_root(information) * np.sqrt(variance) / scale[:, None]
     changes = bootstrap_changes(matrix[:, free], fit.residual, used, fitter.rows.rate)
     drawn = np.std(changes, axis=0, ddof=1)
     errors: dict[str, dict[str, float]] = {name: {} for name in fit.terms}
-    spreads = np.fmax(np.sqrt(np.maximum(covariance, 0.0)), drawn)
+    spreads = np.fmax(np.linalg.norm(root, axis=1), drawn)
     for place, (k, spread) in enumerate(zip(free, spreads, strict=True)):
         name, symbol = labels[k]
         parameter = term_library()[name].parameter(symbol)
         unit = 1.0 if parameter.linear else stretch(parameter, fit.values[name][symbol])
         errors[name][symbol] = float(min(spread * unit, parameter.upper - parameter.lower))
         if np.isfinite(drawn[place]) and drawn[place] > 0.0:
-            fit.draws[name, symbol] = changes[:, place] * unit * spread / drawn[place]
+            fit.draws[name, symbol] = changes[:, place] * unit
+            fit.spreads[name, symbol] = root[place] * unit
     fit.errors = errors
     return fit
+
+
+def _inverse_root(information: np.ndarray) -> np.ndarray:
+    """Return R of the pseudo-inverse ``R R^T`` of a symmetric matrix, shape (p, p)."""
+    values, vectors = np.linalg.eigh(information)
+    kept = values > _SMALLEST_SHARE * values.max(initial=0.0)
+    roots = np.zeros_like(values)
+    roots[kept] = 1.0 / np.sqrt(values[kept])
+    return vectors * roots

@@ -10,6 +10,7 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.signal_path import Column
 
 TERMS = ("cyclic_angle_error", "uneven_angle")
 """Terms that change the angle by an amount that depends on the angle alone."""
@@ -52,13 +53,11 @@ def angle_curve(fitter: Fitter, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.nd
     middle, half = fitter.columns.mean_angle, 0.5 * fitter.columns.angle_span
     angles = np.linspace(middle - half, middle + half, _POINTS)
     here = angle_error(fit.values, angles)
-    shifts: np.ndarray | float = 0.0
-    for (name, symbol), drawn in fit.draws.items():
-        size = float(np.std(drawn))
-        if name in TERMS and size > 0.0:
+    slopes: dict[Column, np.ndarray | float] = {}
+    for name, symbol in fit.draws:
+        if name in TERMS:
+            size = fit.errors[name][symbol]
             moved = {n: dict(given) for n, given in fit.values.items()}
             moved[name][symbol] += size
-            slope = (angle_error(moved, angles) - here) / size
-            shifts = shifts + slope[:, None] * drawn
-    spread = np.std(shifts, axis=1) if np.ndim(shifts) == 2 else np.zeros_like(angles)
-    return angles, here, np.asarray(spread)
+            slopes[name, symbol] = (angle_error(moved, angles) - here) / size
+    return angles, here, fit.error_of(slopes) if slopes else np.zeros_like(angles)

@@ -102,23 +102,24 @@ def stated_impedance(fit: Fit, at: OperatingPoint) -> dict[str, tuple[float, flo
         Value and standard error by ``K[N.m/rad]`` and so on.
     """
     here = _values(fit.values, at)
-    total: dict[str, np.ndarray | float] = dict.fromkeys(UNITS, 0.0)
-    steps = {column: _STEP * float(np.std(drawn)) for column, drawn in fit.draws.items()}
-    free = [column for column, step in steps.items() if step != 0.0]
+    steps = {column: _STEP * fit.errors[column[0]][column[1]] for column in fit.draws}
 
-    def moved_by_one(column: Column) -> dict[str, float]:
+    def slopes(column: Column) -> dict[str, float]:
         term, symbol = column
         moved = {name: dict(given) for name, given in fit.values.items()}
         moved[term][symbol] += steps[column]
         shaping = shapes_effective_stiffness(term_library()[term]())
-        return _values(moved, at, None if shaping else here["K_effective"])
+        there = _values(moved, at, None if shaping else here["K_effective"])
+        return {name: (there[name] - here[name]) / steps[column] for name in UNITS}
 
-    for column, there in zip(free, in_parallel(moved_by_one, free), strict=True):
-        for name in UNITS:
-            slope = (there[name] - here[name]) / steps[column]
-            total[name] = total[name] + slope * fit.draws[column]
+    found = dict(zip(steps, in_parallel(slopes, list(steps)), strict=True))
     return {
-        f"{name}[{unit}]": (here[name], float(np.std(total[name])) if fit.draws else None)
+        f"{name}[{unit}]": (
+            here[name],
+            float(fit.error_of({at: slope[name] for at, slope in found.items()}))
+            if found
+            else None,
+        )
         for name, unit in UNITS.items()
     }
 
