@@ -5,7 +5,7 @@ import pytest
 from ankle_physics.model import Model, StatedValue
 from ankle_physics.virtual_rig import simulate
 from calibration.errors import CalibrationError
-from calibration.session_calibration import require_gain
+from calibration.session_calibration import calibrate_session, require_gain
 from model_discrepancy.recording.recording import Recording
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
@@ -30,6 +30,17 @@ def recorded(extra):
 @pytest.fixture(scope="module")
 def plain():
     return recorded({})
+
+
+def test_a_calibrated_session_says_where_its_values_hold(plain, tmp_path):
+    model = calibrate_session(plain, tmp_path).model
+    model.save(tmp_path / "subject.yaml")
+    again = Model.load(tmp_path / "subject.yaml")
+    assert set(again.stated) == {"K", "G"}
+    at = again.stated_at
+    assert at.position == pytest.approx(plain.position.mean(), abs=1e-3)
+    assert at.torque == pytest.approx(plain.torque.mean(), abs=0.1)
+    assert at.time == pytest.approx(10.0, abs=0.1)
 
 
 def stated(K_error, G_error):

@@ -1,11 +1,16 @@
 """Standard errors of K and G hold where the equations are not quite those of the joint."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from ankle_physics.impedance import OperatingPoint
+from ankle_physics.impedance import OperatingPoint, reflex_gain
+from ankle_physics.model import Model
+from model_discrepancy.fit.movements import Onsets
+from model_discrepancy.recording.motion import Motion
 from model_discrepancy.report.operating_point import (
     DOUBTED_EQUATION_SHARE,
     EFFECT_SHARE,
@@ -13,6 +18,7 @@ from model_discrepancy.report.operating_point import (
     EQUATION_SHARE,
     REFLEX_SHAPE_SHARE,
     UNEXPLAINED_SHARE,
+    operating_point,
     stated_impedance,
     with_model_error,
 )
@@ -30,6 +36,20 @@ def fit(stiffness, score=1.0, at_bounds=()):
 
 def error_of(found):
     return with_model_error(STATED_IMPEDANCE, found, OperatingPoint())[KEY][1]
+
+
+def test_g_is_that_of_the_recorded_movement():
+    """Slow swings hardly pass a threshold that steps of their size would."""
+    rate, size, swings = 500.0, 0.05, 2.0 * np.pi
+    angle = swings * np.arange(round(30.0 * rate)) / rate
+    x, v, a = size * np.sin(angle), size * swings * np.cos(angle), -size * swings**2 * np.sin(angle)
+    motion = Motion(rate, x, v, a, np.zeros_like(x), np.zeros_like(x))
+    onsets = Onsets(np.arange(1.0, 29.0), np.ones(28), np.full(28, size))
+    model = Model.of({"reflex": {"G": 10.0}, "reflex_threshold": {"vt": 0.2}})
+    at = operating_point(motion, onsets)
+    met = np.maximum(v - 0.2, 0.0).sum() / np.maximum(v, 0.0).sum()
+    assert reflex_gain(model, at) == pytest.approx(10.0 * met, rel=0.02)
+    assert reflex_gain(model, replace(at, movement=None)) > 15.0 * met
 
 
 def test_without_a_mismatch_the_engines_difference_remains():
