@@ -39,7 +39,7 @@ RESPONSE_TOLERANCE = 1e-6
 SETTLING_TIME = 4.0  # s
 # Movements that count: enough steps for a mean over their random levels and pauses.
 TRAIN_TIME = 24.0  # s
-# Of a recorded movement that is shorter, the part that settles.
+# Of a recorded movement that is shorter than these two, the part that settles: as much as of them.
 SETTLING_SHARE = 1.0 / 7.0
 # After the last step the reflex' torque dies away (delays up to 0.2 s, slow muscles of 5 rad/s).
 DECAY_TIME = 1.5  # s

@@ -70,6 +70,16 @@ class Fit:
         ----------
         slopes
             By each free parameter, of one value or of values of shape (n,); those left out are 0.
+
+        Returns
+        -------
+        np.ndarray
+            In the values' unit, shape () or (n,).
+
+        Raises
+        ------
+        KeyError
+            A parameter was held, or there are no standard errors.
         """
         drawn = sum(np.multiply.outer(slope, self.draws[at]) for at, slope in slopes.items())
         spread = sum(np.multiply.outer(slope, self.spreads[at]) for at, slope in slopes.items())
