@@ -48,8 +48,10 @@ EFFECTIVE_BAND = (0.5, 5.0)  # Hz
 # Pauses of the train, relative to the mean pause: no periodicity that a term could lock to.
 PAUSE_RANGE = (0.7, 1.3)
 TRAIN_SEED = 2018
+# Reflex arcs that answer position, and so count in the effective stiffness.
+POSITION_ARCS = frozenset({"position_reflex", "length_threshold_reflex"})
 # Reflex arcs that answer something else than the velocity of the calf's stretch.
-NON_VELOCITY_ARCS = frozenset({"antagonist_reflex", "position_reflex"})
+NON_VELOCITY_ARCS = POSITION_ARCS | {"antagonist_reflex"}
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def shapes_effective_stiffness(term: Term) -> bool:
     """
     reflexes = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
     return term.belongs_to is Owner.SUBJECT and (
-        term.place not in reflexes or term.name == "position_reflex"
+        term.place not in reflexes or term.name in POSITION_ARCS
     )
 
 

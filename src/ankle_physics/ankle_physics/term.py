@@ -266,6 +266,18 @@ class Term(ABC):
         return {}
 
     @classmethod
+    def begins_beside(cls, model: Mapping[str, Values]) -> list[dict[str, dict[str, float]]]:
+        """Return where a fit with this term begins, too, each by term and symbol: where other terms
+        of a model have bent to take the place of this one, a fit from there may not find back.
+
+        Parameters
+        ----------
+        model
+            Values of a model that lacks this term, by term.
+        """
+        return []
+
+    @classmethod
     def parameter(cls, symbol: str) -> Parameter:
         """Return one parameter by its symbol.
 

@@ -4,6 +4,8 @@ xc)``.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ankle_physics.operating_parameters import operating_angle
@@ -24,7 +26,7 @@ class PositionReflex(ReflexArc):
     sentence = (
         "Reflex activity lasts as long as the stretch is held: it follows position, not only speed."
     )
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "Gp",
             "N.m/rad",

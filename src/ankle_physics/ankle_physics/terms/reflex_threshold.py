@@ -28,6 +28,7 @@ class ReflexThreshold(Term):
             "ankle reflexes appear above about 0.2 to 1 rad/s (Powers et al. 1989; Mirbagheri et "
             "al. 2000)",
             description="It is the speed of the stretch below which there is no reflex.",
+            tried=(0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6),
         ),
     )
 

@@ -101,6 +101,7 @@ class Candidates:
                 break
         if beginning and tried and tried[0].gain > MUCH_TAKEN_OFF:
             tried = _best_of_each([*tried, *self._usual(current, tried, by_chance)])
+        tried = _best_of_each([*tried, *self._unbent(current, tried, by_chance)])
         if tried and tried[0].accepted and term_library()[tried[0].name].rings:
             tried = _best_of_each([*tried, self._rung(current, tried[0])])
         if tried:
@@ -131,6 +132,34 @@ class Candidates:
             if trial.gain > NEAR_BEST_RATIO * tried[0].gain:
                 found.append(judged(fitter, current, trial, by_chance[name]))
         return found
+
+    def _unbent(
+        self, current: Fit, tried: Sequence[Trial], by_chance: dict[str, float]
+    ) -> list[Trial]:
+        """Return the terms in whose place others may have bent, begun where these are not bent, as
+        far as they gain about as much as the best.
+        """
+        fitter = self._fitter
+        least = NEAR_BEST_RATIO * max((t.gain for t in tried if t.accepted), default=0.0)
+        found = []
+        for name, by in by_chance.items():
+            starts = term_library()[name].begins_beside(current.values)
+            if not starts:
+                continue
+            known = max((t.gain for t in tried if t.name == name), default=0.0)
+            best = self._begun_beside(current, name, starts)
+            if best.gain > max(by, known, least):
+                best = refitted(fitter, current, name, best.fit.values, FURTHER_EVALUATIONS)
+                found.append(judged(fitter, current, best, by))
+        return found
+
+    def _begun_beside(self, current: Fit, name: str, starts: Sequence[Start]) -> Trial:
+        """Return the best trial of a term from several values of it and of others."""
+
+        def begun(start: Start) -> Trial:
+            return refitted(self._fitter, current, name, {**current.values, **start})
+
+        return max(in_parallel(begun, starts), key=lambda t: t.gain)
 
     def _rung(self, current: Fit, best: Trial) -> Trial:
         """Return a light vibration, which is the best candidate, begun at other frequencies: a fit

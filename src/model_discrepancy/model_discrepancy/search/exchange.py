@@ -185,18 +185,12 @@ def _rivals(
             return refitted(fitter, without, s.name, start, evaluations=RIVAL_EVALUATIONS)
         return refitted(fitter, without, s.name, start, evaluations=8, limit=limit)
 
-    trials = in_parallel(in_its_place, tried)
+    trials = [
+        replace(t, by_chance=null.threshold(t.name), preceding_gain=preceding_gain(fitter, t))
+        for t in in_parallel(in_its_place, tried)
+    ]
     effect.rivals = sorted(
-        (
-            replace(
-                t,
-                by_chance=null.threshold(t.name),
-                preceding_gain=preceding_gain(fitter, t),
-            )
-            for t in trials
-            if t.fit.score < limit
-        ),
-        key=lambda t: -t.gain,
+        (t for t in trials if t.fit.score < limit and not t.unconfirmed), key=lambda t: -t.gain
     )
     effect.excluded = _excluded(effect, final, trials, screened)
 
@@ -222,7 +216,9 @@ def _excluded(
     library = term_library()
     name, kept = effect.trial.name, {t.name for t in effect.rivals}
     reasons = {
-        t.name: f"refitted in its place it leaves {100 * (t.fit.score / final.score - 1.0):.0f} % "
+        t.name: "what the muscles held before the movements does not confirm it"
+        if t.unconfirmed
+        else f"refitted in its place it leaves {100 * (t.fit.score / final.score - 1.0):.0f} % "
         "more error"
         for t in trials
         if t.name not in kept

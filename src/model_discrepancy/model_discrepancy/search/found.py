@@ -100,6 +100,13 @@ class Trial:
         return follows_beyond_chance(self.gain, self.preceding_gain, self.by_chance)
 
     @property
+    def unconfirmed(self) -> bool:
+        """Tell whether it follows the slow torque of the recording and nothing but that torque
+        speaks for it: it may explain the noise that it follows.
+        """
+        return term_library()[self.name].follows_torque and not self.exceeds_chance
+
+    @property
     def accepted(self) -> bool:
         """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough, also for
         what it displaces; and whether it acts in enough stretches and leaves the joint a plausible

@@ -167,6 +167,8 @@ ANSWERS: dict[str, Answer] = {
         },
     ),
     "length_reflex": Answer(
-        ("position_reflex",), "", {"reflex.length_G": ("position_reflex", "Gp[N.m/rad]", 1.0)}
+        ("position_reflex", "length_threshold_reflex"),
+        "the same arc, whose threshold a movement may meet",
+        {"reflex.length_G": ("position_reflex", "Gp[N.m/rad]", 1.0)},
     ),
 }
