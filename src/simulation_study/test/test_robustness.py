@@ -21,6 +21,7 @@ from simulation_study.robustness.conditions import (
 from simulation_study.robustness.estimation import OFFLINE, ONLINE, arrival, estimate_condition
 from simulation_study.robustness.recordings import recording
 from simulation_study.robustness.report import write_report
+from simulation_study.robustness.study import with_effects
 from simulation_study.robustness.summary import (
     arrivals,
     doubt,
@@ -29,6 +30,7 @@ from simulation_study.robustness.summary import (
     errors,
     select,
 )
+from simulation_study.study_folder import StudyError
 
 
 def test_a_plan_has_every_effect_at_three_strengths_and_both_servos():
@@ -60,6 +62,15 @@ def test_a_condition_is_in_the_trial_that_it_describes():
     strap = blind_trial(by_name["strap_strong"]).setup
     assert strap.rig.strap_k == 400.0
     assert strap.courses.voluntary_rms == 0.0
+
+
+def test_a_study_of_some_effects_has_the_same_recordings_of_them():
+    planned = conditions(FULL_SIZE, 3)
+    some = with_effects(planned, ["hardening", "strap"])
+    assert [c.name for c in some] == [c.name for c in planned if c.effect in ("hardening", "strap")]
+    assert len(some) == 6
+    with pytest.raises(StudyError, match="no effect 'strapp'"):
+        with_effects(planned, ["strapp"])
 
 
 def result(effect, name, K, G, errors_of=(2.0, 0.3), doubtful=0.0, jump=(1.0, 1.0), arrived=None):

@@ -34,6 +34,10 @@ def verb(
         int,
         number_option(REPEATS, "So many recordings of each kind, of different subjects."),
     ] = 1,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", help="Only recordings with this effect; may be repeated."),
+    ] = None,
     workers: Workers = CORES,
     scheduler: Scheduler = None,
 ) -> dict[str, Any]:
@@ -47,7 +51,18 @@ def verb(
     """
     from simulation_study.robustness.study import robustness as run_study
 
-    shown = run_study(out, seed, quick, workers, seconds, recordings, scheduler, console, repeats)
+    shown = run_study(
+        out,
+        seed,
+        quick,
+        workers,
+        seconds,
+        recordings,
+        scheduler,
+        console,
+        repeats,
+        effect or (),
+    )
     console.print(shown, soft_wrap=True)
     console.print(f"written to {out.resolve()}")
     return {"out": out.resolve()}

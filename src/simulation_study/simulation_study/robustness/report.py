@@ -88,6 +88,8 @@ def _overview(results: Results) -> list[str]:
     ]
     for label, effect in (("no mismatch", NO_MISMATCH), ("one effect", None)):
         chosen = select(results, effect)
+        if not chosen:
+            continue
         for name in ESTIMATORS:
             found = {gain: errors(chosen, name, gain) for gain in GAINS}
             said = doubt(chosen, name)
@@ -101,6 +103,8 @@ def _overview(results: Results) -> list[str]:
 
 
 def _arrivals(results: Results) -> list[str]:
+    if not any(arrivals(results, REFERENCE, jump).runs for jump in JUMPS):
+        return []
     lines = [
         "Arrival after a jump in the middle of the recording [s]: median (interquartile range), "
         "runs that arrive; the reflex varies by 25 % from stretch to stretch.",
