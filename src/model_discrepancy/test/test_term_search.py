@@ -215,6 +215,16 @@ def test_a_late_reflex_is_found_where_the_first_response_was_drawn_out():
     assert found["reflex"]["z"] == pytest.approx(0.9, abs=0.05)
 
 
+def test_a_damping_that_levels_off_is_no_dry_friction_however_slowly():
+    planted = {"saturating_damping": {"D": 6.0, "vs": 0.1}}
+    problem = prepare(simulate_trial(planted, seed=3, duration=40.0, protocol="random"))
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    library = ("saturating_damping", "coulomb_friction")
+    found = search(problem.fitter, problem.base, null, library)
+    assert [effect.trial.name for effect in found.effects] == ["saturating_damping"]
+    assert found.final.values["saturating_damping"]["vs"] == pytest.approx(0.1, rel=0.2)
+
+
 def test_a_threshold_is_found_in_slow_movements():
     points = [point["vt"] for point in grid("reflex_threshold", 60.0)]
     assert min(points) <= 0.02 < 0.5 < max(points)

@@ -7,6 +7,10 @@ import numpy as np
 from ankle_physics.signals import Signals
 from ankle_physics.term import Owner, Parameter, Place, State, Term, Values
 
+# The same curve over a wider range of speeds is no dry friction: it is a damping that weakens with
+# speed (`saturating_damping`), whose range begins here.
+FASTEST_CHANGE = 0.05  # rad/s
+
 
 class CoulombFriction(Term):
     """Models the dry friction of footplate bearings and seals; v0 rounds the jump at rest so that
@@ -38,9 +42,10 @@ class CoulombFriction(Term):
             "v0",
             "rad/s",
             0.003,
-            0.3,
+            FASTEST_CHANGE,
             0.03,
-            "from a tenth of it to a few times the velocity noise of the paper's encoder",
+            "from a tenth of the velocity noise of the paper's encoder to a speed that most "
+            "movements of an ankle exceed; beyond it, damping levels off",
             description=(
                 "It is the speed within which the friction changes its direction gradually."
             ),

@@ -6,6 +6,7 @@ import numpy as np
 
 from ankle_physics.signals import Signals
 from ankle_physics.term import Parameter, Place, State, Term, Values
+from ankle_physics.terms.coulomb_friction import FASTEST_CHANGE
 
 
 class SaturatingDamping(Term):
@@ -34,10 +35,11 @@ class SaturatingDamping(Term):
         Parameter(
             "vs",
             "rad/s",
-            0.2,
+            FASTEST_CHANGE,
             5.0,
             0.7,
-            "muscle yields above about one muscle length a second, 1 to 3 rad/s at the ankle",
+            "muscle yields above about one muscle length a second, 1 to 3 rad/s at the ankle; "
+            "tissue thins in slower movements",
             description="It is the speed above which the torque of the damping hardly grows.",
         ),
     )
