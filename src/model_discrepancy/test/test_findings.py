@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt
+from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from ankle_physics.memory_elements import BacklashOperator
 from ankle_physics.model import PAPER_TERMS, Model
@@ -161,6 +161,24 @@ def test_play_of_the_encoder_is_one_finding_and_is_taken_out(equal_steps):
     assert finding.parameters["gap[rad]"][0] == pytest.approx(0.003, rel=0.05)
     error = trusted(recording, [finding]).position - equal_steps.position
     assert np.std(error) < 0.5 * np.std(read - equal_steps.position)
+
+
+@pytest.mark.parametrize(
+    ("gap", "gain", "expected"),
+    [
+        (0.009, 1.0, ["backlash"]),  # a gain leaves little more beside the integrated noise
+        (0.0, 1.3, ["channel_gain"]),
+        (0.0, 1.0, []),
+    ],
+)
+def test_large_backlash_is_no_gain_though_the_velocity_is_noisy(gap, gain, expected):
+    rate, random = 500.0, np.random.default_rng(3)
+    targets = np.repeat(random.choice([-0.012, 0.012], 200), 150)
+    moved = sosfiltfilt(butter(2, 8.0, fs=rate, output="sos"), targets)
+    velocity = gain * np.gradient(moved) * rate + random.normal(0.0, 0.14, moved.size)
+    read = BacklashOperator().run(moved, gap) if gap else moved
+    found = channel_findings(Recording(rate, read, np.zeros_like(read), velocity))
+    assert [finding.name for finding in found] == expected
 
 
 def test_a_map_without_movements_says_that_nothing_was_seen():
