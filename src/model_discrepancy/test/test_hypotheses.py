@@ -76,6 +76,21 @@ def test_the_better_of_two_hypotheses_wins_whichever_term_came_first():
     assert best.current.score == 10.0
 
 
+def test_a_term_that_only_follows_the_torque_takes_no_place_among_the_near_misses(monkeypatch):
+    refused = [
+        Trial(name, None, gain, (gain, gain), 0.0, by_chance=0.01, preceding_gain=preceding)
+        for name, gain, preceding in (
+            ("activation_reflex_gain", 0.2, 0.0),
+            ("activation_stiffness", 0.1, None),
+            ("activation_reflex_gain", 0.08, 0.05),
+            ("fixation_compliance", 0.04, None),
+        )
+    ]
+    scripted = Scripted()
+    monkeypatch.setattr(scripted, "_step", lambda _: (refused, 0.0))
+    assert scripted.best().found.near == refused[2:]
+
+
 @pytest.mark.parametrize(("left", "others"), [(10.4, 1), (10.6, 0)])
 def test_another_hypothesis_that_leaves_about_as_little_is_kept(monkeypatch, left, others):
     monkeypatch.setitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"), left)

@@ -215,6 +215,16 @@ def test_a_late_reflex_is_found_where_the_first_response_was_drawn_out():
     assert found["reflex"]["z"] == pytest.approx(0.9, abs=0.05)
 
 
+def test_straps_are_tried_from_their_whole_grid_where_nothing_is_found():
+    problem = prepare(simulate_trial({}, seed=3, duration=20.0, protocol="random"))
+    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
+    said = []
+    grids = Grids(("fixation_compliance", "tendon"), 20.0)
+    trials, _ = Candidates(problem.fitter, null, grids, said.append).best(problem.base)
+    assert not any(trial.accepted for trial in trials)
+    assert any("fixation_compliance, which is usual" in line for line in said)
+
+
 def test_a_damping_that_levels_off_is_no_dry_friction_however_slowly():
     planted = {"saturating_damping": {"D": 6.0, "vs": 0.1}}
     problem = prepare(simulate_trial(planted, seed=3, duration=40.0, protocol="random"))

@@ -99,7 +99,8 @@ class Candidates:
             tried = _best_of_each([*tried, *trials])
             if any(t.accepted for t in trials):
                 break
-        if beginning and tried and tried[0].gain > MUCH_TAKEN_OFF:
+        accepted = any(t.accepted for t in tried)
+        if beginning and (not accepted or tried[0].gain > MUCH_TAKEN_OFF):
             tried = _best_of_each([*tried, *self._usual(current, tried, by_chance)])
         tried = _best_of_each([*tried, *self._unbent(current, tried, by_chance)])
         if tried and tried[0].accepted and term_library()[tried[0].name].rings:
@@ -112,9 +113,10 @@ class Candidates:
         self, current: Fit, tried: Sequence[Trial], by_chance: dict[str, float]
     ) -> list[Trial]:
         """Return what is usual in any rig and not among the best, refitted from its whole grid, as
-        far as it gains about as much as these.
+        far as it gains about as much as those that are accepted.
         """
         library, fitter = term_library(), self._fitter
+        leading = max((t.gain for t in tried if t.accepted), default=0.0)
         known = {t.name for t in tried if t.accepted} | set(current.terms)
         names = [
             name
@@ -129,7 +131,7 @@ class Candidates:
             self._progress(f"refitting with {name}, which is usual")
             begun = begun_anew(fitter, current, name, self._grids.whole(name))
             trial = refitted(fitter, current, name, begun.fit.values, FURTHER_EVALUATIONS)
-            if trial.gain > NEAR_BEST_RATIO * tried[0].gain:
+            if trial.gain > NEAR_BEST_RATIO * leading:
                 found.append(judged(fitter, current, trial, by_chance[name]))
         return found
 

@@ -41,6 +41,9 @@ MOST_STEPS = 2 * MOST_TERMS
 # Of one or two terms every rival is tried anyway (`exchange`); three and more may stand in for
 # others.
 LEAST_TERMS_FORKED = 3
+# Trials behind the last accepted term that are kept: they may criticise the model, and widen the
+# errors of K and G.
+MOST_NEAR = 3
 # Hypotheses beside the first one; each may take as long as that one.
 MOST_FORKS = 2
 # A hypothesis that is behind by more than this, two terms after the fork, stays so.
@@ -262,7 +265,7 @@ class Hypotheses:
         if good and not found.effects:
             hypothesis.first = good
         if not good or not self._added(hypothesis, good):
-            found.near = trials[:3]
+            found.near = [trial for trial in trials if not trial.unconfirmed][:MOST_NEAR]
             hypothesis.ended = True
 
     def _added(self, hypothesis: Hypothesis, good: list[Trial]) -> bool:
