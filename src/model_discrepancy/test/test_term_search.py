@@ -12,7 +12,7 @@ from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import exchange as exchanging
 from model_discrepancy.search import term_search
-from model_discrepancy.search.candidates import Candidates, _near_best, special_cases
+from model_discrepancy.search.candidates import _near_best, special_cases
 from model_discrepancy.search.exchange import (
     better_rivals,
     ends_at_bound,
@@ -23,7 +23,6 @@ from model_discrepancy.search.exchange import (
 from model_discrepancy.search.found import Effect, Found, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.screening import grid
 from model_discrepancy.search.term_search import search
 from model_discrepancy.search.trials import judged, refitted
 from simulation_study.planted_trials import simulate_trial
@@ -196,48 +195,6 @@ def test_a_rival_takes_no_place_with_what_it_takes_off_by_chance(name, by_chance
 def test_a_rival_that_only_follows_the_torque_leaves_no_name_open(name, preceding, unconfirmed):
     rival = Trial(name, None, 0.3, (0.0, 0.0), 0.0, by_chance=0.1, preceding_gain=preceding)
     assert rival.unconfirmed == unconfirmed
-
-
-def test_a_late_reflex_is_found_where_the_first_response_was_drawn_out():
-    """From the base model's own values a fit ends where the first response holds most of it."""
-    planted = {
-        "reflex": {"G": 8.0, "delay": 0.044, "omega": 42.0, "z": 0.9},
-        "long_latency_reflex": {"Gl": 5.0, "delay": 0.085, "omega": 22.0},
-    }
-    problem = prepare(simulate_trial(planted, seed=3, duration=40.0))
-    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
-    assert problem.base.values["reflex"]["z"] > 1.4
-    grids = Grids(["long_latency_reflex"], 40.0)
-    trials, _ = Candidates(problem.fitter, null, grids, lambda _: None).best(problem.base)
-    assert trials[0].accepted
-    found = trials[0].fit.values
-    assert found["long_latency_reflex"]["Gl"] == pytest.approx(5.0, rel=0.1)
-    assert found["reflex"]["z"] == pytest.approx(0.9, abs=0.05)
-
-
-def test_straps_are_tried_from_their_whole_grid_where_nothing_is_found():
-    problem = prepare(simulate_trial({}, seed=3, duration=20.0, protocol="random"))
-    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
-    said = []
-    grids = Grids(("fixation_compliance", "tendon"), 20.0)
-    trials, _ = Candidates(problem.fitter, null, grids, said.append).best(problem.base)
-    assert not any(trial.accepted for trial in trials)
-    assert any("fixation_compliance, which is usual" in line for line in said)
-
-
-def test_a_damping_that_levels_off_is_no_dry_friction_however_slowly():
-    planted = {"saturating_damping": {"D": 6.0, "vs": 0.1}}
-    problem = prepare(simulate_trial(planted, seed=3, duration=40.0, protocol="random"))
-    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
-    library = ("saturating_damping", "coulomb_friction")
-    found = search(problem.fitter, problem.base, null, library)
-    assert [effect.trial.name for effect in found.effects] == ["saturating_damping"]
-    assert found.final.values["saturating_damping"]["vs"] == pytest.approx(0.1, rel=0.2)
-
-
-def test_a_threshold_is_found_in_slow_movements():
-    points = [point["vt"] for point in grid("reflex_threshold", 60.0)]
-    assert min(points) <= 0.02 < 0.5 < max(points)
 
 
 @pytest.mark.parametrize(

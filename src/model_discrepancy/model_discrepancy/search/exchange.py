@@ -185,14 +185,18 @@ def _rivals(
             return refitted(fitter, without, s.name, start, evaluations=RIVAL_EVALUATIONS)
         return refitted(fitter, without, s.name, start, evaluations=8, limit=limit)
 
-    trials = [
+    trials = in_parallel(in_its_place, tried)
+    near = [
         replace(t, by_chance=null.threshold(t.name), preceding_gain=preceding_gain(fitter, t))
-        for t in in_parallel(in_its_place, tried)
+        for t in trials
+        if t.fit.score < limit
     ]
-    effect.rivals = sorted(
-        (t for t in trials if t.fit.score < limit and not t.unconfirmed), key=lambda t: -t.gain
-    )
-    effect.excluded = _excluded(effect, final, trials, screened)
+    effect.rivals = sorted((t for t in near if not t.unconfirmed), key=lambda t: -t.gain)
+    effect.excluded = _excluded(effect, final, trials, screened) | {
+        t.name: "what the muscles held before the movements does not confirm it"
+        for t in near
+        if t.unconfirmed
+    }
 
 
 def _is_simpler(name: str, other: str) -> bool:
@@ -216,9 +220,7 @@ def _excluded(
     library = term_library()
     name, kept = effect.trial.name, {t.name for t in effect.rivals}
     reasons = {
-        t.name: "what the muscles held before the movements does not confirm it"
-        if t.unconfirmed
-        else f"refitted in its place it leaves {100 * (t.fit.score / final.score - 1.0):.0f} % "
+        t.name: f"refitted in its place it leaves {100 * (t.fit.score / final.score - 1.0):.0f} % "
         "more error"
         for t in trials
         if t.name not in kept
