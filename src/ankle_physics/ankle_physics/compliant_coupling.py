@@ -12,8 +12,8 @@ integrated exactly for inputs that are linear between samples. What remains, ``o
 further terms, gains that change, an offset), enters as an input and is found by waveform
 relaxation: take it as it was, integrate the foot over a window, evaluate the terms on that motion,
 repeat until the torque no longer changes. The reflex comes a delay after the motion, so a window
-converges in a few rounds; one that does not is halved. Only models with such a coupling pay for
-this.
+converges in a few rounds; one that does not is halved, and a single sample is solved between two
+bounds (Brent 1973). Only models with such a coupling pay for this.
 
 The sensor at the plate sees S, the torque through the strap, plus the torque of terms that act on
 the plate.
@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import SecondOrder
@@ -104,6 +105,29 @@ class _Linear:
         return any(
             abs(mine - yours) > RENEWAL_CHANGE * max(abs(yours), 1e-12) for mine, yours in pairs
         )
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """Holds what a torque beside the linear foot's makes of a window.
+
+    Attributes
+    ----------
+    other
+        The torque that foot, terms and coupling then have beside the linear ones [N.m], shape (n,).
+    parts
+        Torque [N.m] of each term on the foot, each of shape (n,).
+    scale
+        Of the torque on the foot, 1 N.m at least [N.m].
+    dynamics, states
+        Of foot and terms after the window.
+    """
+
+    other: np.ndarray
+    parts: dict[str, np.ndarray]
+    scale: float
+    dynamics: SecondOrder
+    states: list[State]
 
 
 class FootLoop:
@@ -214,35 +238,84 @@ class FootLoop:
         """Return torques on the foot and the rounds it took; None where a window does not
         converge.
         """
+        other = np.full(len(given), self._other)
+        for rounds in range(1, MOST_ROUNDS + 1):
+            tried = self._answer(other, window, drive, given, values)
+            change = float(np.abs(tried.other - other).max())
+            if change <= self._tolerance * tried.scale:
+                self._keep(tried)
+                return tried.parts, rounds
+            if not np.isfinite(change):
+                break
+            other = tried.other
+        if len(given) > 1:
+            return None, MOST_ROUNDS
+        return self._solve_sample(window, drive, given, values), MOST_ROUNDS
+
+    def _solve_sample(
+        self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]
+    ) -> dict[str, np.ndarray] | None:
+        """Return torques on the foot during one sample; None where it has no solution.
+
+        A stop that is steep for the sampling rate throws the foot back by more than it came, so
+        that relaxation swings ever wider. Between two such swings lies the solution.
+        """
+
+        def answer(torque: float) -> _Answer:
+            return self._answer(np.array([torque]), window, drive, given, values)
+
+        def ahead(torque: float) -> float:
+            return float(answer(torque).other[0]) - torque
+
+        near, first = self._other, answer(self._other)
+        far = float(first.other[0])
+        there = ahead(far)
+        if not np.isfinite(there) or (far - near) * there > 0.0:
+            return None
+        # A part of the last digits is left to rounding.
+        close = max(self._tolerance * first.scale, 4.0 * np.spacing(abs(far)))
+        tried = answer(float(brentq(ahead, near, far, xtol=close)))
+        self._keep(tried)
+        return tried.parts
+
+    def _answer(
+        self,
+        other: np.ndarray,
+        window: Signals,
+        drive: np.ndarray,
+        given: np.ndarray,
+        values: list[Values],
+    ) -> _Answer:
+        """Return what a torque beside the linear foot's [N.m], shape (n,), makes of a window."""
         linear = self._linear
         assert linear is not None
         omega = math.sqrt((linear.K + linear.k) / linear.I)
         damping = (linear.B + linear.b) / (2.0 * linear.I * omega)
         term = self._coupling.term
         assert isinstance(term, CompliantCoupling)
-        other = np.full(len(given), self._other)
-        for rounds in range(1, MOST_ROUNDS + 1):
-            dynamics, states = copy.deepcopy((self._dynamics, self._states))
-            push = linear.k * drive[0] + linear.b * drive[1] - other
-            x, v, a = dynamics.run_with_rates(push / (linear.K + linear.k), omega, damping)
-            window.move_foot(x, v, a)
-            parts = torques_of(self._terms, window, values[1:], states)
-            total = sum(parts.values(), given)
-            extension, rate = drive[0] - x, drive[1] - v
-            excess = term.coupling_torque(extension, rate, values[0]) - (
-                linear.k * extension + linear.b * rate
-            )
-            change = other
-            other = total - linear.foot(x, v, a) - excess
-            size = np.abs(other - change).max()
-            if size <= self._tolerance * max(1.0, np.abs(total).max()):
-                self._dynamics, self._other = dynamics, float(other[-1])
-                for state, new in zip(self._states, states, strict=True):
-                    state.update(new)
-                return parts, rounds
-            if not np.isfinite(size):
-                break
-        return None, rounds
+        dynamics, states = copy.deepcopy((self._dynamics, self._states))
+        push = linear.k * drive[0] + linear.b * drive[1] - other
+        x, v, a = dynamics.run_with_rates(push / (linear.K + linear.k), omega, damping)
+        window.move_foot(x, v, a)
+        parts = torques_of(self._terms, window, values[1:], states)
+        total = sum(parts.values(), given)
+        extension, rate = drive[0] - x, drive[1] - v
+        excess = term.coupling_torque(extension, rate, values[0]) - (
+            linear.k * extension + linear.b * rate
+        )
+        return _Answer(
+            total - linear.foot(x, v, a) - excess,
+            parts,
+            max(1.0, float(np.abs(total).max())),
+            dynamics,
+            states,
+        )
+
+    def _keep(self, solved: _Answer) -> None:
+        """Go on from what was solved."""
+        self._dynamics, self._other = solved.dynamics, float(solved.other[-1])
+        for state, new in zip(self._states, solved.states, strict=True):
+            state.update(new)
 
     def _prepare(
         self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from ankle_physics.foot_motion import foot_motion
 from ankle_physics.model import Model
@@ -49,6 +50,23 @@ def test_the_foot_moves_as_in_the_simulation(name, shape):
         expected = simulated[::FINE_STEPS][later]
         assert np.std(own[later] - expected) < least * np.std(expected)
         assert np.std(own[later] - expected) < 0.1 * np.std(expected - expected.mean())
+
+
+def test_a_stop_that_is_steep_for_the_sampling_rate_is_simulated():
+    """What the foot makes of a sample would throw it back by more than it came."""
+    stops = {"k_s": 330.0, "b_s": 11.0, "gap": 0.002, "k_stop": 90_000.0}
+    impedance = {"inertia": {"I": 0.015}, "viscosity": {"B": 0.8}, "stiffness": {"K": 300.0}}
+    model = Model.of({**impedance, "fixation_stops": stops})
+
+    def torque(steps: int) -> np.ndarray:
+        plate = _plate(RATE * steps)
+        signals = Signals(RATE * steps, *plate, np.zeros(plate[0].size))
+        return model.start(RATE * steps).torque(signals)[::steps]
+
+    slow = butter(4, 50.0, fs=RATE, output="sos")
+    coarse, fine = (sosfiltfilt(slow, torque(steps)) for steps in (1, FINE_STEPS))
+    assert np.abs(fine).max() > 5.0
+    assert np.std(coarse - fine) < 0.1 * np.std(fine)
 
 
 def test_a_foot_without_inertia_moves():
