@@ -201,7 +201,9 @@ def test_a_bad_recording_gets_no_physics_story(null_recording, tmp_path):
     assert not (tmp_path / "model.yaml").exists()
 
 
+# A trial takes several minutes of one core.
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_both_real_trials_gain_on_unseen_data(real_recording):
     diagnosis = diagnose(real_recording)
     fit = diagnosis.verdict.fit
