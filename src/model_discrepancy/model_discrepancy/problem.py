@@ -13,6 +13,7 @@ from scipy.signal import coherence, welch
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
+from ankle_physics.term import Place, term_library
 from model_discrepancy.fit.base_model import align, fit_base
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -48,6 +49,8 @@ BETTER_COURSE = 0.02
 # changes the movement by less than a sixth of what was taken from it, and a second search takes as
 # long as the first.
 CLEARER_MOVEMENT = 0.3
+# Terms of these places answer a movement that is over.
+_REFLEX_PLACES = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
 # Resolution of the coherence: 2 Hz, so that a minute gives more than a hundred averages.
 _SEGMENT_S = 0.5
 
@@ -165,7 +168,7 @@ def prepare(
         if by_emg is None
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
-    compliance = _compliance(motion, servo, rig)
+    compliance = _compliance(motion, servo, rig, not_intrinsic(fitter, found or base))
     if compliance is not None and compliance.significant:
         noise = 0.0 if servo is not None else white_density(recording.torque, recording.rate)
         if servo is not None:
@@ -205,16 +208,36 @@ def prepare(
     )
 
 
-def _compliance(motion: Motion, servo: Servo | None, rig: RigFile | None) -> Compliance | None:
+def _compliance(
+    motion: Motion, servo: Servo | None, rig: RigFile | None, instrument: np.ndarray
+) -> Compliance | None:
     """Return how far the servo gives way: from the command; else from the holds, where these tell
     it at each frequency; else as the rig's file has it, or as the holds tell it roughly.
     """
     if servo is not None:
         return servo.compliance
-    held = held_compliance(motion.position, motion.velocity, motion.torque, motion.rate)
+    held = held_compliance(
+        motion.position, motion.velocity, motion.torque, instrument, motion.rate
+    )
     if rig is None or (held is not None and held.precise):
         return held
     return known_compliance(rig, motion.rate) or held
+
+
+def not_intrinsic(fitter: Fitter, known: Fit) -> np.ndarray:
+    """Return the torque without what joint and rig make of the present movement, as a model has it
+    [N.m], shape (n,): reflexes, and what the model leaves.
+
+    Parameters
+    ----------
+    fitter
+        Of the recording.
+    known
+        The model.
+    """
+    library = term_library()
+    present = {n: v for n, v in known.values.items() if library[n].place not in _REFLEX_PLACES}
+    return fitter.rows.torque(fitter.evaluate(present).left)
 
 
 def with_better_course(problem: Problem, final: Fit) -> Problem | None:

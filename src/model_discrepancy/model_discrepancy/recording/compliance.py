@@ -1,7 +1,11 @@
 """How far the servo gives way under load: its response, and what the holds tell of it.
 
-While a command is held, whatever the position does is what torque makes of it. Where the command
-was recorded, `servo` finds the same response together with how the drive follows.
+While a command is held, the position is ``x = n - C torque``: C [rad/N.m] is the compliance and n
+the drive's own vibration. The joint answers that vibration by its intrinsic impedance Z, so that
+the torque is ``Z x + d``. Only d, which no present movement causes (reflexes, voluntary torque,
+tremor), tells C from 1 / Z: it is the instrument (Söderström & Stoica 1983, Instrumental Variable
+Methods for System Identification). Where the command was recorded, `servo` finds the same response
+together with how the drive follows.
 """
 
 from __future__ import annotations
@@ -169,17 +173,22 @@ def low_passed(signal: np.ndarray, rate: float, pole: float, times: int = 1) -> 
 
 
 def held_compliance(
-    position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, rate: float
+    position: np.ndarray,
+    velocity: np.ndarray,
+    torque: np.ndarray,
+    not_intrinsic: np.ndarray,
+    rate: float,
 ) -> Compliance | None:
     """Return the compliance where no command was recorded, from the moments at which it stands
     still.
-
-    While the command is held, whatever the position does is what torque makes of it.
 
     Parameters
     ----------
     position, velocity, torque
         Without the encoder's noise [rad, rad/s, N.m], each of shape (n,).
+    not_intrinsic
+        The torque without what the joint's intrinsic part makes of the movement [N.m], shape (n,):
+        the instrument.
     rate
         Of them [Hz].
 
@@ -201,9 +210,12 @@ def held_compliance(
     if len(runs) < _FEWEST_HOLDS:
         return None
     lines = pick_up(torque, rate)
-    columns = compliance_columns(torque - torque.mean(), rate, TORQUE_HZ, lines)
-    columns = columns[:, : 1 + _HELD_LOW_PASSES]
-    products = [_held_products(position[b:e], columns[b:e]) for b, e in runs]
+    count = 1 + _HELD_LOW_PASSES
+    load, instruments = (
+        compliance_columns(signal - signal.mean(), rate, TORQUE_HZ, lines)[:, :count]
+        for signal in (torque, not_intrinsic)
+    )
+    products = [_held_products(position[b:e], load[b:e], instruments[b:e]) for b, e in runs]
     parts = np.array_split(np.arange(len(runs)), STRETCHES)
     grams, rights = (
         np.array([np.sum([products[i][k] for i in part], axis=0) for part in parts]) for k in (0, 1)
@@ -218,8 +230,8 @@ def held_compliance(
 def _held_weights(
     grams: np.ndarray, rights: np.ndarray, rate: float, lines: tuple[float, ...]
 ) -> Compliance:
-    """Return the compliance from products of the torque's columns with each other, shape
-    (stretches, p, p), and with the position, shape (stretches, p), at a rate [Hz] and without
+    """Return the compliance from products of the instrument's columns with those of the torque,
+    shape (stretches, p, p), and with the position, shape (stretches, p), at a rate [Hz] and without
     lines of pick-up [Hz].
     """
     gram, right = grams.sum(axis=0), rights.sum(axis=0)
@@ -236,11 +248,16 @@ def _held_weights(
     return Compliance(rate, weights, (float(found.sum()), error), lines=lines)
 
 
-def _held_products(position: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the products of the torque's columns (n, p) with each other, shape (p, p), and with
-    the position (n,), shape (p,), during one hold, without level and slope: a servo settles slowly.
+def _held_products(
+    position: np.ndarray, load: np.ndarray, instruments: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the products of the instrument's columns (n, p) with those of the torque, shape
+    (p, p), and with the position (n,), shape (p,), during one hold, without level and slope: a
+    servo settles slowly.
     """
     time = np.linspace(-1.0, 1.0, len(position))
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(time)), time]))
-    moved, load = (signal - basis @ (basis.T @ signal) for signal in (position, columns))
-    return load.T @ load, load.T @ moved
+    moved, load, instruments = (
+        signal - basis @ (basis.T @ signal) for signal in (position, load, instruments)
+    )
+    return instruments.T @ load, instruments.T @ moved
