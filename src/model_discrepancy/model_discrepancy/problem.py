@@ -216,9 +216,7 @@ def _compliance(
     """
     if servo is not None:
         return servo.compliance
-    held = held_compliance(
-        motion.position, motion.velocity, motion.torque, instrument, motion.rate
-    )
+    held = held_compliance(motion.position, motion.velocity, motion.torque, instrument, motion.rate)
     if rig is None or (held is not None and held.precise):
         return held
     return known_compliance(rig, motion.rate) or held
