@@ -207,12 +207,30 @@ def test_what_every_rig_has_is_preferred_where_it_is_not_behind(monkeypatch, lef
     assert Scripted().best().found.effects[0].trial.name == first
 
 
-def test_straps_are_not_preferred_to_a_model_of_two_terms(monkeypatch):
+@pytest.mark.parametrize(
+    ("left", "first"), [(35.2, "fixation_compliance"), (35.5, "maxwell_relaxation")]
+)
+def test_of_two_terms_straps_are_preferred_where_they_leave_about_as_little(
+    monkeypatch, left, first
+):
     monkeypatch.delitem(SCORES, ("dahl_hysteresis", "long_latency_reflex"))
     monkeypatch.delitem(SCORES, ("maxwell_relaxation", "tendon", "backlash"))
     monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
-    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 35.5)
-    assert Scripted().best().found.effects[0].trial.name == "maxwell_relaxation"
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), left)
+    assert Scripted().best().found.effects[0].trial.name == first
+
+
+def test_a_term_alone_that_needs_as_many_others_is_not_preferred_to_straps(monkeypatch):
+    """It explains as much alone at first, but a second term is worth it beside it, too."""
+    for terms in list(SCORES):
+        if len(terms) > 1:
+            monkeypatch.delitem(SCORES, terms)
+    monkeypatch.setitem(SCORES, ("maxwell_relaxation",), 36.0)
+    monkeypatch.setitem(SCORES, ("maxwell_relaxation", "tendon"), 35.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance",), 60.0)
+    monkeypatch.setitem(SCORES, ("fixation_compliance", "tendon"), 35.2)
+    found = Scripted().best().found.effects
+    assert [effect.trial.name for effect in found] == ["fixation_compliance", "tendon"]
 
 
 def test_a_model_that_leaves_the_joint_no_inertia_loses_to_one_that_does(monkeypatch):

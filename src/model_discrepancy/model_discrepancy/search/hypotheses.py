@@ -51,6 +51,9 @@ MOST_NEAR = 3
 MOST_FORKS = 2
 # A hypothesis that is behind by more than this, two terms after the fork, stays so.
 BEHIND_RATIO = 1.05
+# Of two terms the equations may be exact, so that less decides: as much as takes an effect's odds
+# to 1/e (`exchange.ODDS_SCALE`).
+BEHIND_RATIO_OF_TWO = 1.01
 # One that begins with what is usual is given up where it is behind by so much: each of several
 # terms stands in for a part of the others, so that it may be behind until they are there, too.
 FAR_BEHIND_RATIO = 1.5
@@ -210,12 +213,13 @@ class Hypotheses:
         """
         library, effects = term_library(), best.found.effects
         usual = [t for t in first if library[t.name].usual and not _needless(t, first)]
-        if len(effects) < LEAST_TERMS_FORKED or library[effects[0].trial.name].usual or not usual:
+        if len(effects) < 2 or library[effects[0].trial.name].usual or not usual:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
         self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
         other = self._beginning_with(trial, best)
-        near = not other.behind and other.current.score < BEHIND_RATIO * best.current.score
+        ratio = BEHIND_RATIO_OF_TWO if len(effects) == 2 else BEHIND_RATIO
+        near = not other.behind and other.current.score < ratio * best.current.score
         return other if near or self._preferred(other, best) else best
 
     def _alone(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis | None:
@@ -230,7 +234,11 @@ class Hypotheses:
         if open_by_it > REFINEMENT * cut or trial.name == best.found.effects[0].trial.name:
             return None
         self._progress(f"{trial.name} explains as much alone")
-        return self._beginning_with(trial)
+        other = self._beginning_with(trial)
+        if other.count < best.count:
+            return other
+        usual = term_library()[best.found.effects[0].trial.name].usual
+        return other if self._preferred(other, best) and not usual else None
 
     def _beginning_with(self, trial: Trial, leading: Hypothesis | None = None) -> Hypothesis:
         """Return the hypothesis that begins with this first term, followed on from where it was
