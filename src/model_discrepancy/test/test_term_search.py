@@ -262,9 +262,9 @@ def test_a_rival_begins_beside_the_others_as_they_are_with_the_effect(monkeypatc
     found = search(fitter, problem.base, null, ("maxwell_relaxation",))
     final, starts = found.final, {}
 
-    def seen(fitter, current, name, start, **options):
+    def seen(fitter, current, name, start, *options):
         starts[name] = start
-        return refitted(fitter, current, name, start, **options)
+        return refitted(fitter, current, name, start, *options)
 
     monkeypatch.setattr(exchanging, "refitted", seen)
     exchange(fitter, found, Grids(["dahl_hysteresis"], 20.0), null, fitter.rows.gain(), print)
