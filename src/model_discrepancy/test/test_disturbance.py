@@ -79,7 +79,7 @@ def test_physics_that_the_base_model_lacks_is_no_torque_that_moved_the_plate(mon
 
     before = invented(problem.fitter.motion.position)
     assert invented(clearer.fitter.motion.position) < 0.4 * before
-    assert invented(by_holds.fitter.motion.position) < 0.2 * before
+    assert invented(by_holds.fitter.motion.position) < 0.4 * before
 
 
 @pytest.mark.parametrize(("stiffness", "moves"), [(2000.0, True), (50_000.0, False)])
