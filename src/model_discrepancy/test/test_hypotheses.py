@@ -83,7 +83,7 @@ def test_a_term_that_only_follows_the_torque_takes_no_place_among_the_near_misse
             ("activation_reflex_gain", 0.2, 0.0),
             ("activation_stiffness", 0.1, None),
             ("activation_reflex_gain", 0.08, 0.05),
-            ("fixation_compliance", 0.04, None),
+            ("plate_appendage", 0.04, None),
         )
     ]
     scripted = Scripted()
@@ -252,6 +252,14 @@ def test_a_term_that_takes_the_joints_inertia_is_not_accepted():
     taking = Trial("plate_appendage", None, 0.6, (0.6, 0.6), -1.0, torque_share=1.0)
     assert taking.accepted
     assert not replace(taking, takes_joint=True).accepted
+
+
+def test_straps_that_change_little_torque_are_accepted_where_they_gain_far_beyond_chance():
+    little = Trial("fixation_compliance", None, 0.05, (0.05, 0.05), -1.0, 0.004, 2e-4)
+    assert little.accepted
+    assert not replace(little, by_chance=0.03).accepted
+    assert not replace(little, held_out=(0.05, -0.01)).accepted
+    assert not replace(little, name="torque_sensor_mode").accepted
 
 
 def test_a_term_that_acts_in_few_stretches_is_not_accepted():

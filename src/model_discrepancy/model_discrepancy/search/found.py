@@ -110,12 +110,12 @@ class Trial:
     def accepted(self) -> bool:
         """Tell whether the gain exceeds chance, holds on unseen rows, and is large enough, also for
         what it displaces; and whether it acts in enough stretches and leaves the joint a plausible
-        inertia.
+        inertia. What is usual may change less torque, where its gain is far beyond chance.
         """
         return (
             self.exceeds_chance
             and min(self.held_out) > self._least_in_a_half
-            and self.torque_share > LEAST_TERM_SHARE
+            and (self.torque_share > LEAST_TERM_SHARE or self._usual_beyond_chance)
             and not self.takes_joint
             and self.stretches >= FEWEST_STRETCHES
             and (not self.displaced or self.gain > DISPLACING_GAIN)
@@ -127,6 +127,13 @@ class Trial:
         one's fit.
         """
         return MIN_HALF_RATIO * self.gain if term_library()[self.name].follows_torque else 0.0
+
+    @property
+    def _usual_beyond_chance(self) -> bool:
+        """Tell whether it is what every rig has, and its gain is far beyond chance: straps move K
+        by a tenth with less torque than matters elsewhere.
+        """
+        return term_library()[self.name].usual and self.criticises
 
     @property
     def criticises(self) -> bool:
