@@ -36,8 +36,7 @@ from model_discrepancy.search.trials import (
 # what is still missing.
 RIVAL_GAIN_RATIO = 0.5
 # A real rig and a real ankle depart from each equation a little. With twelve instead of nine terms,
-# models of two human trials left 13 and 7 % of their whitened residual predictable instead of 22
-# and 12 %.
+# models of two human trials left about half as much of their whitened residual predictable.
 MOST_TERMS = 12
 # A term that makes another one superfluous leaves their number as it was; steps end all the same.
 MOST_STEPS = 2 * MOST_TERMS
