@@ -223,7 +223,8 @@ class Hypotheses:
 
     def _alone(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis | None:
         """Return the hypothesis that begins with the one term that explains as much alone as the
-        best one does; None where no term does, or the best one begins with it.
+        best one does; None where no term does, or the best one begins with it, or with what is
+        usual and as many terms are needed beside this one.
         """
         if len(best.found.effects) < 2 or not first:
             return None
