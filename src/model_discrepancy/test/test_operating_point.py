@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ankle_physics.compliant_coupling import FootLoop
+from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, reflex_gain
 from ankle_physics.model import Model
 from model_discrepancy.fit.movements import Onsets
@@ -168,15 +170,29 @@ def test_dry_friction_that_may_hold_torque_at_rest_widens_the_error():
     ] == pytest.approx(1.0 / (3.0**0.5 * 0.04), rel=0.01)
 
 
-def test_a_foot_whose_simulation_does_not_converge_has_no_effective_stiffness():
-    values = {
-        "inertia": {"I": 1e-7},
-        "viscosity": {"B": 1.0},
-        "stiffness": {"K": 900.0, "x0": 0.0},
-        "fixation_compliance": {"k_s": 300.0, "b_s": 0.1},
-        "maxwell_relaxation": {"k": 5000.0, "T": 0.3},
-    }
-    stated = stated_impedance(SimpleNamespace(values=values, draws={}), OperatingPoint())
+MASSLESS_FOOT = {
+    "inertia": {"I": 1e-7},
+    "viscosity": {"B": 1.0},
+    "stiffness": {"K": 900.0, "x0": 0.0},
+    "fixation_compliance": {"k_s": 300.0, "b_s": 0.1},
+    "maxwell_relaxation": {"k": 5000.0, "T": 0.3},
+}
+
+
+def test_a_foot_that_is_next_to_massless_is_springs_in_series():
+    fit = SimpleNamespace(values=MASSLESS_FOOT, draws={})
+    stated = stated_impedance(fit, OperatingPoint())
+    assert stated[KEY][0] == pytest.approx(900.0, rel=0.01)
+    in_series = 1.0 / (1.0 / 300.0 + 1.0 / (900.0 + 5000.0))
+    assert stated["K_effective[N.m/rad]"][0] == pytest.approx(in_series, rel=0.01)
+
+
+def test_a_foot_whose_simulation_does_not_converge_has_no_effective_stiffness(monkeypatch):
+    def runs_away(*_):
+        raise ModelError("the foot's motion does not converge")
+
+    monkeypatch.setattr(FootLoop, "run", runs_away)
+    stated = stated_impedance(SimpleNamespace(values=MASSLESS_FOOT, draws={}), OperatingPoint())
     assert stated[KEY][0] == pytest.approx(900.0, rel=0.01)
     assert math.isnan(stated["K_effective[N.m/rad]"][0])
     shown = before_and_after(stated, stated)
