@@ -168,7 +168,7 @@ def prepare(
         if by_emg is None
         else replace(motion, activation=by_emg, preceding=by_emg)
     )
-    compliance = _compliance(motion, servo, rig, not_intrinsic(fitter, found or base))
+    compliance = _compliance(fitter, found or base, servo, rig)
     if compliance is not None and compliance.significant:
         noise = 0.0 if servo is not None else white_density(recording.torque, recording.rate)
         if servo is not None:
@@ -209,14 +209,17 @@ def prepare(
 
 
 def _compliance(
-    motion: Motion, servo: Servo | None, rig: RigFile | None, instrument: np.ndarray
+    fitter: Fitter, known: Fit, servo: Servo | None, rig: RigFile | None
 ) -> Compliance | None:
     """Return how far the servo gives way: from the command; else from the holds, where these tell
     it at each frequency; else as the rig's file has it, or as the holds tell it roughly.
     """
     if servo is not None:
         return servo.compliance
-    held = held_compliance(motion.position, motion.velocity, motion.torque, instrument, motion.rate)
+    motion = fitter.motion
+    held = held_compliance(
+        motion.position, motion.velocity, motion.torque, not_intrinsic(fitter, known), motion.rate
+    )
     if rig is None or (held is not None and held.precise):
         return held
     return known_compliance(rig, motion.rate) or held
