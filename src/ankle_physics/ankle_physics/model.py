@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
-from ankle_physics.compliant_coupling import TOLERANCE
 from ankle_physics.errors import ModelError
+from ankle_physics.foot_loop import TOLERANCE
 from ankle_physics.joint_profile import ANKLE, JointProfile, joint_in_force
 from ankle_physics.model_run import ModelRun
 from ankle_physics.signals import Signals

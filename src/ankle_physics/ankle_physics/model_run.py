@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ankle_physics.compliant_coupling import TOLERANCE, CompliantCoupling, FootLoop, torques_of
+from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
+from ankle_physics.foot_loop import TOLERANCE, FootLoop, torques_of
 from ankle_physics.signals import Signals
 from ankle_physics.term import Place, State
 

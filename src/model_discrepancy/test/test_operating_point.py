@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ankle_physics.compliant_coupling import FootLoop
 from ankle_physics.errors import ModelError
+from ankle_physics.foot_loop import FootLoop
 from ankle_physics.impedance import OperatingPoint, reflex_gain
 from ankle_physics.model import Model
 from model_discrepancy.fit.movements import Onsets
