@@ -110,7 +110,7 @@ def test_what_another_search_found_is_a_hypothesis_that_takes_the_place_of_the_f
 
     def searched_after(*names):
         search = Scripted()
-        search._null = SimpleNamespace(threshold=lambda name: 0.0)
+        search._null = SimpleNamespace(threshold_of=lambda name, fit: 0.0)
         effects = [SimpleNamespace(trial=SimpleNamespace(name=name)) for name in names]
         before = SimpleNamespace(effects=effects, refinements=[], final=SimpleNamespace(values={}))
         return search.best(before), search.said
@@ -294,7 +294,8 @@ def test_a_rejected_candidate_does_not_hide_one_that_gains_less(monkeypatch):
     monkeypatch.setattr(candidates, "refitted", refitted)
     monkeypatch.setattr(candidates, "judged", judged)
     few = [SimpleNamespace(name=name, start={}, share=gain) for name, gain in gains.items()]
-    search = Candidates(None, None, None, lambda line: None)
+    null = SimpleNamespace(threshold_of=lambda name, fit: 0.02)
+    search = Candidates(None, null, None, lambda line: None)
     current = SimpleNamespace(values={})
     trials = search._refitted_and_judged(current, few, dict.fromkeys(gains, 0.02))
     assert [t.name for t in trials] == list(gains)
@@ -320,7 +321,7 @@ def test_a_refit_that_takes_off_less_than_promised_begins_again_elsewhere(monkey
     monkeypatch.setattr(candidates, "refitted", refitted)
     monkeypatch.setattr(candidates, "screen", screen)
     grids = SimpleNamespace(whole=lambda name: [{"T": 0.1}, {"T": 0.2}, {"T": 1.0}])
-    null = SimpleNamespace(threshold=lambda name: 0.05)
+    null = SimpleNamespace(threshold_of=lambda name, fit: 0.05)
     search = Candidates(None, null, grids, lambda line: None)
     current = SimpleNamespace(values={}, score=1.0)
     start = {"k": 3.0, "T": 0.1}

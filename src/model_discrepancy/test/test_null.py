@@ -94,6 +94,25 @@ def test_a_candidate_that_gains_much_by_chance_does_not_hide_one_that_does_not()
     assert wide > 5.0 * beside
 
 
+def test_a_point_that_gains_much_by_chance_does_not_hide_another_one():
+    """Only the fastest movements pass a high threshold; most of them pass a low one."""
+    generator = np.random.default_rng(4)
+    time = np.arange(12_000) / 200.0
+    # The noise is large in the stretches in which the high threshold acts, as that of a reflex is.
+    fast = time < FEWEST_STRETCHES + 4.0
+    noise = generator.standard_normal(12_000) * np.where(fast, 5.0, 1.0)
+    null = Null.of(noise, time, np.ones(len(time), bool))
+    for threshold, active in ((0.05, time >= 0.0), (0.1, time >= 0.0), (1.6, fast)):
+        column = generator.standard_normal(12_000) * active
+        span = column[:, None] / np.linalg.norm(column)
+        null.observe("reflex_threshold", span, {"vt": threshold})
+    low, high = (null.threshold("reflex_threshold", {"vt": vt}) for vt in (0.06, 1.5))
+    assert high > 2.0 * low
+    assert null.threshold("reflex_threshold") == high
+    # Between two points the larger threshold holds.
+    assert null.threshold("reflex_threshold", {"vt": 0.5}) == high
+
+
 @pytest.fixture(scope="module")
 def steady():
     return simulate_trial({}, seed=21, duration=40.0, protocol="equal")

@@ -97,7 +97,7 @@ def test_a_general_term_gives_way_to_its_special_case_where_it_gains_as_little_a
         {**base.values, "stiffening_fixation": {"k_s": 800.0, "b_s": 1.0, "curvature": 5.0}},
     )
     found = Found(base, trial.fit, effects=[Effect(trial, errors=None)])
-    specialise(fitter, found, SimpleNamespace(threshold=lambda name: chance))
+    specialise(fitter, found, SimpleNamespace(threshold_of=lambda name, fit: chance))
     assert found.effects[0].trial.name == left
     assert left in found.final.terms
     assert found.final.values[left]["k_s"] == pytest.approx(700.0, rel=0.05)
@@ -308,7 +308,7 @@ def test_a_special_case_is_tried_where_a_general_term_was_accepted():
     """Straps of one stiffness: the general term stiffens them, by a curvature next to nothing."""
     trial = simulate_trial({"fixation_compliance": {}}, seed=4, duration=20.0)
     problem = prepare(trial)
-    fitter, null = problem.fitter, SimpleNamespace(threshold=lambda name: 0.005)
+    fitter, null = problem.fitter, SimpleNamespace(threshold_of=lambda name, fit: 0.005)
     start = {"stiffening_fixation": {"k_s": 2000.0, "b_s": 1.0, "curvature": 20.0}}
     general = refitted(
         fitter, problem.base, "stiffening_fixation", {**problem.base.values, **start}

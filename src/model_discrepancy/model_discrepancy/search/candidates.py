@@ -89,7 +89,7 @@ class Candidates:
             None if null.observed else null,
         )
         grids.learn(screened)
-        by_chance = {s.name: null.threshold(s.name) for s in screened}
+        by_chance = {s.name: null.threshold(s.name, s.start) for s in screened}
         promising = [s for s in screened if s.share > max(MIN_PROMISE, 0.5 * by_chance[s.name])]
         tried: list[Trial] = []
         for begin in range(0, min(len(promising), MOST_REFITS), REFITS_PER_STEP):
@@ -132,7 +132,7 @@ class Candidates:
             begun = begun_anew(fitter, current, name, self._grids.whole(name))
             trial = refitted(fitter, current, name, begun.fit.values, FURTHER_EVALUATIONS)
             if trial.gain > NEAR_BEST_RATIO * leading:
-                found.append(judged(fitter, current, trial, by_chance[name]))
+                found.append(judged(fitter, current, trial, self._by_chance(trial)))
         return found
 
     def _unbent(
@@ -152,7 +152,7 @@ class Candidates:
             best = self._begun_beside(current, name, starts)
             if best.gain > max(by, known, least):
                 best = refitted(fitter, current, name, best.fit.values, FURTHER_EVALUATIONS)
-                found.append(judged(fitter, current, best, by))
+                found.append(judged(fitter, current, best, self._by_chance(best)))
         return found
 
     def _begun_beside(self, current: Fit, name: str, starts: Sequence[Start]) -> Trial:
@@ -171,7 +171,7 @@ class Candidates:
         anew = begun_anew(self._fitter, current, best.name, points, limit=best.fit.score)
         if not anew.gain > best.gain:
             return best
-        anew = judged(self._fitter, current, anew, best.by_chance)
+        anew = judged(self._fitter, current, anew, self._by_chance(anew))
         return anew if anew.accepted else best
 
     def _refitted_and_judged(
@@ -194,8 +194,8 @@ class Candidates:
             near, behind = _near_best(behind, by_chance, promised)
             if not near:
                 break
-            tried += self._scored(current, near, screened, by_chance)
-        rest = [replace(t, by_chance=by_chance[t.name]) for t in behind]
+            tried += self._scored(current, near, screened)
+        rest = [replace(t, by_chance=self._by_chance(t)) for t in behind]
         return sorted([*tried, *rest], key=lambda t: -t.gain)
 
     def _scored(
@@ -203,7 +203,6 @@ class Candidates:
         current: Fit,
         trials: Sequence[Trial],
         screened: dict[str, Screened],
-        by_chance: dict[str, float],
     ) -> list[Trial]:
         """Return trials refitted to the end, and the best of them scored on unseen rows; those
         behind an accepted one need not be.
@@ -216,7 +215,7 @@ class Candidates:
         )
         leading, scored = 0.0, 0
         for place, t in sorted(enumerate(final), key=lambda entry: -entry[1].gain):
-            by = by_chance[t.name]
+            by = self._by_chance(t)
             if scored < SCORED_CANDIDATES and t.gain > max(by, NEAR_BEST_RATIO * leading):
                 final[place] = judged(self._fitter, current, t, by)
                 leading = t.gain if leading == 0.0 and final[place].accepted else leading
@@ -224,6 +223,10 @@ class Candidates:
             else:
                 final[place] = replace(t, by_chance=by)
         return final
+
+    def _by_chance(self, trial: Trial) -> float:
+        """Return what a term gains by chance with the values that it has in a trial."""
+        return self._null.threshold_of(trial.name, trial.fit)
 
     def _refitted_to_the_end(
         self,
@@ -240,7 +243,7 @@ class Candidates:
         if best.gain > LEAST_OF_PROMISE * promised or not nonlinear([name]):
             return best
         # What is gained by chance is not asked for.
-        limit = min(best.fit.score, (1.0 - self._null.threshold(name)) * current.score)
+        limit = min(best.fit.score, (1.0 - self._by_chance(best)) * current.score)
         points = self._grids.whole(name)
         anew = begun_anew(fitter, current, name, points, limit=limit, tried=begun)
         return max(best, anew, key=lambda t: t.gain)
@@ -316,7 +319,8 @@ def special_cases(fitter: Fitter, current: Fit, trials: Sequence[Trial], null: N
 
     def fitted(case: tuple[str, Start]) -> Trial:
         name, start = case
-        return judged(fitter, current, refitted(fitter, current, name, start), null.threshold(name))
+        trial = refitted(fitter, current, name, start)
+        return judged(fitter, current, trial, null.threshold_of(name, trial.fit))
 
     return in_parallel(fitted, starts)
 

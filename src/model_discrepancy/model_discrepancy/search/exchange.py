@@ -112,7 +112,7 @@ def try_without(fitter: Fitter, final: Fit, effect: Effect, null: Null) -> None:
     trial = replace(
         effect.trial, fit=final, gain=gain, bic=bic_change(fitter, effect.without, final)
     )
-    effect.trial = judged(fitter, effect.without, trial, null.threshold(name))
+    effect.trial = judged(fitter, effect.without, trial, null.threshold_of(name, final))
 
 
 def second_effect(final: Fit, refinements: Sequence[Trial], named: Sequence[str]) -> str | None:
@@ -188,7 +188,11 @@ def _rivals(
 
     trials = in_parallel(in_its_place, tried)
     near = [
-        replace(t, by_chance=null.threshold(t.name), preceding_gain=preceding_gain(fitter, t))
+        replace(
+            t,
+            by_chance=null.threshold_of(t.name, t.fit),
+            preceding_gain=preceding_gain(fitter, t),
+        )
         for t in trials
         if t.fit.score < limit
     ]
@@ -261,7 +265,7 @@ def specialise(fitter: Fitter, found: Found, null: Null) -> None:
             terms = [name if term == general.name else term for term in final.terms]
             start = {**final.values, name: {symbol: values[symbol] for symbol in symbols}}
             special = fitter.fit(terms, start, evaluations=15)
-            if 1.0 - final.score / special.score < null.threshold(general.name):
+            if 1.0 - final.score / special.score < null.threshold_of(general.name, final):
                 effect.trial = replace(general, name=name, fit=special)
                 found.final = special
                 break

@@ -190,7 +190,9 @@ class Hypotheses:
             name = effect.trial.name
             start = {**before.final.values, **other.current.values}
             trial = refitted(self._fitter, other.current, name, start)
-            trial = judged(self._fitter, other.current, trial, self._null.threshold(name))
+            trial = judged(
+                self._fitter, other.current, trial, self._null.threshold_of(name, trial.fit)
+            )
             if trial.accepted:
                 self._add(other, trial)
         self._follow(other)

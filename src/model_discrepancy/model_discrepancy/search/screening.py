@@ -227,7 +227,7 @@ def _additive(
     if acting_in(rows.time[rows.fitted], span) < FEWEST_STRETCHES:
         return 0.0, values[name]
     if null is not None:
-        null.observe(name, span)
+        null.observe(name, span, point)
     amplitudes = bounded(matrix, residual, *ranges(spectra))
     left = residual - matrix @ amplitudes
     start = values[name] | {
@@ -260,7 +260,7 @@ def _shaping(
 
     results = in_parallel(tried, points)
     if null is not None:
-        _observe_shaping(name, [at_point.changed for at_point in results], basis, null)
+        _observe_shaping(name, points, [at_point.changed for at_point in results], basis, null)
     time, before = fitter.rows.time[used], fit.residual[used]
     shares = [
         1.0 - at.error / fit.score if acting_in(time, at.left - before) >= FEWEST_STRETCHES else 0.0
@@ -339,15 +339,19 @@ def _changed(
 
 
 def _observe_shaping(
-    name: str, changes: Sequence[np.ndarray | None], basis: np.ndarray, null: Null
+    name: str,
+    points: Sequence[Point],
+    changes: Sequence[np.ndarray | None],
+    basis: np.ndarray,
+    null: Null,
 ) -> None:
     """Let a candidate that changes a signal try the surrogates, by the torque that it changes."""
-    for change in changes:
+    for point, change in zip(points, changes, strict=True):
         assert change is not None
         column = change[:, None]
         column = column - basis @ (basis.T @ column)
         if np.linalg.norm(column) > 0.0:
-            null.observe(name, orthonormal(column))
+            null.observe(name, orthonormal(column), point)
 
 
 def _with(columns: Columns, fit: Fit, name: str, point: Point) -> dict[str, dict[str, float]]:

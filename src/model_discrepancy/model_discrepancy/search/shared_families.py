@@ -63,7 +63,7 @@ def unite(
             continue
         names = [effect.trial.name for effect in members]
         progress(f"{family}: one term for {', '.join(names)}")
-        thresholds = {name: null.threshold(name) for name in names}
+        thresholds = {name: null.threshold_of(name, found.final) for name in names}
         bare = _bare(fitter, found, names)
         trials = in_parallel(partial(_alone, fitter, found, bare, thresholds, grids), names)
         best = min(trials, key=lambda trial: trial.fit.score)

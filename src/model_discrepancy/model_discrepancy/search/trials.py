@@ -201,7 +201,7 @@ def _fit_without_superfluous(fitter: Fitter, current: Fit, null: Null, name: str
     """Return the fit without a term; None where the term is worth keeping."""
     if _promised_loss(fitter, current, name) > INDISPENSABLE_SHARE:
         return None
-    by_chance = null.threshold(name)
+    by_chance = null.threshold_of(name, current)
     without = fitter.fit_below(
         without_term(current.terms, name),
         current.values,

@@ -23,7 +23,7 @@ from model_discrepancy.search.candidates import (
     begun_anew,
 )
 from model_discrepancy.search.found import Progress, follows_beyond_chance
-from model_discrepancy.search.null import thresholds
+from model_discrepancy.search.null import balanced
 from model_discrepancy.search.screening import (
     Point,
     Screened,
@@ -232,13 +232,11 @@ def _joint_chance(members: Sequence[Member]) -> dict[str, float]:
     by draw, which no single point of its grid can exceed.
     """
     scores = np.array([m.fit.score for m in members])
-    names = set.intersection(*(set(m.null.gains) for m in members))
-    return thresholds(
-        {
-            name: scores @ np.array([m.null.gains[name] for m in members]) / scores.sum()
-            for name in sorted(names)
-        }
+    names = sorted(set.intersection(*(set(m.null.gains) for m in members)))
+    least = balanced(
+        [scores @ np.array([m.null.gains[name] for m in members]) / scores.sum() for name in names]
     )
+    return dict(zip(names, least.tolist(), strict=True))
 
 
 def _promise(
