@@ -386,12 +386,14 @@ def torques_of(
 def _slice(signals: Signals, start: int, stop: int) -> Signals:
     part = slice(start, stop)
     assert signals.activation is not None
+    assert signals.cocontraction is not None
     return Signals(
         signals.rate,
         signals.position[part],
         signals.velocity[part],
         signals.acceleration[part],
         signals.activation[part],
+        signals.cocontraction[part],
     )
 
 

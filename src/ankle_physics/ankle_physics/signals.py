@@ -27,6 +27,9 @@ class Signals:
     activation
         Muscle activation as the background torque that goes with it [N.m], shape (n,); zero at
         rest.
+    cocontraction
+        Course of the stiffness that opposing muscles add together, with a mean of 0 and a root mean
+        square of 1 over the recording [1], shape (n,); zero where nobody knows it.
     foot_position, foot_velocity, foot_acceleration
         The same for the foot; equal to the footplate's until a coupling term moves the foot
         differently.
@@ -44,6 +47,7 @@ class Signals:
     velocity: np.ndarray
     acceleration: np.ndarray
     activation: np.ndarray | None = None
+    cocontraction: np.ndarray | None = None
     foot_position: np.ndarray = field(init=False)
     foot_velocity: np.ndarray = field(init=False)
     foot_acceleration: np.ndarray = field(init=False)
@@ -55,6 +59,8 @@ class Signals:
     def __post_init__(self) -> None:
         if self.activation is None:
             self.activation = np.zeros(len(self.position))
+        if self.cocontraction is None:
+            self.cocontraction = np.zeros(len(self.position))
         self.measured_position, self.measured_velocity = self.position, self.velocity
         self.torque = np.zeros(len(self.position))
         self.move_foot(self.position, self.velocity, self.acceleration)

@@ -174,6 +174,9 @@ class Term(ABC):
         after its search, and only beside several terms, where no equation is exact.
     follows_torque
         Whether it follows the slow torque of the recording, and so the very noise that it explains.
+    follows_time
+        Whether it follows the time since the recording began, so that one half of a recording does
+        not tell of the other.
     rest_torque
         Symbol of a torque [N.m] that may be held at rest, where the equation gives none: dry
         friction carries a part of what a spring would. Empty where there is none.
@@ -209,6 +212,7 @@ class Term(ABC):
     flexible: ClassVar[bool] = False
     companions: ClassVar[tuple[str, ...]] = ()
     follows_torque: ClassVar[bool] = False
+    follows_time: ClassVar[bool] = False
     rest_torque: ClassVar[str] = ""
     generalises: ClassVar[tuple[str, ...]] = ()
     resolved_by_duration: ClassVar[str] = ""

@@ -21,6 +21,7 @@ from model_discrepancy.fit.generic_bank import GenericBank
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_torque import following
 from model_discrepancy.fit.rows import LOW_PASS_HZ
+from model_discrepancy.fit.stiffness_course import better_course, stiffness_course
 from model_discrepancy.recording.compliance import Compliance, held_compliance
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated, held_terms, known_compliance
@@ -42,8 +43,8 @@ LOWEST_LIMIT_HZ = 25.0
 # the plate. Servos of 2 to 3 kN.m/rad have 0.14 to 0.5, and such torque is named now and then. One
 # of 150 kN.m/rad, which gives way measurably, has 0.004 to 0.008; none was named in 42 recordings.
 LEAST_LOOP_GAIN = 0.03
-# Of the whitened residual, that a stiffness gains by following another course of torque: a search
-# takes a minute, and a named term gains several per cent.
+# Of the whitened residual, that a stiffness gains by following another course, of torque or of its
+# own: a search takes a minute, and a named term gains several per cent.
 BETTER_COURSE = 0.02
 # Of the torque that the base model leaves, by variance, that a found model explains. What is less
 # changes the movement by less than a sixth of what was taken from it, and a second search takes as
@@ -191,6 +192,7 @@ def prepare(
     base = align(fitter, fitter.fit(terms, base.values))
     if by_emg is None:
         fitter = fitter.along(following(fitter, base)[0])
+    fitter = fitter.along(replace(fitter.motion, cocontraction=stiffness_course(fitter, base)))
     noise = base.residual - bank.cross_predicted(base.residual, parts, bank.whitened())
     return Problem(
         recording,
@@ -242,10 +244,11 @@ def not_intrinsic(fitter: Fitter, known: Fit) -> np.ndarray:
 
 
 def with_better_course(problem: Problem, final: Fit) -> Problem | None:
-    """Return the problem with the torque that the muscles hold as it is known beside a model; None
-    where the present course is about as good, follows from EMG, or lets no term follow it.
+    """Return the problem with the torque that the muscles hold, and the course of the stiffness, as
+    they are known beside a model; None where the present courses are about as good.
 
-    Friction, say, makes slow torque too, which the base model leaves to the muscles.
+    Friction, say, makes slow torque too, which the base model leaves to the muscles. That torque
+    stays as it is where it follows from EMG, or lets no term follow it.
 
     Parameters
     ----------
@@ -254,11 +257,17 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     final
         The model that was found.
     """
-    if problem.activation_by_emg or problem.fitter.motion.preceding is None:
+    motion, gained = problem.fitter.motion, []
+    if not problem.activation_by_emg and motion.preceding is not None:
+        held, gain = following(problem.fitter, final)
+        gained.append(gain)
+        motion = held if gain > BETTER_COURSE else motion
+    course, gain = better_course(problem.fitter, final)
+    gained.append(gain)
+    if max(gained) < BETTER_COURSE:
         return None
-    motion, gain = following(problem.fitter, final)
-    if gain < BETTER_COURSE:
-        return None
+    if gain > BETTER_COURSE:
+        motion = replace(motion, cocontraction=course)
     fitter = problem.fitter.along(motion)
     return replace(problem, fitter=fitter, bank_over_torque=_bank_over_torque(fitter))
 

@@ -1,5 +1,7 @@
 """The fit's spectra make the torque that the simulation makes, for every term."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,8 @@ TERMS = [
 
 @pytest.fixture(scope="module")
 def motion() -> Motion:
-    return motion_of(simulate_trial({}, seed=3, duration=30.0, rate=1024.0))
+    moved = motion_of(simulate_trial({}, seed=3, duration=30.0, rate=1024.0))
+    return replace(moved, cocontraction=np.sqrt(2.0) * np.sin(moved.time))
 
 
 def _torques(motion: Motion, extra: dict[str, dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:

@@ -90,6 +90,18 @@ def test_another_hypothesis_that_leaves_as_little_widens_the_error_by_its_distan
     assert beside == pytest.approx(math.hypot(alone, 40.0 / 2**0.5))
 
 
+def test_an_effect_in_doubt_widens_the_error_by_what_it_changed():
+    found, without = Found(fit(100.0), fit(100.0)), fit(60.0)
+
+    def variance(tentative):
+        stated = with_model_error(STATED_IMPEDANCE, found, OperatingPoint(), tentative=tentative)
+        return stated[KEY][1] ** 2
+
+    # In three of four such recordings the model without it is wrong.
+    assert variance([(0.75, without)]) - variance([]) == pytest.approx(0.25 * 40.0**2)
+    assert variance([(0.75, fit(100.0))]) == pytest.approx(variance([]))
+
+
 def test_an_error_that_nobody_knows_stays_unknown():
     found = Found(fit(60.0), fit(100.0))
     assert with_model_error(STATED_IMPEDANCE, found, OperatingPoint())["B[N.m.s/rad]"] == (

@@ -29,7 +29,7 @@ from model_discrepancy.recording.motion import Motion, motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.human_trials import load_trial, trial_paths
-from simulation_study.planted_trials import STRENGTHS, outcome, run_all
+from simulation_study.planted_trials import STRENGTHS, contraction, outcome, run_all
 
 # Of the rms that the paper's model leaves of the trial, between 0.1 and 80 Hz: what it cannot
 # imitate of the planted torque.
@@ -39,6 +39,8 @@ PLANTED_RMS = 0.5
 MOST_PLANTED_RMS = 2.0
 # The part that can be imitated changes with the size of a torque a little.
 SCALINGS = 3
+# Of the course of a contraction that is planted: any, and the same in each trial.
+CONTRACTION_SEED = 0
 
 
 def added_torque(name: str, motion: Motion, base: Fit) -> np.ndarray:
@@ -94,6 +96,7 @@ def plant(recording: Recording, name: str) -> Planted:
         The term changes no torque on this movement.
     """
     motion = motion_of(recording)
+    motion = replace(motion, cocontraction=contraction(CONTRACTION_SEED, motion.time))
     added = added_torque(name, motion, fit_base(Fitter.of(motion)))
     time = np.arange(len(recording.torque)) / recording.rate
     return with_torque(recording, np.interp(time, motion.time, added), name)

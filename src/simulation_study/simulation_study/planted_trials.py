@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt
 
 from ankle_physics.linear_dynamics import SecondOrder
@@ -34,10 +35,12 @@ SNR_DB = (52.7, 37.7, 24.1)
 STRENGTHS: dict[str, dict[str, float]] = {
     "position_dependent_stiffness": {"k1": 800.0},
     "stiffness_drift": {"kt": -0.6},
+    "settling_stiffness": {"kt": -0.6},
     "hardening_stiffness": {"k3": 6e4},
     "antagonist_reflex": {"Ga": 5.0},
     "position_reflex_gain": {"Gx": 300.0},
     "reflex_drift": {"Gt": -0.12},
+    "cocontraction": {"kc": 25.0},
 }
 
 
@@ -71,7 +74,8 @@ def simulate_trial(
     # A 30 Hz actuator, and its own drive's finite speed so that acceleration is continuous.
     driven = SecondOrder(INTERNAL_RATE).run(reference, 2 * np.pi * 30, 0.7)
     x, v, a = SecondOrder(INTERNAL_RATE).run_with_rates(driven, 2 * np.pi * 90, 0.8)
-    signals = Signals(INTERNAL_RATE, x, v, a)
+    time = np.arange(len(x)) / INTERNAL_RATE
+    signals = Signals(INTERNAL_RATE, x, v, a, cocontraction=contraction(seed, time))
     torque = Model.of({**_subject(random), **planted}).start(INTERNAL_RATE, seed).torque(signals)
     anti_alias = butter(4, 0.45 * rate, fs=INTERNAL_RATE, output="sos")
 
@@ -87,6 +91,24 @@ def simulate_trial(
     return Recording(
         rate, position, torque, moved if velocity else None, name=f"simulated, seed {seed}"
     )
+
+
+def contraction(seed: int, time: np.ndarray) -> np.ndarray:
+    """Return how much opposing muscles contract together: smooth, of mean 0 and root mean square 1,
+    and another one every second; shape (n,).
+
+    Parameters
+    ----------
+    seed
+        Draws it.
+    time
+        From 0 on [s], shape (n,).
+    """
+    knots = np.arange(0.0, time[-1] + 4.0, 1.0)
+    level = np.random.default_rng([seed, 1]).standard_normal(len(knots))
+    course = CubicSpline(knots, level)(time)
+    course = course - course.mean()
+    return np.asarray(course / np.sqrt(np.mean(course**2)))
 
 
 def _subject(random: np.random.Generator) -> dict[str, dict[str, float]]:

@@ -41,9 +41,12 @@ OF_SECOND_RIG: dict[str, Answer] = {
     ),
     "stiffness_rise": ANSWERS["position_stiffness"],
     "hardening": ANSWERS["hardening"],
-    "stiffness_drift": Answer(("stiffness_drift",)),
+    "stiffness_drift": Answer(
+        ("settling_stiffness", "stiffness_drift"), "a drift that has not settled is a steady one"
+    ),
     "cocontraction": Answer(
-        ("activation_stiffness",), "the bouts change the torque that is held with the stiffness"
+        ("cocontraction", "activation_stiffness"),
+        "the bouts change the torque that is held with the stiffness",
     ),
     "gain_drift": Answer(("reflex_drift",)),
     "reflex_threshold": ANSWERS["reflex_threshold"],

@@ -20,6 +20,7 @@ class ReflexDrift(ReflexArc):
     name = "reflex_drift"
     place = Place.REFLEX_DYNAMICS
     family = "reflex follows activation or time"
+    follows_time = True
     separated_by = "the same torque level at the start and at the end"
     sentence = "The reflex changes steadily in the course of the recording."
     turn = Turn(

@@ -4,6 +4,8 @@ bt * v)``.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ankle_physics.operating_parameters import operating_angle
@@ -20,6 +22,7 @@ class StiffnessDrift(Term):
     name = "stiffness_drift"
     place = Place.INTRINSIC
     family = "joint follows activation or time"
+    follows_time = True
     separated_by = "the same torque level at the start and at the end"
     sentence = "Stiffness changes steadily in the course of the recording."
     turn = Turn(
@@ -28,7 +31,7 @@ class StiffnessDrift(Term):
         "Stiffness falls steadily in the course of the recording, as with fatigue.",
         "Stiffness rises steadily in the course of the recording.",
     )
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "kt",
             "N.m/rad/s",
@@ -57,8 +60,20 @@ class StiffnessDrift(Term):
 
     def torque(self, signals: Signals, values: Values, state: State) -> dict[str, np.ndarray]:
         time = state["run_time"].advance(len(signals.position))
-        since = time - REFERENCE_TIME
+        course = self.course(time - REFERENCE_TIME, values)
         return {
-            "kt": since * (signals.foot_position - values["xc"]),
-            "bt": since * signals.foot_velocity,
+            "kt": course * (signals.foot_position - values["xc"]),
+            "bt": course * signals.foot_velocity,
         }
+
+    def course(self, since: np.ndarray, values: Values) -> np.ndarray:
+        """Return what the rates are multiplied by [s], shape (n,).
+
+        Parameters
+        ----------
+        since
+            Time since half a minute into the run [s], shape (n,).
+        values
+            Of the term.
+        """
+        return since

@@ -17,7 +17,7 @@ from model_discrepancy.criticism.stated_fit import stated_fit
 from model_discrepancy.criticism.variability import Variability, variability
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.generic_bank import GenericBank
-from model_discrepancy.fit.held_out import HeldOut
+from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.preceding_torque import begins_from_rest
 from model_discrepancy.fit.standard_errors import with_errors
@@ -45,6 +45,10 @@ class Criticism:
         Where these residuals sit.
     base_held_out, final_held_out
         VAF of both models on unseen data.
+    alternating
+        Whether unseen data are alternating stretches of 5 s: a term follows time, of which one half
+        of a recording tells nothing about the other, so that this one would be predicted worse than
+        by the base model.
     ceiling
         Lower and upper end of the VAF that is explainable [%].
     varies
@@ -64,6 +68,7 @@ class Criticism:
     final_map: ResidualMap
     base_held_out: HeldOut
     final_held_out: HeldOut
+    alternating: bool
     ceiling: tuple[float, float]
     varies: Variability
     verdict: str
@@ -99,7 +104,7 @@ def criticise(
         lambda one: _most_predicted(problem, one[0], null, one[1]),
         [(problem.base, null.drawn), (final, null.noise)],
     )
-    base_scored, final_scored = found.base_held_out, found.final_held_out
+    base_scored, final_scored = _held_out(problem, found)
     base_map = residual_map(fitter.columns, problem.base)
     ceiling = ceiling_vaf(fitter.columns, final, final_scored.vaf, after)
     varies = variability(fitter, final, problem.recording.torque, problem.base)
@@ -122,12 +127,26 @@ def criticise(
         residual_map(fitter.columns, final),
         base_scored,
         final_scored,
+        final_scored is not found.final_held_out,
         ceiling,
         varies,
         verdict,
         closed,
         block,
     )
+
+
+def _held_out(problem: Problem, found: Found) -> tuple[HeldOut, HeldOut]:
+    """Return the scores of both models on unseen data: of the other half, or of alternating
+    stretches, as `Criticism.alternating` says.
+    """
+    base, final = found.base_held_out, found.final_held_out
+    if final.vaf >= base.vaf or not any(term_library()[n].follows_time for n in found.final.terms):
+        return base, final
+    base, final = in_parallel(
+        lambda fit: held_out(problem.fitter, fit, parts=problem.parts), [found.base, found.final]
+    )
+    return base, final
 
 
 def _most_predicted(problem: Problem, fit: Fit, null: Null, surrogates: np.ndarray) -> Remainder:

@@ -1,5 +1,7 @@
-"""VAF on data that was not used for fitting: train on one half in time, score on the other, both
-ways.
+"""VAF on data that was not used for fitting: train on one half, score on the other, both ways.
+
+The halves are the first and the second one in time, which a drift must continue, unless others are
+given.
 
 Fitted and scored by the plain error, as VAF is; the whitened error decides in the search, not here.
 """
@@ -43,11 +45,29 @@ class HeldOut:
     residual: np.ndarray
 
 
-def held_out(problem: Fitter, fit: Fit, evaluations: int = 15) -> HeldOut:
-    """Refit the fit's terms on each half by the plain error and score on the other."""
+def held_out(
+    problem: Fitter,
+    fit: Fit,
+    evaluations: int = 15,
+    parts: tuple[np.ndarray, np.ndarray] | None = None,
+) -> HeldOut:
+    """Refit the fit's terms on each half by the plain error and score on the other.
+
+    Parameters
+    ----------
+    problem
+        Of the recording.
+    fit
+        The model.
+    evaluations
+        Of each refit, at most.
+    parts
+        Masks of the two halves, each bool of shape (rows.count,); None: the first and the second
+        half in time.
+    """
     fitter = problem.unwhitened()
     rows = fitter.rows
-    parts = first_and_second(rows)
+    parts = parts or first_and_second(rows)
     residual = np.zeros(rows.count)
     both = []
     trained = in_parallel(

@@ -97,7 +97,9 @@ class MotionPath:
         shaping = [stage for stage in stages if stage.moves_plate]
 
         def driven() -> Signals:
-            signals = Signals(m.rate, m.position, m.velocity, m.acceleration, m.activation)
+            signals = Signals(
+                m.rate, m.position, m.velocity, m.acceleration, m.activation, m.cocontraction
+            )
             for stage in shaping:
                 stage.term.transform(signals, values[stage.term.name], stage.term.start(m.rate))
             return signals

@@ -59,6 +59,9 @@ class Motion:
     preceding
         What the muscles held before the movement under way [N.m], shape (n,); nothing of the
         response to it. None where this is not known.
+    cocontraction
+        Course of the stiffness beyond what the model says, of mean 0 and root mean square 1 [1],
+        shape (n,); None where the recording shows none.
     restless
         Whether `preceding` was read before the last response, since the movements follow each other
         without rest.
@@ -74,6 +77,7 @@ class Motion:
     noise: tuple[float, float] = (0.0, math.inf)
     preceding: np.ndarray | None = None
     restless: bool = False
+    cocontraction: np.ndarray | None = None
 
     def position_noise(self, frequency: np.ndarray) -> np.ndarray:
         """Return the power density of the error of `position` [rad^2/Hz] at each frequency [Hz]."""

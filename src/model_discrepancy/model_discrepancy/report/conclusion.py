@@ -28,6 +28,7 @@ from model_discrepancy.report.operating_point import (
     with_model_error,
 )
 from model_discrepancy.report.verdict import (
+    MIN_STATED_PROBABILITY,
     Standing,
     Verdict,
     alternatives,
@@ -56,6 +57,10 @@ PLAIN_SENTENCE = (
 REFLEX_SENTENCE = (
     "doubt G: the reflex's delay, frequency or damping ended at the bound of its range, so that "
     "the reflex stands in for something else"
+)
+TIME_SENTENCE = (
+    "a term follows the time since the recording began, of which one half tells nothing about the "
+    "other: unseen data are stretches of 5 s that alternate with those of the fit"
 )
 EMG_SENTENCE = "the activation of the muscles follows from their EMG, scaled to the slow torque"
 
@@ -136,6 +141,8 @@ def _verdict(
         f"{100 * max(after.share, 0.0):.1f} % of what the model leaves unexplained can still be "
         "predicted from the movement, on data that were not used for the fit"
     )
+    if named and criticism.alternating:
+        reasons.append(TIME_SENTENCE)
     if named == found.effects and criticism.stated is not found.final:
         reasons.append(PLAIN_SENTENCE)
     reasons += [*criticism.varies.unusual, *criticism.varies.unsteady]
@@ -174,8 +181,13 @@ def _verdict(
     }
     unexplained = word == "unexplained"
     missing = unexplained and after.significant
+    tentative = [
+        (entry["set_probability"], effect.without)
+        for effect, entry in zip(named, effects, strict=False)
+        if entry["set_probability"] < MIN_STATED_PROBABILITY
+    ]
     stated = with_model_error(
-        stated_impedance(criticism.stated, at), held, at, unexplained, missing
+        stated_impedance(criticism.stated, at), held, at, unexplained, missing, tentative
     )
     for effect, entry in zip(named, effects, strict=False):
         without = stated_fit(fitter, effect.without, after)

@@ -7,6 +7,7 @@ parameters.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -130,6 +131,7 @@ def with_model_error(
     at: OperatingPoint,
     unexplained: bool = False,
     missing: bool = False,
+    tentative: Sequence[tuple[float, Fit]] = (),
 ) -> dict[str, tuple[float, float | None]]:
     """Return an impedance with standard errors that hold where the model is not quite right.
 
@@ -137,8 +139,9 @@ def with_model_error(
     added here is what the numbers owe to the choice of equations: shares of the values and of what
     the found terms changed, the torque that dry friction may hold at rest, what the refinements
     changed (they may be right or stand in for something else), how far the fit to the whitened
-    torque differs from the stated one, and how far rivals, near misses and other hypotheses would
-    move them (model averaging; Buckland, Burnham & Augustin 1997, Biometrics 53, 603).
+    torque differs from the stated one, and how far rivals, near misses, other hypotheses and the
+    model without a tentative effect would move them (model averaging; Buckland, Burnham & Augustin
+    1997, Biometrics 53, 603).
 
     Parameters
     ----------
@@ -152,6 +155,9 @@ def with_model_error(
         Whether the verdict is so.
     missing
         Whether something significant is missing, too.
+    tentative
+        Of each effect in doubt: the probability that one of its set is right, and the final model
+        without it.
 
     Returns
     -------
@@ -166,6 +172,7 @@ def with_model_error(
     ]
     others += [(_REJECTED_TERM_ODDS, t.fit) for t in found.near if t.criticises]
     others += [(_HYPOTHESIS_ODDS, fit) for fit in found.other_models]
+    others += [(1.0 / probability - 1.0, fit) for probability, fit in tentative]
     impedances = in_parallel(lambda other: _values(other[1].values, at), others)
     moved = [(odds, there) for (odds, _), there in zip(others, impedances, strict=True)]
     total = 1.0 + sum(odds for odds, _ in moved)

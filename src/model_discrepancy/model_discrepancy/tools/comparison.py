@@ -141,8 +141,7 @@ def aligned(simulated: Motion, recorded: Motion) -> tuple[Motion, Motion] | None
     """
     time = simulated.time
     grid = np.arange(0.0, time[-1], 1.0 / recorded.rate)
-    read = [np.interp(grid, time, channel) for channel in _channels(simulated)]
-    moved = Motion(recorded.rate, read[0], read[1], read[2], read[3], read[4])
+    moved = _with_channels(simulated, recorded.rate, lambda channel: np.interp(grid, time, channel))
     strength = correlate(recorded.velocity, moved.velocity, method="fft")
     shift = int(np.argmax(strength)) - (len(grid) - 1)
     begin, end = max(shift, 0), min(len(recorded.position), len(grid) + shift)
@@ -153,13 +152,21 @@ def aligned(simulated: Motion, recorded: Motion) -> tuple[Motion, Motion] | None
     return pair if apart < LARGEST_MOVEMENT_DIFFERENCE else None
 
 
-def _channels(motion: Motion) -> tuple[np.ndarray, ...]:
-    return (motion.position, motion.velocity, motion.acceleration, motion.torque, motion.activation)
+def _with_channels(motion: Motion, rate: float, read: Callable[[np.ndarray], np.ndarray]) -> Motion:
+    """Return a motion whose channels are read anew, at another rate [Hz]."""
+    return Motion(
+        rate,
+        read(motion.position),
+        read(motion.velocity),
+        read(motion.acceleration),
+        read(motion.torque),
+        read(motion.activation),
+        cocontraction=None if motion.cocontraction is None else read(motion.cocontraction),
+    )
 
 
 def _cropped(motion: Motion, begin: int, end: int) -> Motion:
-    part = [channel[begin:end] for channel in _channels(motion)]
-    return Motion(motion.rate, part[0], part[1], part[2], part[3], part[4])
+    return _with_channels(motion, motion.rate, lambda channel: channel[begin:end])
 
 
 def _subtracted(simulated: Motion, recorded: Motion, second: Side) -> tuple[Fitter, np.ndarray]:

@@ -24,9 +24,11 @@ from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import ALIGNMENT
+from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import vaf
 from model_discrepancy.fit.held_torque import shown_share, slow_torque
 from model_discrepancy.fit.rows import Rows
+from model_discrepancy.fit.stiffness_course import COCONTRACTION, stiffness_course
 from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated
@@ -119,6 +121,7 @@ def resimulate(recording: Recording, base: Model, augmented: Model) -> Resimulat
     slow = float(np.mean(motion.torque)) + slow_torque(rows, left, _shown(augmented, motion))
     by_emg = emg_activation(corrected, motion.velocity, slow, motion.rate, ACTIVATION_HZ)
     motion = replace(motion, activation=slow if by_emg is None else by_emg)
+    motion = replace(motion, cocontraction=_stiffness_course(augmented, motion))
     plain, torque, shares = {"recorded": rows.plain(recorded)}, {}, {}
     step = round(recording.rate / motion.rate)
     for name, model in (("base", base), ("augmented", augmented)):
@@ -137,6 +140,16 @@ def _shown(model: Model, motion: Motion) -> np.ndarray:
         return np.ones(len(motion.position))
     values = model.entry("activation_stiffness").values
     return shown_share(motion.position, values["ka"], values["xc"])
+
+
+def _stiffness_course(model: Model, motion: Motion) -> np.ndarray | None:
+    """Return the course of the stiffness beyond a model's, shape (n,), where the model has it."""
+    if not model.has(COCONTRACTION):
+        return None
+    fitter = Fitter.of(motion)
+    values = {e.term.name: {s: float(v) for s, v in e.values.items()} for e in model.entries}
+    fitter.whiten_by(fitter.evaluate(values).plain)
+    return stiffness_course(fitter, fitter.evaluate(values))
 
 
 def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
@@ -160,7 +173,10 @@ def simulated_torque(model: Model, motion: Motion) -> np.ndarray:
     """
     skew = model.entry(ALIGNMENT).values["skew"] if model.has(ALIGNMENT) else 0.0
     at_once = Model([entry for entry in model.entries if entry.term.name != ALIGNMENT])
-    channels = (motion.position, motion.velocity, motion.acceleration, motion.activation)
+    course = (
+        np.zeros(len(motion.position)) if motion.cocontraction is None else motion.cocontraction
+    )
+    channels = (motion.position, motion.velocity, motion.acceleration, motion.activation, course)
     samples = np.arange(len(motion.position), dtype=float)
     coupled = any(isinstance(entry.term, CompliantCoupling) for entry in model.entries)
     steps = math.ceil(COUPLED_RATE_HZ / motion.rate) if coupled else 1
