@@ -21,7 +21,7 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.model import Entry, Model
 from ankle_physics.quintic import quintic_upsample
 from ankle_physics.signals import Signals
-from ankle_physics.term import Owner, Place, Term
+from ankle_physics.term import REFLEX_PLACES, Owner, Place, Term
 
 # Finite differences: far below the movements of any recording and far above rounding errors. The
 # velocity lies below the threshold where friction or damping saturates.
@@ -166,7 +166,7 @@ def shapes_effective_stiffness(term: Term) -> bool:
     """Say whether a term counts in the effective stiffness: those of the subject, without the
     reflexes but for one that answers position.
     """
-    reflexes = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
+    reflexes = (*REFLEX_PLACES, Place.ACTIVATION)
     return term.belongs_to is Owner.SUBJECT and (
         term.place not in reflexes or term.name in POSITION_ARCS
     )

@@ -11,7 +11,7 @@ from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
 from ankle_physics.foot_loop import TOLERANCE, FootLoop, torques_of
 from ankle_physics.signals import Signals
-from ankle_physics.term import Place, State
+from ankle_physics.term import REFLEX_PLACES, Place, State
 
 if TYPE_CHECKING:
     from ankle_physics.model import Entry, Model
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Which torques act where: on the plate, on the foot behind the coupling, or on nothing because they
 # only distort what is measured.
 PLATE = (Place.ACTUATOR, Place.COUPLING)
-FOOT = (Place.INTRINSIC, Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
+FOOT = (Place.INTRINSIC, *REFLEX_PLACES)
 SENSORS = (Place.TORQUE_SENSOR, Place.POSITION_SENSOR)
 
 

@@ -54,6 +54,8 @@ class Place(Enum):
 
 
 PATH = tuple(Place)
+REFLEX_PLACES = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
+"""Terms of these places answer a movement that is over."""
 
 
 class Owner(Enum):
@@ -175,8 +177,8 @@ class Term(ABC):
     follows_torque
         Whether it follows the slow torque of the recording, and so the very noise that it explains.
     follows_time
-        Whether it follows the time since the recording began, so that one half of a recording does
-        not tell of the other.
+        Whether it follows the time since the recording began. Another recording has another course,
+        and of a drift one half of a recording does not tell of the other.
     rest_torque
         Symbol of a torque [N.m] that may be held at rest, where the equation gives none: dry
         friction carries a part of what a spring would. Empty where there is none.

@@ -11,7 +11,7 @@ from ankle_physics.linear_dynamics import FirstOrder
 from ankle_physics.model import Entry, Model
 from ankle_physics.model_run import PLATE, ModelRun
 from ankle_physics.signals import Signals
-from ankle_physics.term import Place
+from ankle_physics.term import REFLEX_PLACES, Place
 from impedance_estimator.known_physics import (
     REFLEX_WITH_GAIN,
     SUPPORTED_TERMS,
@@ -24,7 +24,7 @@ LEAST_PROJECTION = 0.2
 PROJECTION_TIME = 1.0
 """[s] Slower than this the voluntary torque hides the reflex."""
 MEASURED, COMMANDED = "measured", "commanded"
-_BEFORE_REFLEX = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS, Place.ACTIVATION)
+_BEFORE_REFLEX = (*REFLEX_PLACES, Place.ACTIVATION)
 """Terms there change what the reflex answers."""
 
 

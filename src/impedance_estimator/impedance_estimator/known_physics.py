@@ -32,7 +32,7 @@ from ankle_physics.errors import ModelError
 from ankle_physics.impedance import OperatingPoint, reflex_gain, tangent_stiffness
 from ankle_physics.model import PAPER_TERMS, Entry, Model
 from ankle_physics.rig_file import RigFile
-from ankle_physics.term import Place
+from ankle_physics.term import REFLEX_PLACES, Place
 from impedance_estimator.estimator import Expectation, ReflexColumns
 from impedance_estimator.simultaneous.doubt import imprecision_doubt
 from impedance_estimator.straps import coupling
@@ -86,6 +86,8 @@ class KnownPhysics:
         None: nothing is known of the rig.
     subject
         None: nothing is known of the subject.
+    model
+        Of both, without terms that follow the time of the recording that calibrated them.
 
     Raises
     ------
@@ -104,9 +106,14 @@ class KnownPhysics:
             if entry.tracked and not _can_be_tracked(entry):
                 raise ModelError(
                     f"term '{entry.term.name}' is marked as tracked; the estimator tracks "
-                    f"{', '.join(PAPER_TERMS)}, and terms whose torque is subtracted and "
-                    "proportional to a value above 0"
+                    f"{', '.join(PAPER_TERMS)}, and terms whose torque is subtracted, "
+                    "proportional to a value above 0, and does not follow time"
                 )
+        # What followed the time of the calibrating recording has another course now; K and G follow
+        # it themselves. A reflex that went on weakening at its rate would vanish within minutes.
+        lasting = [entry for entry in model.entries if not entry.term.follows_time]
+        if len(lasting) < len(model.entries):
+            model = Model(lasting)
         object.__setattr__(self, "model", model)
 
     @property
@@ -266,6 +273,8 @@ def _can_be_tracked(entry: Entry) -> bool:
     term = entry.term
     if term.name in PAPER_TERMS:
         return True
+    if term.follows_time:
+        return False
     if term.name in SUPPORTED_TERMS or term.name in REFLEX_WITH_GAIN:
         return False
     if isinstance(term, CompliantCoupling) or term.place is Place.TORQUE_SENSOR:
@@ -305,9 +314,10 @@ def tracked_columns(known: KnownPhysics) -> tuple[str, ...]:
 
 def shaping_terms(model: Model) -> list[Entry]:
     """Return terms that change what the reflex answers."""
-    places = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
     return [
-        e for e in model.entries if e.term.name not in SUPPORTED_TERMS and e.term.place in places
+        e
+        for e in model.entries
+        if e.term.name not in SUPPORTED_TERMS and e.term.place in REFLEX_PLACES
     ]
 
 

@@ -6,6 +6,7 @@ from random_motion import CORE
 from scipy import signal
 from simulated_rig import LAYOUT, RATE, motion, rig, samples_of
 
+from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.model import Model
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ReflexColumns
@@ -146,3 +147,33 @@ def motion_of_torque(seconds):
     sections = signal.butter(2, [0.5, 5.0], "bandpass", fs=RATE, output="sos")
     torque = signal.sosfilt(sections, random.normal(size=round(seconds * RATE)))
     return torque / torque.std()
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        {"reflex_drift": {"Gt": -0.4}},
+        {"stiffness_drift": {"kt": -2.0}},
+        {"settling_stiffness": {"kt": -2.0, "T": 30.0}},
+        {"cyclic_stiffness": {"kc": 40.0, "frequency": 0.2}},
+    ],
+    ids=lambda found: next(iter(found)),
+)
+def test_what_followed_the_time_of_the_calibration_is_not_continued(found):
+    """A reflex that went on weakening at this rate would be gone after 55 s."""
+    x, v, a = pulses(60.0)
+    samples = samples_of(Model.of(CORE), x, v, a)
+    samples[:, 3] += np.random.default_rng(1).normal(0.0, 0.05, len(samples))
+    subject = Model.of({**CORE, **found})
+    subject.entry("reflex").standard_errors = {"G": 0.3}
+    rows = EstimateStream(known=KnownPhysics(subject=subject)).feed_samples(samples, True).rows
+    later = rows[rows[:, 0] > 20.0]
+    assert np.abs(later[:, 1] - 100.0).max() < 2.0
+    assert np.abs(later[:, 4] - 10.0).max() < 0.3
+
+
+def test_a_drift_cannot_be_tracked():
+    subject = Model.of({**CORE, "stiffness_drift": {"kt": 2.0}})
+    subject.entry("stiffness_drift").tracked = True
+    with pytest.raises(ModelError, match="does not follow time"):
+        KnownPhysics(subject=subject)

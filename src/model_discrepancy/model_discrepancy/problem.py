@@ -13,7 +13,7 @@ from scipy.signal import coherence, welch
 
 from ankle_physics.model import PAPER_TERMS
 from ankle_physics.rig_file import RigFile
-from ankle_physics.term import Place, term_library
+from ankle_physics.term import REFLEX_PLACES, term_library
 from model_discrepancy.fit.base_model import align, fit_base
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
@@ -50,8 +50,6 @@ BETTER_COURSE = 0.02
 # changes the movement by less than a sixth of what was taken from it, and a second search takes as
 # long as the first.
 CLEARER_MOVEMENT = 0.3
-# Terms of these places answer a movement that is over.
-_REFLEX_PLACES = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
 # Resolution of the coherence: 2 Hz, so that a minute gives more than a hundred averages.
 _SEGMENT_S = 0.5
 
@@ -239,7 +237,7 @@ def not_intrinsic(fitter: Fitter, known: Fit) -> np.ndarray:
         The model.
     """
     library = term_library()
-    present = {n: v for n, v in known.values.items() if library[n].place not in _REFLEX_PLACES}
+    present = {n: v for n, v in known.values.items() if library[n].place not in REFLEX_PLACES}
     return fitter.rows.torque(fitter.evaluate(present).left)
 
 

@@ -22,6 +22,7 @@ class CyclicStiffness(Term):
     name = "cyclic_stiffness"
     place = Place.INTRINSIC
     family = "joint follows activation or time"
+    follows_time = True
     separated_by = "a recording without the rhythm, and EMG"
     # Its torque depends on when, and not on the angle alone: no part of the tangent stiffness.
     has_memory = True

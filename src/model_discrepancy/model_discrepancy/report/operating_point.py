@@ -19,7 +19,7 @@ from ankle_physics.impedance import (
     impedance,
     shapes_effective_stiffness,
 )
-from ankle_physics.term import Place, term_library
+from ankle_physics.term import REFLEX_PLACES, term_library
 from model_discrepancy.fit.base_model import reflex_at_bound
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.movements import Onsets
@@ -202,13 +202,12 @@ def with_model_error(
 def _model_shares(found: Found, missing: bool) -> dict[str, float]:
     """Return the standard error of K and G by the choice of equations, as a share of each."""
     added = [effect.trial.name for effect in (*found.effects, *found.refinements)]
-    shaping = (Place.REFLEX_INPUT, Place.REFLEX_DYNAMICS)
     shares = []
     for name, engine in ENGINE_SHARE.items():
         squares = [engine]
         if added:
             squares.append(EFFECT_SHARE[name])
-        if name == "G" and any(term_library()[one].place in shaping for one in added):
+        if name == "G" and any(term_library()[one].place in REFLEX_PLACES for one in added):
             squares.append(REFLEX_SHAPE_SHARE)
         if missing or (name == "G" and reflex_at_bound(found.final)):
             squares.append(UNEXPLAINED_SHARE[name])
