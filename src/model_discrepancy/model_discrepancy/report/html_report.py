@@ -21,7 +21,9 @@ from model_discrepancy.report.pictures import (
     ladder,
     path_diagram,
     residual_picture,
+    stiffness_picture,
 )
+from model_discrepancy.report.stiffness_in_time import changes_stiffness
 from model_discrepancy.report.verdict import repetition, separating_measurements
 
 if TYPE_CHECKING:
@@ -203,6 +205,11 @@ def _sections(d: Diagnosis) -> list[str]:
             "<p>The torque shows that the plate does not turn by what the sensor says. An error of "
             "constant slope would be a wrong gain, which torque does not show.</p>",
             image(angle_error_picture(fitter, d.found.final)),
+        ]
+    if augmented and changes_stiffness(d.found.final.terms):
+        parts += [
+            "<h2>The stiffness in the course of the recording</h2>",
+            image(stiffness_picture(fitter, d.found.final)),
         ]
     marked = {e["location"] for e in effects} | (
         {left.block.place} if left.block is not None else set()

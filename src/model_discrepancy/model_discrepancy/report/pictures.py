@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ankle_physics.joint_profile import joint_in_force
 from model_discrepancy.criticism.locate import Cell, ResidualMap
 from model_discrepancy.criticism.missing_block import MissingBlock
 from model_discrepancy.fit.fit_result import Fit
@@ -17,6 +18,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import HeldOut
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.angle_error import angle_curve
+from model_discrepancy.report.stiffness_in_time import stiffness_in_time
 from model_discrepancy.search.found import Found
 
 matplotlib.use("Agg")
@@ -307,6 +309,21 @@ def angle_error_picture(fitter: Fitter, fit: Fit) -> str:
     axes.set_xlim(angles[0], angles[-1])
     axes.set_xlabel("measured angle [rad]; grey: how often it was held")
     axes.set_ylabel("plate less measured angle [mrad]")
+    axes.legend(fontsize=8)
+    figure.tight_layout()
+    return encoded(figure)
+
+
+def stiffness_picture(fitter: Fitter, fit: Fit) -> str:
+    """Draw the stiffness in the course of the recording, and its mean."""
+    stiffness = stiffness_in_time(fitter, fit)
+    used = fitter.motion.time >= fitter.rows.time[fitter.rows.used][0]
+    figure = Figure(figsize=(10, 2.8))
+    axes = figure.add_subplot()
+    axes.plot(fitter.motion.time[used], stiffness[used], color=_BLUE, lw=1.0, label="stiffness")
+    axes.axhline(float(np.mean(stiffness[used])), color="0.5", lw=0.8, ls="--", label="mean")
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(f"stiffness [{joint_in_force().in_units('N.m/rad')}]")
     axes.legend(fontsize=8)
     figure.tight_layout()
     return encoded(figure)
