@@ -114,10 +114,12 @@ def test_a_recording_that_is_short_has_no_course():
 
 
 @pytest.mark.parametrize("planted", [PLANTED, {}])
-def test_a_contraction_is_named_where_there_is_one(planted):
+def test_a_contraction_is_named_where_there_is_one(planted, tmp_path):
     """K is the mean over the recording, and the simulation makes more of the torque with it."""
     recording = simulate_trial(planted, seed=SEED, duration=DURATION_S, rate=RATE)
-    diagnosis = diagnose(recording)
+    diagnosis = diagnose(recording, out=tmp_path)
+    drawn = "The stiffness in the course of the recording" in (tmp_path / "report.html").read_text()
+    assert drawn == bool(planted)
     names = [effect.trial.name for effect in diagnosis.found.effects]
     assert names == list(planted)
     if planted:
