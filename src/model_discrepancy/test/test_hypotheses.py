@@ -170,6 +170,22 @@ def test_a_usual_first_term_is_given_up_where_it_is_far_behind(monkeypatch):
     assert Scripted().best().current.score == 1.0
 
 
+@pytest.mark.parametrize(
+    ("third", "first"), [("backlash", "fixation_compliance"), ("fixation_stops", "lost_motion")]
+)
+def test_straps_need_not_come_first_where_the_model_holds_some(monkeypatch, third, first):
+    """Stops are straps, too: an error that is smaller by 4 % decides there."""
+    for terms in list(SCORES)[1:]:
+        monkeypatch.delitem(SCORES, terms)
+    best = ("lost_motion", "tendon", third)
+    for terms, score in ((best[:1], 40.0), (best[:2], 35.0), (best, 33.0)):
+        monkeypatch.setitem(SCORES, terms, score)
+    usual = ("fixation_compliance", "tendon")
+    monkeypatch.setitem(SCORES, usual[:1], 44.0)
+    monkeypatch.setitem(SCORES, usual, 34.3)
+    assert Scripted().best().found.effects[0].trial.name == first
+
+
 @pytest.mark.parametrize(("alone", "names"), [(36.0, 1), (39.0, 3)])
 def test_one_term_that_explains_as_much_alone_is_preferred(monkeypatch, alone, names):
     # The first choice is not the better one alone: it predicts the plain torque best.

@@ -207,14 +207,15 @@ class Hypotheses:
         return bic_change(self._fitter, best.current, other.current) < 0.0
 
     def _usual(self, first: Sequence[Trial], best: Hypothesis) -> Hypothesis:
-        """Return the hypothesis that begins with a usual term where it is not behind the best one.
+        """Return the hypothesis that begins with a usual term where it is not behind the best one,
+        and this one holds none.
 
         Each of several terms stands in for a part of the others, so that an error that is smaller
         by some per cent does not tell that an unusual part of a rig is there, and straps are not.
         """
         library, effects = term_library(), best.found.effects
         usual = [t for t in first if library[t.name].usual and not _needless(t, first)]
-        if len(effects) < 2 or library[effects[0].trial.name].usual or not usual:
+        if len(effects) < 2 or any(_is_usual(e.trial.name) for e in effects) or not usual:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
         self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
@@ -359,6 +360,12 @@ def _equal(good: Sequence[Trial]) -> list[Trial]:
     largest = max(min(t.held_out) for t in good)
     equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
     return [t for t in equal if not t.at_bound] or equal
+
+
+def _is_usual(name: str) -> bool:
+    """Say whether a term, or a special case that it holds, is usual."""
+    library = term_library()
+    return any(library[one].usual for one in (name, *library[name].generalises))
 
 
 def _needless(general: Trial, good: Sequence[Trial]) -> bool:
