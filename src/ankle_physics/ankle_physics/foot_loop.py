@@ -176,7 +176,7 @@ class FootLoop:
         start = 0
         while start < n:
             stop = min(start + self._window, n)
-            window = _slice(signals, start, stop)
+            window = signals.between(start, stop)
             values = [_part(entry.values, start, stop) for entry in (self._coupling, *self._terms)]
             self._prepare(window, drive[:, start:stop], given[start:stop], values)
             # A window that does not converge runs away; it is halved.
@@ -337,7 +337,7 @@ class FootLoop:
     ) -> None:
         linear = self._linear
         assert linear is not None
-        first = _slice(window, 0, 1)
+        first = window.between(0, 1)
         still = np.zeros(1)
         at_first = [_part(own, 0, 1) for own in values[1:]]
 
@@ -381,20 +381,6 @@ def torques_of(
             sum(parts[1:], parts[0]) if parts else np.zeros(len(signals.position))
         )
     return found
-
-
-def _slice(signals: Signals, start: int, stop: int) -> Signals:
-    part = slice(start, stop)
-    assert signals.activation is not None
-    assert signals.cocontraction is not None
-    return Signals(
-        signals.rate,
-        signals.position[part],
-        signals.velocity[part],
-        signals.acceleration[part],
-        signals.activation[part],
-        signals.cocontraction[part],
-    )
 
 
 def _part(values: Mapping[str, Any], start: int, stop: int) -> Values:

@@ -65,6 +65,22 @@ class Signals:
         self.torque = np.zeros(len(self.position))
         self.move_foot(self.position, self.velocity, self.acceleration)
 
+    def between(self, start: int, stop: int) -> Signals:
+        """Return the samples from one number to before another, as they were before any term
+        changed them.
+        """
+        part = slice(start, stop)
+        assert self.activation is not None
+        assert self.cocontraction is not None
+        return Signals(
+            self.rate,
+            self.position[part],
+            self.velocity[part],
+            self.acceleration[part],
+            self.activation[part],
+            self.cocontraction[part],
+        )
+
     def move_plate(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> None:

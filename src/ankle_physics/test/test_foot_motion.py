@@ -75,3 +75,19 @@ def test_a_foot_without_inertia_moves():
     x, v, a = foot_motion(term, fixation, (0.0, 0.8, 60.0), _plate(RATE)[:2], RATE)
     assert np.all(np.isfinite([x, v, a]))
     assert np.std(x) > 0.5 * np.std(_plate(RATE)[0])
+
+
+def test_a_contraction_behind_stops_is_a_stiffness_that_changes():
+    """The foot is found in windows, each of which needs its own stretch of the course."""
+    rate = 2000.0
+    x, v, a = _plate(rate)
+    course = np.sqrt(2.0) * np.sin(2.0 * np.pi * 0.4 * np.arange(len(x)) / rate)
+    stops = {"k_s": 900.0, "b_s": 3.0, "gap": 0.002, "k_stop": 3000.0}
+    impedance = {"inertia": {"I": 0.012}, "viscosity": {"B": 0.8}, "stiffness": {"K": 60.0}}
+    contracted = Model.of({**impedance, "cocontraction": {"kc": 25.0}, "fixation_stops": stops})
+    scripted = Model.of({**impedance, "fixation_stops": stops})
+    steady = scripted.torque(Signals(rate, x, v, a))
+    scripted.entry("stiffness").values["K"] = 60.0 + 25.0 * course
+    made = contracted.torque(Signals(rate, x, v, a, cocontraction=course))
+    np.testing.assert_allclose(made, scripted.torque(Signals(rate, x, v, a)), atol=1e-6)
+    assert np.std(made - steady) > 0.01 * np.std(steady)
