@@ -66,8 +66,13 @@ class Signals:
         self.move_foot(self.position, self.velocity, self.acceleration)
 
     def between(self, start: int, stop: int) -> Signals:
-        """Return the samples from one number to before another, as they were before any term
-        changed them.
+        """Return a stretch of the plate's motion and the muscles' contraction; foot, drive and
+        torque begin anew.
+
+        Parameters
+        ----------
+        start, stop
+            Number of its first sample, and of the one behind its last.
         """
         part = slice(start, stop)
         assert self.activation is not None

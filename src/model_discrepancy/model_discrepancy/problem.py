@@ -267,7 +267,8 @@ def with_better_course(problem: Problem, final: Fit) -> Problem | None:
     if gain > BETTER_COURSE:
         motion = replace(motion, cocontraction=course)
     fitter = problem.fitter.along(motion)
-    return replace(problem, fitter=fitter, bank_over_torque=_bank_over_torque(fitter))
+    bank = None if problem.activation_by_emg else _bank_over_torque(fitter)
+    return replace(problem, fitter=fitter, bank_over_torque=bank)
 
 
 def knows_movement_better(problem: Problem, final: Fit) -> bool:

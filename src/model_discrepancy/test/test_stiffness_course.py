@@ -100,6 +100,20 @@ def test_a_better_course_is_known_beside_a_better_model(problem):
     assert better_course(problem.fitter, problem.base)[1] < BETTER_COURSE
 
 
+@pytest.mark.parametrize("by_emg", [True, False])
+def test_a_better_course_does_not_let_emg_predict_its_own_response(problem, by_emg):
+    """A reflex that varies shows in the EMG of its response; no regressors follow it there."""
+    motion = problem.fitter.motion
+    shuffled = motion.cocontraction[::-1].copy()
+    wrong = problem.fitter.along(
+        replace(motion, cocontraction=shuffled, preceding=motion.activation)
+    )
+    before = replace(problem, fitter=wrong, activation_by_emg=by_emg, bank_over_torque=None)
+    again = with_better_course(before, problem.base)
+    assert again is not None
+    assert (again.bank_over_torque is None) == by_emg
+
+
 def test_a_model_without_stiffness_has_no_course(problem):
     bare = problem.fitter.fit(["inertia", "viscosity"])
     assert stiffness_course(problem.fitter, bare) is None

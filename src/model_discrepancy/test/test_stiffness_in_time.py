@@ -6,12 +6,9 @@ import pytest
 from ankle_physics.model import Model
 from ankle_physics.signals import Signals
 from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.stiffness_course import courses_of_stiffness
 from model_discrepancy.recording.motion import Motion
-from model_discrepancy.report.stiffness_in_time import (
-    TERMS,
-    changes_stiffness,
-    stiffness_in_time,
-)
+from model_discrepancy.report.stiffness_in_time import changes_stiffness, stiffness_in_time
 
 RATE = 200.0
 VALUES = {
@@ -23,7 +20,7 @@ VALUES = {
 }
 
 
-@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("name", sorted(courses_of_stiffness()))
 def test_the_torque_of_an_angle_grows_by_the_stiffness(name):
     time = np.arange(int(60.0 * RATE)) / RATE
     still = np.zeros_like(time)

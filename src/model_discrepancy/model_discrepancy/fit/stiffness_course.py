@@ -32,6 +32,13 @@ TIMES_S = (1.0, 2.0, 4.0, 8.0, 16.0, 40.0)
 SPREADS = (0.05, 0.1, 0.2, 0.4, 0.8)
 
 
+def courses_of_stiffness() -> frozenset[str]:
+    """Return the names of the terms that change the stiffness in the course of a recording: the
+    torque of each is a stiffness, other at each time, times the angle from its ``xc``.
+    """
+    return frozenset((COCONTRACTION, *term_library()[COCONTRACTION].generalises))
+
+
 def stiffness_course(fitter: Fitter, fit: Fit) -> np.ndarray | None:
     """Return the course of the stiffness that a model does not explain.
 
@@ -50,8 +57,11 @@ def stiffness_course(fitter: Fitter, fit: Fit) -> np.ndarray | None:
         has no stiffness, the recording is short, or the course of no piece follows from the others.
     """
     known = _without_courses(fitter, fit)
-    if known is None:
-        return None
+    return None if known is None else _course(fitter, known)
+
+
+def _course(fitter: Fitter, known: Fit) -> np.ndarray | None:
+    """Return what `stiffness_course` does, of a model without terms that change its stiffness."""
     rows = fitter.rows
     spectra = fitter.columns.spectra(known.values)
     own = np.where(rows.used, rows.whitened(spectra["stiffness", "K"]), 0.0)
@@ -91,9 +101,15 @@ def better_course(fitter: Fitter, fit: Fit) -> tuple[np.ndarray | None, float]:
     ----------
     fitter, fit
         As for `stiffness_course`.
+
+    Returns
+    -------
+    tuple[np.ndarray | None, float]
+        The course as `stiffness_course` returns it, and the share, -1...1; None and 0 where there
+        is no course.
     """
-    course = stiffness_course(fitter, fit)
     known = _without_courses(fitter, fit)
+    course = None if known is None else _course(fitter, known)
     if course is None or known is None:
         return None, 0.0
     rows, motion = fitter.rows, fitter.motion
@@ -116,22 +132,23 @@ def _without_courses(fitter: Fitter, fit: Fit) -> Fit | None:
     """Return a model without the terms that change its stiffness in the course of a recording; None
     where it has no stiffness.
     """
-    courses = {COCONTRACTION, *term_library()[COCONTRACTION].generalises}
+    courses = courses_of_stiffness()
     kept = {name: values for name, values in fit.values.items() if name not in courses}
     return fitter.evaluate(kept) if "stiffness" in kept else None
 
 
 def predicted(shown: np.ndarray, power: np.ndarray, level: float) -> np.ndarray:
-    """Return what the other pieces tell of each one's change, shape (n,).
+    """Return what the other pieces tell of each one's change [N.m/rad], shape (n,).
 
     Parameters
     ----------
     shown
-        Sum of the products of regressor and residual of each piece, shape (n,).
+        Sum of the products of regressor [rad] and residual [N.m] of each piece, shape (n,); both
+        whitened.
     power
-        Sum of squares of the regressor of each piece, shape (n,).
+        Sum of squares of the regressor of each piece [rad^2], shape (n,).
     level
-        Power of the noise.
+        Power of the noise [N^2.m^2].
     """
     information = power / level
     seen = shown / level

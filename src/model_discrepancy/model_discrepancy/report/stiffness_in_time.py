@@ -10,20 +10,12 @@ from ankle_physics.signals import Signals
 from ankle_physics.term import term_library
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-
-TERMS = (
-    "activation_stiffness",
-    "cocontraction",
-    "cyclic_stiffness",
-    "settling_stiffness",
-    "stiffness_drift",
-)
-"""Terms whose torque is a stiffness, other at each time, times the angle from ``xc``."""
+from model_discrepancy.fit.stiffness_course import courses_of_stiffness
 
 
 def changes_stiffness(terms: Iterable[str]) -> bool:
     """Say whether one of these terms changes the stiffness in the course of a recording."""
-    return any(name in TERMS for name in terms)
+    return not courses_of_stiffness().isdisjoint(terms)
 
 
 def stiffness_in_time(fitter: Fitter, fit: Fit) -> np.ndarray:
@@ -39,7 +31,7 @@ def stiffness_in_time(fitter: Fitter, fit: Fit) -> np.ndarray:
     motion, library = fitter.motion, term_library()
     still = np.zeros(len(motion.position))
     total = still + fit.values["stiffness"]["K"]
-    for name in (name for name in fit.terms if name in TERMS):
+    for name in (name for name in fit.terms if name in courses_of_stiffness()):
         values, term = fit.values[name], library[name]()
         angle = still + values["xc"] + 1.0
         away = Signals(motion.rate, angle, still, still, motion.activation, motion.cocontraction)
