@@ -17,7 +17,7 @@ from ankle_physics.term import REFLEX_PLACES, term_library
 from model_discrepancy.fit.base_model import align, fit_base
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.fit.generic_bank import GenericBank
+from model_discrepancy.fit.generic_bank import GenericBank, cross_score
 from model_discrepancy.fit.halves import interleaved
 from model_discrepancy.fit.held_torque import following
 from model_discrepancy.fit.rows import LOW_PASS_HZ
@@ -119,6 +119,19 @@ class Problem:
         if self.servo is not None:
             return False
         return self.compliance is None or (self.gives_way and not self.compliance.precise)
+
+    def predicted(self, fit: Fit) -> float:
+        """Return the share of a model's whitened residual that generic regressors predict on unseen
+        rows, the mean of both directions; may be negative.
+
+        Parameters
+        ----------
+        fit
+            The model.
+        """
+        matrix, (one, other) = self.bank.whitened(), self.parts
+        both = ((one, other), (other, one))
+        return float(np.mean([cross_score(matrix, fit.residual, *parts) for parts in both]))
 
 
 def prepare(

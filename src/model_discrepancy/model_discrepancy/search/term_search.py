@@ -25,6 +25,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.held_out import HeldOut, held_out
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.fit.standard_errors import with_errors
+from model_discrepancy.search.chosen_anew import chosen_anew
 from model_discrepancy.search.exchange import (
     ends_at_bound,
     exchange,
@@ -35,7 +36,7 @@ from model_discrepancy.search.exchange import (
 from model_discrepancy.search.flexible_terms import add_flexible, add_further
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
-from model_discrepancy.search.hypotheses import Hypotheses, Hypothesis
+from model_discrepancy.search.hypotheses import BEHIND_RATIO, Hypotheses, Hypothesis
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.search.shared_families import unite
@@ -100,10 +101,7 @@ def search(
         terms = len(found.effects) + len(found.refinements)
         if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
             break
-    found.base_held_out = held_out(fitter, found.base)
-    _score(fitter, found, grids, null, progress)
-    found.base_reflex_stands_in = reflex_stands_in(fitter, found.base)
-    found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
+    _score_both(fitter, found, grids, null, progress)
     return found
 
 
@@ -115,7 +113,7 @@ def complete(
     progress: Progress = lambda _: None,
 ) -> None:
     """Add flexible terms, and what shows beside them, to what the last search of a recording found,
-    where it needed so many terms that no equation is exact and is long enough to tell.
+    where it may be completed (`may_be_completed`).
 
     Parameters
     ----------
@@ -124,9 +122,7 @@ def complete(
     found
         The search's result; changed.
     """
-    rows = fitter.rows
-    terms = len(found.effects) + len(found.refinements)
-    if terms <= MOST_TERMS_SEARCHED_BESIDE or rows.count / rows.rate < SHORTEST_COMPLETED_S:
+    if not may_be_completed(fitter, found):
         return
     flexible = [
         name
@@ -138,6 +134,63 @@ def complete(
         add_further(fitter, found, grids, null, progress)
         in_parallel(lambda effect: try_without(fitter, found.final, effect, null), found.effects)
         _score(fitter, found, grids, null, progress)
+
+
+def may_be_completed(fitter: Fitter, found: Found) -> bool:
+    """Say whether a recording needs so many terms that no equation is exact, and is long enough to
+    tell what corrects them.
+
+    Parameters
+    ----------
+    fitter
+        Of the recording.
+    found
+        What the last search found in it.
+    """
+    rows = fitter.rows
+    terms = len(found.effects) + len(found.refinements)
+    return terms > MOST_TERMS_SEARCHED_BESIDE and rows.count / rows.rate >= SHORTEST_COMPLETED_S
+
+
+def choose_anew(
+    fitter: Fitter,
+    found: Found,
+    null: Null,
+    library: Sequence[str] | None = None,
+    progress: Progress = lambda _: None,
+) -> Found:
+    """Return what was found with terms that were chosen anew, weighed and scored as a search's
+    result is; what was found where none are better.
+
+    Parameters
+    ----------
+    fitter, null, library, progress
+        As `search` takes them.
+    found
+        The search's result.
+    """
+    grids = Grids(library, fitter.rows.count / fitter.rows.rate)
+    yardstick = fitter.rows.gain()
+    hypotheses = Hypotheses(fitter, found.base, null, grids, yardstick, progress)
+    best = chosen_anew(hypotheses, fitter, found, grids, progress)
+    if best is None:
+        return found
+    new = best.found
+    _settle(fitter, found.base, best, null, yardstick)
+    specialise(fitter, new, null)
+    exchange(fitter, new, grids, null, yardstick, progress)
+    _score_both(fitter, new, grids, null, progress)
+    limit = BEHIND_RATIO * new.final.score
+    new.other_models = [m for m in (*found.other_models, found.final) if m.score < limit]
+    return new
+
+
+def _score_both(fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Progress) -> None:
+    """Score the base model and the final one."""
+    found.base_held_out = held_out(fitter, found.base)
+    _score(fitter, found, grids, null, progress)
+    found.base_reflex_stands_in = reflex_stands_in(fitter, found.base)
+    found.base_score = fitter.fit(found.base.terms, found.base.values, evaluations=20).score
 
 
 def _score(fitter: Fitter, found: Found, grids: Grids, null: Null, progress: Progress) -> None:
