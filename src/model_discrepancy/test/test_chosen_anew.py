@@ -59,6 +59,15 @@ def test_what_is_right_stays(searched):
     )
 
 
+def test_what_the_rig_is_known_to_hold_is_not_begun(searched):
+    problem, begun, grids = searched
+    found = found_with(problem, MODE | STRAPS | MEMORY)
+    found.effects = [e for e in found.effects if e.trial.name not in STRAPS]
+    said = []
+    chosen_anew(begun, problem.fitter, found, grids, said.append)
+    assert not any(line.startswith("fixation_compliance anew") for line in said)
+
+
 def test_a_model_that_predicts_unseen_torque_worse_is_not_taken(searched, monkeypatch):
     problem, begun, grids = searched
     monkeypatch.setattr(stage, "harms", lambda *_: True)

@@ -99,10 +99,13 @@ def _beginning_with(
     gone = [effect for effect in effects if library[effect.trial.name].family in kind]
     if not gone or [effect.trial.name for effect in gone] == [name]:
         return None
-    progress(f"{name} anew, in the place of {', '.join(e.trial.name for e in gone)}")
     final, terms = found.final, list(found.final.terms)
     for effect in gone:
         terms = without_term(terms, effect.trial.name)
+    if name in terms:
+        # A known rig, or the base model, holds it.
+        return None
+    progress(f"{name} anew, in the place of {', '.join(e.trial.name for e in gone)}")
     bare = fitter.fit(terms, final.values, evaluations=10)
     if not math.isfinite(bare.score):
         return None
