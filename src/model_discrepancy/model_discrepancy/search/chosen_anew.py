@@ -24,7 +24,7 @@ from model_discrepancy.search.found import Effect, Found, Progress
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.hypothesis import Hypothesis
-from model_discrepancy.search.screening import without_term
+from model_discrepancy.search.shared_families import bare_of
 
 # Families whose terms stand in for each other and take off most, so that a wrong one bends the
 # others. The path of the load comes first: what the joint does is seen through it.
@@ -34,6 +34,8 @@ KINDS = (
 )
 # Evaluations of a term that is begun anew, beside the others as they were.
 EVALUATIONS = 25
+# The same of the model without any term of a kind: it only tells where the others may begin.
+BARE_EVALUATIONS = 10
 # A term that leaves more than this ratio of the error, before others are added, is given up. In
 # three recordings of people those that led to a better model left 1.02 to 1.31 of it.
 FAR_RATIO = 1.35
@@ -65,19 +67,32 @@ def chosen_anew(
     progress
         Called with one line for each term that is begun.
     """
-    best = None
+    best, now = None, found
     for kind in KINDS:
+        bare = None
         for name in _names(kind, grids):
-            now = found if best is None else replace(best.found, final=best.current)
-            begun = _beginning_with(fitter, now, kind, name, grids, progress)
+            gone = _of_kind(now, kind)
+            if not gone or [effect.trial.name for effect in gone] == [name]:
+                continue
+            # The same for every term that is begun, until one leads to a better model.
+            bare = bare or bare_of(
+                fitter, now.final, [e.trial.name for e in gone], BARE_EVALUATIONS
+            )
+            begun = _beginning_with(fitter, now, gone, bare, name, grids, progress)
             if begun is None:
                 continue
             other = hypotheses.followed(begun)
             if other.plausible and _better(fitter, now.final, other.current):
                 taken = ", ".join(effect.trial.name for effect in other.found.effects)
                 progress(f"{name}, chosen anew, leads to a better model: {taken}")
-                best = other
+                best, now, bare = other, replace(other.found, final=other.current), None
     return best
+
+
+def _of_kind(found: Found, kind: Sequence[str]) -> list[Effect]:
+    """Return the effects and refinements of some families."""
+    library, effects = term_library(), (*found.effects, *found.refinements)
+    return [effect for effect in effects if library[effect.trial.name].family in kind]
 
 
 def _names(kind: Sequence[str], grids: Grids) -> list[str]:
@@ -90,25 +105,21 @@ def _names(kind: Sequence[str], grids: Grids) -> list[str]:
 
 
 def _beginning_with(
-    fitter: Fitter, found: Found, kind: Sequence[str], name: str, grids: Grids, progress: Progress
+    fitter: Fitter,
+    found: Found,
+    gone: Sequence[Effect],
+    bare: Fit,
+    name: str,
+    grids: Grids,
+    progress: Progress,
 ) -> Found | None:
     """Return what was found with one term, begun anew, in the place of all terms of its kind; None
-    where there are none, it is the only one, it leads nowhere, or the others run away alone.
+    where a known rig or the base model holds it, it leads nowhere, or the others run away alone.
     """
-    library, effects = term_library(), [*found.effects, *found.refinements]
-    gone = [effect for effect in effects if library[effect.trial.name].family in kind]
-    if not gone or [effect.trial.name for effect in gone] == [name]:
-        return None
-    final, terms = found.final, list(found.final.terms)
-    for effect in gone:
-        terms = without_term(terms, effect.trial.name)
-    if name in terms:
-        # A known rig, or the base model, holds it.
+    if name in bare.terms or not math.isfinite(bare.score):
         return None
     progress(f"{name} anew, in the place of {', '.join(e.trial.name for e in gone)}")
-    bare = fitter.fit(terms, final.values, evaluations=10)
-    if not math.isfinite(bare.score):
-        return None
+    final, effects = found.final, [*found.effects, *found.refinements]
     # The others as they are beside these: without them, they stand in for a part of them.
     others = {term: final.values[term] for term in bare.terms}
     limit = FAR_RATIO * final.score

@@ -64,7 +64,7 @@ def unite(
         names = [effect.trial.name for effect in members]
         progress(f"{family}: one term for {', '.join(names)}")
         thresholds = {name: null.threshold_of(name, found.final) for name in names}
-        bare = _bare(fitter, found, names)
+        bare = bare_of(fitter, found.final, names)
         trials = in_parallel(partial(_alone, fitter, found, bare, thresholds, grids), names)
         best = min(trials, key=lambda trial: trial.fit.score)
         by_chance = _by_chance_beside(best.name, thresholds)
@@ -97,12 +97,24 @@ def _by_chance_beside(name: str, thresholds: Mapping[str, float]) -> float:
     return sum(threshold for other, threshold in thresholds.items() if other != name)
 
 
-def _bare(fitter: Fitter, found: Found, members: Sequence[str]) -> Fit:
-    """Return the final model refitted without these terms."""
-    terms: Sequence[str] = found.final.terms
+def bare_of(fitter: Fitter, final: Fit, members: Sequence[str], evaluations: int = 15) -> Fit:
+    """Return a model refitted without some of its terms.
+
+    Parameters
+    ----------
+    fitter
+        Whitened by the recording's noise.
+    final
+        The model.
+    members
+        Terms that are left out.
+    evaluations
+        Of the refit, at most.
+    """
+    terms: Sequence[str] = final.terms
     for member in members:
         terms = without_term(terms, member)
-    return fitter.fit(terms, found.final.values, evaluations=15)
+    return fitter.fit(terms, final.values, evaluations=evaluations)
 
 
 def _alone(
