@@ -7,7 +7,10 @@ torque T of plate and joint::
 
 Inertia, viscosity and stiffness are solved together with the servo, exactly for inputs that are
 linear between samples. ``other`` is found by waveform relaxation over short windows, as in
-`ankle_physics.compliant_coupling`; it comes late (reflex) or is small, so that few rounds suffice.
+`ankle_physics.foot_loop`; it comes late (reflex) or is small, so that few rounds suffice. A window
+that does not converge is halved, and a single sample is solved between two bounds (Brent 1973):
+where play or friction reverses, the torque jumps with the sign of the velocity, and relaxation
+changes from one side to the other for ever.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ankle_physics.actuator import Servo
 from ankle_physics.compliant_coupling import CompliantCoupling
@@ -27,8 +31,8 @@ from ankle_physics.signals import Signals
 
 # Shorter than the shortest reflex delay, so that a window's reflex is known when it begins.
 WINDOW = 0.016  # s
-# Windows converge in four to eight rounds; one that does not is a model without a solution.
-MOST_ROUNDS = 60
+# Windows converge in four to eight rounds; one that needs far more is cheaper in halves.
+MOST_ROUNDS = 20
 # Of the torque, or of 1 N.m where it is smaller; far below any sensor's resolution.
 TOLERANCE = 1e-9
 # Rounds that settle the plate under its first load.
@@ -95,20 +99,27 @@ class ServoLoop:
         motion = np.empty((3, len(command)))
         torque, measured = np.empty(len(command)), np.empty((2, len(command)))
         parts: dict[str, np.ndarray] = {}
-        length = max(1, round(WINDOW * self._rate))
+        longest = length = max(1, round(WINDOW * self._rate))
+        start = 0
         try:
-            for start in range(0, len(command), length):
+            while start < len(command):
                 part = slice(start, min(start + length, len(command)))
                 for entry, own in zip(self._entries, values, strict=True):
                     entry.values.update(_sliced(own, part))
                 if self._dynamics is None:
                     self._settle(float(command[0]))
-                signals = self._window(command[part])
+                # A window that does not converge may run away.
+                with np.errstate(over="ignore", invalid="ignore"):
+                    signals = self._window(command[part])
+                if signals is None:
+                    length = (part.stop - start) // 2
+                    continue
                 motion[:, part] = signals.position, signals.velocity, signals.acceleration
                 torque[part] = signals.torque
                 measured[:, part] = signals.measured_position, signals.measured_velocity
                 for name, own_torque in self._run.parts.items():
                     parts.setdefault(name, np.empty(len(command)))[part] = own_torque
+                start, length = part.stop, min(2 * length, longest)
         finally:
             for entry, own in zip(self._entries, values, strict=True):
                 entry.values.update(own)
@@ -117,7 +128,70 @@ class ServoLoop:
         whole.measured_position, whole.measured_velocity = measured
         return whole, parts
 
-    def _window(self, command: np.ndarray) -> Signals:
+    def _window(self, command: np.ndarray) -> Signals | None:
+        """Return all signals of a window, after which the run goes on; None where a window of
+        several samples does not converge.
+
+        Raises
+        ------
+        ModelError
+            A single sample has no solution.
+        """
+        assert self._dynamics is not None
+        before, at_rest = self._run.snapshot(), self._dynamics.state
+        other = np.full(len(command), self._other)
+        for _ in range(MOST_ROUNDS):
+            signals, answer, close = self._answer(other, command)
+            if np.abs(answer - other).max() <= close:
+                self._other = float(answer[-1])
+                return signals
+            if not np.isfinite(answer).all():
+                break
+            other = answer
+            self._resume(before, at_rest)
+        self._resume(before, at_rest)
+        return self._sample(command) if len(command) == 1 else None
+
+    def _sample(self, command: np.ndarray) -> Signals:
+        """Return all signals of one sample, whose torque lies between those of two rounds."""
+        assert self._dynamics is not None
+        before, at_rest = self._run.snapshot(), self._dynamics.state
+
+        def ahead(torque: float) -> float:
+            self._resume(before, at_rest)
+            return float(self._answer(np.array([torque]), command)[1][0]) - torque
+
+        near, step = self._other, ahead(self._other)
+        for _ in range(MOST_ROUNDS):
+            far = near + step
+            there = ahead(far)
+            if not there * step > 0.0:
+                break
+            near, step = far, there
+        if not np.isfinite(there) or there * step > 0.0:
+            raise ModelError(
+                f"the plate's motion does not converge on a servo of {self._stiffness:g} N.m/rad: "
+                "a term is too steep for it"
+            )
+        # A part of the last digits is left to rounding.
+        solved = brentq(ahead, near, far, xtol=max(TOLERANCE, 4.0 * np.spacing(abs(far))))
+        self._resume(before, at_rest)
+        signals, _, _ = self._answer(np.array([solved]), command)
+        self._other = float(solved)
+        return signals
+
+    def _resume(self, before: Any, at_rest: tuple[float, float, float]) -> None:
+        """Take run and plate back to where a window begins."""
+        assert self._dynamics is not None
+        self._run.restore(before)
+        self._dynamics.resume(*at_rest)
+
+    def _answer(
+        self, other: np.ndarray, command: np.ndarray
+    ) -> tuple[Signals, np.ndarray, float]:
+        """Return the signals that a torque beside the linear one [N.m], shape (n,), makes of a
+        window, the torque that the terms then have beside it, and how close both should be [N.m].
+        """
         assert self._dynamics is not None
         inertia, viscosity, stiffness = self._linear()
         share = self._omega**2 / self._stiffness
@@ -125,27 +199,14 @@ class ServoLoop:
         omega = math.sqrt((self._omega**2 + share * stiffness) / mass)
         damping = (2.0 * self._damping * self._omega + share * viscosity) / (2.0 * omega * mass)
         gain = self._stiffness / (self._stiffness + stiffness)
-        other = np.full(len(command), self._other)
-        before, at_rest = self._run.snapshot(), self._dynamics.state
-        for _ in range(MOST_ROUNDS):
-            self._run.restore(before)
-            self._dynamics.resume(*at_rest)
-            x, v, a = self._dynamics.run_with_rates(
-                gain * (command - other / self._stiffness), omega, damping
-            )
-            signals = Signals(self._rate, x, v, a)
-            self._run.torque(signals)
-            total = sum(self._run.parts.values(), np.zeros(len(x)))
-            change, other = other, total - inertia * a - viscosity * v - stiffness * x
-            if np.abs(other - change).max() <= TOLERANCE * max(1.0, np.abs(total).max()):
-                self._other = float(other[-1])
-                return signals
-            if not np.isfinite(other).all():
-                break
-        raise ModelError(
-            f"the plate's motion does not converge on a servo of {self._stiffness:g} N.m/rad: a "
-            "term is too steep for it"
+        x, v, a = self._dynamics.run_with_rates(
+            gain * (command - other / self._stiffness), omega, damping
         )
+        signals = Signals(self._rate, x, v, a)
+        self._run.torque(signals)
+        total = sum(self._run.parts.values(), np.zeros(len(x)))
+        answer = total - inertia * a - viscosity * v - stiffness * x
+        return signals, answer, TOLERANCE * max(1.0, float(np.abs(total).max()))
 
     def _linear(self) -> tuple[float, float, float]:
         """Return inertia, viscosity, stiffness that are solved with the servo; behind a compliant

@@ -14,10 +14,10 @@ RATE = 2048.0
 JOINT = {"inertia": {"I": 0.012}, "viscosity": {"B": 0.7}, "stiffness": {"K": 100.0}}
 
 
-def steps(seconds=2.0):
+def steps(seconds=2.0, each=((0.3, 0.04), (0.9, -0.04), (1.4, 0.03))):
     time = np.arange(int(seconds * RATE)) / RATE
     x, v, a = np.zeros((3, len(time)))
-    for at, size in ((0.3, 0.04), (0.9, -0.04), (1.4, 0.03)):
+    for at, size in each:
         s = np.clip((time - at) / 0.03, 0.0, 1.0)
         x += size * s**3 * (10 - 15 * s + 6 * s**2)
         v += size * 30 * s**2 * (1 - s) ** 2 / 0.03
@@ -43,6 +43,25 @@ def test_the_plate_follows_the_equation_of_servo_and_joint():
     lag = np.linspace(0.0, 1.5, 61)
     gaps = [np.std(np.interp(time - s / RATE, time, true.y[0]) - made.position) for s in lag]
     assert min(gaps) < 5e-4 * np.std(true.y[0])
+
+
+@pytest.mark.parametrize("term", ["lost_motion", "recovering_lost_motion", "coulomb_friction"])
+def test_torque_that_jumps_at_a_reversal_has_one_motion(term):
+    """The sign of the velocity at a single sample hangs on the torque, and the torque on it; at
+    twice the rate the jump lies elsewhere, and the plate moves the same.
+    """
+    sizes = {"lost_motion": {"gap": 0.005}, "recovering_lost_motion": {"gap": 0.005}}
+    model = JOINT | {term: sizes.get(term, {}), "servo_compliance": {"k_a": 3000.0}}
+    levels = np.random.default_rng(3).uniform(-0.03, 0.03, 60)
+    jumps = zip(0.2 + 0.15 * np.arange(60), np.diff(levels, prepend=0.0), strict=True)
+    coarse = steps(9.5, tuple(jumps))
+    fine = np.repeat(coarse, 2, axis=0)
+    fine[1:-1:2] = 0.5 * (fine[:-2:2] + fine[2::2])
+    at_rate, at_twice = (
+        simulate(reference, rate, Model.of(model), Servo(), NO_NOISE).position
+        for reference, rate in ((coarse, RATE), (fine, 2.0 * RATE))
+    )
+    assert np.std(at_rate - at_twice[::2]) < 0.01 * np.std(at_rate)
 
 
 def test_it_sags_under_load_and_not_without():
