@@ -12,9 +12,8 @@ from matplotlib.ticker import MaxNLocator
 
 from model_discrepancy.report.html_report import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
-from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.investigation import Investigation
-from model_discrepancy.tools.open_set import OpenSet
+from model_discrepancy.tools.open_set import LEAST_APART, OpenSet
 
 
 def write_investigation(story: Investigation, path: Path) -> None:
@@ -47,22 +46,25 @@ def write_investigation(story: Investigation, path: Path) -> None:
         parts += ["<h2>What excludes what</h2>", image(encoded(_excess_picture(judged)))]
         rows = []
         for asked in judged:
+            apart = asked.above_likeliest
             rows += [
                 [
                     _plain(name),
                     _percent(asked.excess.get(name, [])),
                     f"{asked.evidence.get(name, float('nan')):.0f}",
+                    f"{apart[name]:.1f}" if name in apart else "",
                     "left" if name in asked.left else "excluded" if asked.left else "withdrawn",
                 ]
                 for name in asked.models
             ]
             if asked.without:
                 without = _percent(asked.without)
-                rows.append(["without any of them (designed recordings)", without, "", ""])
+                rows.append(["without any of them (designed recordings)", without, "", "", ""])
         head = [
             "name",
             "error beyond the best of its set, recording by recording [%]",
             "how much less likely (ln)",
+            f"standard errors above the likeliest ({LEAST_APART:g} exclude)",
             "",
         ]
         parts.append(html_table(head, rows))
@@ -92,7 +94,6 @@ def _excess_picture(sets: list[OpenSet]) -> Figure:
     for axis, one in zip(axes, sets, strict=True):
         for name, excess in one.excess.items():
             axis.plot(range(1, len(excess) + 1), 100 * np.array(excess), "o-", label=_plain(name))
-        axis.axhline(100 * RIVAL_EXCESS, color="0.5", ls="--", lw=1, label="excludes a name")
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.set_xlabel("recording")
         axis.set_ylabel("error beyond the best [%]")

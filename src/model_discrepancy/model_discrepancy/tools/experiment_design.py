@@ -104,6 +104,13 @@ class Proposal:
         """Return the recording time [min] after which the wrong model has lost."""
         return DECIDING_MISFIT / self.misfit if self.misfit > 0 else float("inf")
 
+    def misfit_of(self, one: str, other: str) -> float:
+        """Return the expected misfit of the wrong one of a pair, whichever it is, as whitened sum
+        of squares per minute.
+        """
+        least = min(self.pairs[one, other], self.pairs[other, one])
+        return least * self.misfit / self.excess if self.excess > 0.0 else 0.0
+
 
 @dataclass(frozen=True)
 class Design:

@@ -3,7 +3,7 @@
 This goes on until each effect has one name, until no movement within the limits would tell what is
 left, or until the budget of recordings is spent. A rival is fitted to every recording anew, since a
 subject's state changes from one to the next; what counts is how much more whitened error it leaves
-than the best name of its set. Then all recordings are searched together, which may name what was in
+than the likeliest name of its set, beside how much that differs from stretch to stretch. Then all recordings are searched together, which may name what was in
 no set. Where this leaves something to ask, the investigation goes on with what is left of its
 budget.
 """
@@ -32,7 +32,7 @@ from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet, Values, rank
 from model_discrepancy.tools.joint_judgement import judge_together, settle_doubts
-from model_discrepancy.tools.open_set import OpenSet, remaining
+from model_discrepancy.tools.open_set import LEAST_APART, OpenSet, remaining, stretch_errors
 
 # Longer than this is asked of no subject at once.
 LONGEST_S = 180.0
@@ -135,6 +135,7 @@ class Investigation:
                     "together": s.together,
                     "excess": s.excess,
                     "log_likelihood_below_best": s.evidence,
+                    "standard_errors_above_likeliest": s.above_likeliest,
                     "excess_without": s.without,
                 }
                 for s in self.sets
@@ -259,16 +260,16 @@ def _next_round(
     progress(f"round {number}: designing")
     design = _design(story, folder, number, progress)
     best = design.proposals[0] if design.proposals else None
-    adds_up = best is not None and _adds_up(unsettled, best, rounds - len(story.rounds))
+    decides = best is not None and _may_decide(unsettled, best, rounds - len(story.rounds))
     # Though no movement tells them apart, another one shows whether they hold at all.
     first = len(story.recordings) == story.searched
-    if best is None or not (best.excess >= RIVAL_EXCESS or adds_up or first):
+    if best is None or not (decides or first):
         return design.sentence
     duration = float(np.clip(60.0 * best.minutes, SHORTEST_S, LONGEST_S))
     question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
     proposal = design.sentence
-    if best.excess < RIVAL_EXCESS and adds_up:
-        proposal += " With what the recordings add up to so far it may."
+    if best.excess < RIVAL_EXCESS and decides:
+        proposal += " All recordings together may."
     round_ = Round(question, proposal, best.candidate.title, 0.0, "")
     story.rounds.append(round_)
     recording = conduct(best.candidate, duration, number)
@@ -286,12 +287,18 @@ def _next_round(
     return ""
 
 
-def _adds_up(sets: list[OpenSet], best: Proposal, recordings: int) -> bool:
+def _may_decide(sets: list[OpenSet], best: Proposal, recordings: int) -> bool:
     """Say whether so many more recordings are expected to exclude a name of a pair, together with
-    what the recordings so far have against it: what is against a name adds up (`remaining`).
+    what the recordings so far have against it.
+
+    White residuals and a true model put the wrong one ``sqrt(misfit) / 2`` standard errors above
+    it, and the squares of what independent recordings say add up.
     """
+    minutes = recordings * LONGEST_S / 60.0
     return any(
-        recordings * min(best.pairs[a, b], best.pairs[b, a]) >= one.missing(a, b)
+        one.apart(*sorted((a, b), key=lambda name: -one.evidence.get(name, 0.0))) ** 2
+        + 0.25 * minutes * best.misfit_of(a, b)
+        > LEAST_APART**2
         for one in sets
         for a, b in combinations(one.left, 2)
         if (a, b) in best.pairs and (b, a) in best.pairs
@@ -325,6 +332,7 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
         for name in one.left:
             fit = one.fitted(fitter, name)
             scores[name] = fit.score
+            one.errors.setdefault(name, []).append(stretch_errors(fit))
             # The next movement is designed with what this recording made of each name.
             one.models[name] = fit.values
         preferred = min(scores, key=lambda name: scores[name])

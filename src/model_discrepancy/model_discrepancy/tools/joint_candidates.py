@@ -34,6 +34,7 @@ from model_discrepancy.search.screening import (
     without_term,
 )
 from model_discrepancy.search.trials import halves_errors, preceding_errors
+from model_discrepancy.tools.open_set import stretch_errors
 from model_discrepancy.tools.shared_effects import Member, Together
 
 # Evaluations of the refit of a special case, which begins at the values of the general one.
@@ -52,11 +53,15 @@ class Rivals:
         Whitened error of each beyond the best of them in each recording; 0 is the best.
     evidence
         Log-likelihood of each below that of the best, over all recordings.
+    errors
+        Whitened squared error that each leaves in each stretch of a recording, an array for each
+        recording.
     """
 
     fits: dict[str, list[Fit]]
     excess: dict[str, list[float]]
     evidence: dict[str, float]
+    errors: dict[str, list[np.ndarray]]
 
 
 def best_step(
@@ -208,6 +213,7 @@ def rivals_together(found: Together, name: str, library: Sequence[str] | None = 
         fits,
         {other: (score / best - 1.0).tolist() for other, score in scores.items()},
         {other: float(0.5 * independent @ np.log(score / best)) for other, score in scores.items()},
+        {other: [stretch_errors(fit) for fit in each] for other, each in fits.items()},
     )
 
 

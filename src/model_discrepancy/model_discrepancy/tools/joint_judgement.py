@@ -14,9 +14,8 @@ effect is confirmed, since what is missing has stand-ins of its own.
   as well with all that stands beside them, both stay in question: either model was chosen on
   these recordings, so that only a further one can decide.
 - A set is withdrawn where that search confirms none of its names and puts none in their place:
-  they take off next to nothing of what all effects take off together, and leave all recordings
-  less likely than what the search found. It is withdrawn, too, where no designed recording needs
-  any of its names: the first one chose them, and says nothing more.
+  they take off next to nothing of what all effects take off together. It is withdrawn, too, where
+  no designed recording needs any of its names: the first one chose them, and says nothing more.
 """
 
 from __future__ import annotations
@@ -31,10 +30,13 @@ from model_discrepancy.recording.recording import Recording
 from model_discrepancy.search.found import REFINEMENT, Progress
 from model_discrepancy.tools.experiment_design import Values
 from model_discrepancy.tools.joint_candidates import rivals_together
-from model_discrepancy.tools.open_set import LEAST_TAKEN, OpenSet, remaining
+from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.several_recordings import diagnose_together
 from model_discrepancy.tools.shared_effects import Together
 
+# Share of the error that a name must take off all designed recordings: what takes off less is not
+# shown by them.
+LEAST_TAKEN = 0.005
 # Names of a set that are compared with what all recordings say, the likeliest first: each is fitted
 # to every recording, and the others were less likely.
 MOST_COMPARED = 3
@@ -109,8 +111,7 @@ def judge_together(
         confirmed, needless = _confirmed(largest, shares, found), _needless(one, found)
         if confirmed and not instead and not needless:
             continue
-        worse = _worse(one, found)
-        if instead and worse:
+        if instead and _worse(one, found):
             _replace(one, found, new.pop(0), library)
             asks = asks or one.open
             said.append(
@@ -124,7 +125,7 @@ def judge_together(
                 f"{' or '.join(one.together)} is named instead of {names}, which fits as well "
                 "with all that stands beside it, so that a further recording has to decide"
             )
-        elif needless or (not confirmed and (found.verdict == "unexplained" or worse)):
+        elif needless or not confirmed:
             one.left, one.doubted = [], []
             said.append(f"{names} is withdrawn, since the other recordings do not confirm it")
     if not said:
@@ -198,8 +199,8 @@ def _replace(one: OpenSet, found: Together, name: str, library: Sequence[str] | 
     fits = {name: rivals.fits[name], **rivals.fits}
     # The next movement is designed with what the last recording made of each name.
     one.models = {other: _values(each[-1]) for other, each in fits.items()}
-    one.excess, one.evidence, one.without = rivals.excess, rivals.evidence, []
-    one.doubted = []
+    one.excess, one.evidence, one.errors = rivals.excess, rivals.evidence, rivals.errors
+    one.without, one.doubted = [], []
     one.left = one.together = remaining(one, list(fits))
     one.models = {other: one.models[other] for other in one.left}
 
@@ -214,7 +215,7 @@ def _question(one: OpenSet, found: Together, name: str, library: Sequence[str] |
     one.doubted = [old for old in doubted if old not in one.left]
     one.models |= {old: models[old] for old in one.doubted}
     one.left = [*one.left, *one.doubted]
-    one.excess, one.evidence = {}, {}
+    one.excess, one.evidence, one.errors = {}, {}, {}
 
 
 def _values(fit: Fit) -> Values:

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ankle_physics.term import term_library
+from model_discrepancy.fit.block_bootstrap import STRETCH_S
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.tools.experiment_design import Values
 
-# A name that leaves more than this share of what the likeliest name takes off explains less than
-# half of the effect: it is another one, however small the effect is beside all the torque.
-LARGEST_LOSS = 0.5
-# Share of the error that the likeliest name must take off all designed recordings for that: what
-# takes off less is not shown by them.
-LEAST_TAKEN = 0.005
-# Log-likelihood by which it must be the less likely: twice what counts as very strong evidence
+# Standard errors of the mean by which a name must leave more error, from stretch to stretch of the
+# designed recordings, than the likeliest one (Vuong 1989, Econometrica 57, 307): one in 700 by
+# chance, where a set holds some five names.
+LEAST_APART = 3.0
+# Log-likelihood by which it must be the less likely, too: twice what counts as very strong evidence
 # (Kass & Raftery, J. Am. Stat. Assoc. 90 (1995) 773-795), since residuals are no white noise.
 LEAST_EVIDENCE = 10.0
 # Evaluations of the refit of a name to another recording.
@@ -42,6 +42,9 @@ class OpenSet:
         recording, the first one included; 0 is the best.
     evidence
         Log-likelihood of each name below that of the best, over all designed recordings.
+    errors
+        Whitened squared error that each name leaves in each stretch of a recording, an array for
+        each recording that `evidence` counts, each of shape (stretches,).
     without
         Whitened error that the model without any of the names leaves beyond the best of the set,
         one number for each designed recording that judged the present names.
@@ -61,6 +64,7 @@ class OpenSet:
     models: dict[str, Values]
     excess: dict[str, list[float]] = field(default_factory=dict)
     evidence: dict[str, float] = field(default_factory=dict)
+    errors: dict[str, list[np.ndarray]] = field(default_factory=dict)
     without: list[float] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
     together: list[str] = field(default_factory=list)
@@ -88,12 +92,28 @@ class OpenSet:
         """
         return [name for name in self.left if name in self.doubted] or self.left
 
-    def missing(self, one: str, other: str) -> float:
-        """Return the error beyond that of the likelier one of two names which further recordings
-        have to add, so that all of them exclude the other one; 0...1.
+    @property
+    def above_likeliest(self) -> dict[str, float]:
+        """Return by how many standard errors each judged name's error exceeds that of the name
+        that all judged recordings make likeliest (`apart`).
         """
-        likelier, rival = sorted((one, other), key=lambda name: self.evidence.get(name, 0.0))
-        return RIVAL_EXCESS - (sum(self.excess.get(rival, [])) - sum(self.excess.get(likelier, [])))
+        best = min(self.errors, key=lambda name: self.evidence[name], default="")
+        return {name: self.apart(name, best) for name in self.errors}
+
+    def apart(self, name: str, other: str) -> float:
+        """Return by how many of its standard errors the mean error of a name exceeds that of
+        another one, from stretch to stretch of all judged recordings; 0 where none was judged.
+
+        Vuong's test (1989, Econometrica 57, 307) of models that are not nested. Each recording
+        that judged both counts by the error that the other name leaves there.
+        """
+        pairs = zip(self.errors.get(name, []), self.errors.get(other, []), strict=False)
+        differences = [(one - two) / two.mean() for one, two in pairs]
+        if not differences:
+            return 0.0
+        every = np.concatenate(differences)
+        spread = float(np.std(every, ddof=1))
+        return float(np.sqrt(len(every)) * every.mean() / spread) if spread > 0.0 else 0.0
 
     def model(self, name: str) -> Values:
         """Return the values of the model with one of the names, without those of the preferred one
@@ -130,16 +150,21 @@ class OpenSet:
         return fitter.fit(without_term(list(values), name), values, evaluations=EVALUATIONS)
 
 
-def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
-    """Return the names of a set that no recording excludes, the likeliest first.
+def stretch_errors(fit: Fit) -> np.ndarray:
+    """Return the whitened squared error that a model leaves in each stretch of `STRETCH_S`, which
+    are as good as independent, shape (stretches,).
+    """
+    squares = np.where(fit.rows.used, fit.residual, 0.0) ** 2
+    length = max(int(STRETCH_S * fit.rows.rate), 1)
+    return np.add.reduceat(squares, np.arange(0, len(squares), length))
 
-    A name is excluded where one recording leaves it `RIVAL_EXCESS` more error than the best there,
-    or all recordings together leave it so much more than the likeliest name, and all designed
-    recordings together speak against it. The odds of a rival fall with its excess (`ODDS_SCALE`),
-    and those of independent recordings multiply. It is excluded, too, where it leaves more than
-    `LARGEST_LOSS` of what the likeliest name takes off the error of all designed recordings, if
-    that is `LEAST_TAKEN` at least, and these speak against it by `LEAST_EVIDENCE`. A general term
-    stays beside a special case of it, or of one of its special cases, only where it does better.
+
+def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
+    """Return the names of a set that the designed recordings do not exclude, the likeliest first.
+
+    A name is excluded where these recordings together speak against it by `LEAST_EVIDENCE`, and so
+    evenly that its error lies `LEAST_APART` above that of the likeliest name. A general term stays
+    beside a special case of it, or of one of its special cases, only where it does better.
 
     Parameters
     ----------
@@ -150,18 +175,9 @@ def remaining(one: OpenSet, judged: Sequence[str]) -> list[str]:
     """
     best = min(judged, key=lambda name: one.evidence[name])
 
-    def beyond(name: str, last: int) -> float:
-        return sum(one.excess[name][-last:]) - sum(one.excess[best][-last:])
-
     def excluded(name: str) -> bool:
         less_likely = one.evidence[name] - one.evidence[best]
-        judged_by = len(one.without)
-        if judged_by and less_likely > LEAST_EVIDENCE:
-            taken = sum(one.without) - sum(one.excess[best][-judged_by:])
-            if beyond(name, judged_by) > LARGEST_LOSS * taken > LARGEST_LOSS * LEAST_TAKEN:
-                return True
-        most = max(*one.excess[name], beyond(name, len(one.excess[name])))
-        return most >= RIVAL_EXCESS and less_likely > 0.0
+        return less_likely > LEAST_EVIDENCE and one.apart(name, best) > LEAST_APART
 
     kept = [name for name in judged if not excluded(name)]
     # A general term that does no better than its special case says nothing of its own.
