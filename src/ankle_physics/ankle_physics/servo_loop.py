@@ -186,9 +186,7 @@ class ServoLoop:
         self._run.restore(before)
         self._dynamics.resume(*at_rest)
 
-    def _answer(
-        self, other: np.ndarray, command: np.ndarray
-    ) -> tuple[Signals, np.ndarray, float]:
+    def _answer(self, other: np.ndarray, command: np.ndarray) -> tuple[Signals, np.ndarray, float]:
         """Return the signals that a torque beside the linear one [N.m], shape (n,), makes of a
         window, the torque that the terms then have beside it, and how close both should be [N.m].
         """

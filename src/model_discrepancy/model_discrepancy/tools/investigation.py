@@ -3,9 +3,9 @@
 This goes on until each effect has one name, until no movement within the limits would tell what is
 left, or until the budget of recordings is spent. A rival is fitted to every recording anew, since a
 subject's state changes from one to the next; what counts is how much more whitened error it leaves
-than the likeliest name of its set, beside how much that differs from stretch to stretch. Then all recordings are searched together, which may name what was in
-no set. Where this leaves something to ask, the investigation goes on with what is left of its
-budget.
+than the likeliest name of its set, beside how much that differs from stretch to stretch. Then all
+recordings are searched together, which may name what was in no set. Where this leaves something to
+ask, the investigation goes on with what is left of its budget.
 """
 
 from __future__ import annotations
