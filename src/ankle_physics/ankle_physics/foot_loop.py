@@ -12,8 +12,8 @@ integrated exactly for inputs that are linear between samples. What remains, ``o
 further terms, gains that change, an offset), enters as an input and is found by waveform
 relaxation: take it as it was, integrate the foot over a window, evaluate the terms on that motion,
 repeat until the torque no longer changes. The reflex comes a delay after the motion, so a window
-converges in a few rounds; one that does not is halved, and a single sample is solved between two
-bounds (Brent 1973). Only models with such a coupling pay for this.
+converges in a few rounds; one that does not is halved, down to a `single_sample`. Only models with
+such a coupling pay for this.
 
 The sensor at the plate sees S, the torque through the strap, plus the torque of terms that act on
 the plate.
@@ -28,12 +28,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ankle_physics.compliant_coupling import CompliantCoupling
 from ankle_physics.errors import ModelError
 from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.signals import Signals
+from ankle_physics.single_sample import torque_between
 from ankle_physics.term import State, Values
 
 if TYPE_CHECKING:
@@ -228,11 +228,7 @@ class FootLoop:
     def _solve_sample(
         self, window: Signals, drive: np.ndarray, given: np.ndarray, values: list[Values]
     ) -> dict[str, np.ndarray] | None:
-        """Return torques on the foot during one sample; None where it has no solution.
-
-        A stop that is steep for the sampling rate throws the foot back by more than it came, so
-        that relaxation swings ever wider. Between two such swings lies the solution.
-        """
+        """Return torques on the foot during one sample; None where it has no solution."""
 
         def answer(torque: float) -> _Answer:
             return self._answer(np.array([torque]), window, drive, given, values)
@@ -240,14 +236,11 @@ class FootLoop:
         def ahead(torque: float) -> float:
             return float(answer(torque).other[0]) - torque
 
-        near, first = self._other, answer(self._other)
-        far = float(first.other[0])
-        there = ahead(far)
-        if not np.isfinite(there) or (far - near) * there > 0.0:
+        scale = answer(self._other).scale
+        solved = torque_between(ahead, self._other, self._tolerance * scale)
+        if solved is None:
             return None
-        # A part of the last digits is left to rounding.
-        close = max(self._tolerance * first.scale, 4.0 * np.spacing(abs(far)))
-        tried = answer(float(brentq(ahead, near, far, xtol=close)))
+        tried = answer(solved)
         self._keep(tried)
         return tried.parts
 

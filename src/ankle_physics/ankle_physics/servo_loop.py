@@ -8,9 +8,8 @@ torque T of plate and joint::
 Inertia, viscosity and stiffness are solved together with the servo, exactly for inputs that are
 linear between samples. ``other`` is found by waveform relaxation over short windows, as in
 `ankle_physics.foot_loop`; it comes late (reflex) or is small, so that few rounds suffice. A window
-that does not converge is halved, and a single sample is solved between two bounds (Brent 1973):
-where play or friction reverses, the torque jumps with the sign of the velocity, and relaxation
-changes from one side to the other for ever.
+that does not converge, since the torque jumps where play or friction reverses, is halved, down to
+a `single_sample`.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ankle_physics.actuator import Servo
 from ankle_physics.compliant_coupling import CompliantCoupling
@@ -28,6 +26,7 @@ from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.model import Entry
 from ankle_physics.model_run import ModelRun
 from ankle_physics.signals import Signals
+from ankle_physics.single_sample import torque_between
 
 # Shorter than the shortest reflex delay, so that a window's reflex is known when it begins.
 WINDOW = 0.016  # s
@@ -161,23 +160,15 @@ class ServoLoop:
             self._resume(before, at_rest)
             return float(self._answer(np.array([torque]), command)[1][0]) - torque
 
-        near, step = self._other, ahead(self._other)
-        for _ in range(MOST_ROUNDS):
-            far = near + step
-            there = ahead(far)
-            if not there * step > 0.0:
-                break
-            near, step = far, there
-        if not np.isfinite(there) or there * step > 0.0:
+        solved = torque_between(ahead, self._other, TOLERANCE)
+        if solved is None:
             raise ModelError(
                 f"the plate's motion does not converge on a servo of {self._stiffness:g} N.m/rad: "
                 "a term is too steep for it"
             )
-        # A part of the last digits is left to rounding.
-        solved = brentq(ahead, near, far, xtol=max(TOLERANCE, 4.0 * np.spacing(abs(far))))
         self._resume(before, at_rest)
         signals, _, _ = self._answer(np.array([solved]), command)
-        self._other = float(solved)
+        self._other = solved
         return signals
 
     def _resume(self, before: Any, at_rest: tuple[float, float, float]) -> None:
