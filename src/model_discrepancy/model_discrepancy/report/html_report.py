@@ -36,7 +36,7 @@ body{overflow-wrap:break-word}.wide{overflow-x:auto}
 table{border-collapse:collapse;overflow-wrap:normal}td,th{padding:.2rem .8rem;\
 border-bottom:1px solid #ddd;text-align:left}
 @media(max-width:30rem){h1{font-size:1.2rem}td,th{padding:.2rem .35rem;font-size:.85rem;\
-min-width:5rem}.wide img{max-width:none;width:44rem}}"""
+min-width:5rem}.wide img{max-width:44rem;width:auto}}"""
 
 
 # Names in the headline; the table below holds all of them.

@@ -155,7 +155,8 @@ class Design:
             return (
                 f"No perturbation within the limits tells {true} from {wrong}: the best, "
                 f"{best.candidate.title}, leaves {worth}, "
-                f"and {100 * RIVAL_EXCESS:g} % are needed. {' '.join(self.other)}".strip()
+                f"and {100 * RIVAL_EXCESS:g} % exclude it in one recording. "
+                f"{' '.join(self.other)}".strip()
             )
         hidden = [" from ".join(name.replace("_", " ") for name in pair) for pair in self.undecided]
         left = f" It does not tell {', nor '.join(hidden)}." if hidden else ""
@@ -163,8 +164,7 @@ class Design:
             f"Record {max(best.minutes, LEAST_MINUTES):.1f} minutes or more of "
             f"{best.candidate.title}: "
             f"the hardest pair, {true} and {wrong}, "
-            f"is expected to leave {worth} (this recording: {100 * now:.1f} %; "
-            f"{100 * RIVAL_EXCESS:g} % exclude it).{left}"
+            f"is expected to leave {worth} (this recording: {100 * now:.1f} %).{left}"
         )
 
     @property
