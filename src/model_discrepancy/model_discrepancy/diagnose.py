@@ -5,7 +5,7 @@ Each stage hands a typed result to those after it, and none calls a later one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -138,13 +138,15 @@ def _searched(
     library: Sequence[str] | None,
     progress: Progress,
     before: Found | None = None,
+    ends_early: Callable[[Found], bool] = lambda _: False,
 ) -> tuple[Found, Null]:
     """Return what a search finds, perhaps after another one, and the null distribution that it was
     judged by.
     """
     null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
     progress("asking what chance finds in this recording's noise")
-    return search(problem.fitter, problem.base, null, library, progress, before), null
+    fitter, base = problem.fitter, problem.base
+    return search(fitter, base, null, library, progress, before, ends_early), null
 
 
 def _diagnose(
@@ -161,8 +163,12 @@ def _diagnose(
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )
     problem = prepare(reading.trusted, terms, progress, rig)
-    found, null = _searched(problem, library, progress)
-    if found.effects and knows_movement_better(problem, found.final):
+
+    def knows_movement(found: Found) -> bool:
+        return bool(found.effects) and knows_movement_better(problem, found.final)
+
+    found, null = _searched(problem, library, progress, ends_early=knows_movement)
+    if knows_movement(found):
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)
         found, null = _searched(problem, library, progress, found)
