@@ -164,11 +164,13 @@ def _diagnose(
     )
     problem = prepare(reading.trusted, terms, progress, rig)
 
-    def knows_movement(found: Found) -> bool:
-        return bool(found.effects) and knows_movement_better(problem, found.final)
+    def ends_early(found: Found) -> bool:
+        # Where no terms are chosen anew, what a first search exchanges is of use to the second.
+        chooses_anew = may_be_completed(problem.fitter, found)
+        return chooses_anew and knows_movement_better(problem, found.final)
 
-    found, null = _searched(problem, library, progress, ends_early=knows_movement)
-    if knows_movement(found):
+    found, null = _searched(problem, library, progress, ends_early=ends_early)
+    if found.effects and knows_movement_better(problem, found.final):
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)
         found, null = _searched(problem, library, progress, found)
