@@ -5,7 +5,7 @@ Each stage hands a typed result to those after it, and none calls a later one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -138,15 +138,13 @@ def _searched(
     library: Sequence[str] | None,
     progress: Progress,
     before: Found | None = None,
-    ends_early: Callable[[Found], bool] = lambda _: False,
 ) -> tuple[Found, Null]:
     """Return what a search finds, perhaps after another one, and the null distribution that it was
     judged by.
     """
     null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
     progress("asking what chance finds in this recording's noise")
-    fitter, base = problem.fitter, problem.base
-    return search(fitter, base, null, library, progress, before, ends_early), null
+    return search(problem.fitter, problem.base, null, library, progress, before), null
 
 
 def _diagnose(
@@ -163,13 +161,7 @@ def _diagnose(
         else tuple(e.term.name for e in baseline.entries if e.term.name != "voluntary_torque")
     )
     problem = prepare(reading.trusted, terms, progress, rig)
-
-    def ends_early(found: Found) -> bool:
-        # Where no terms are chosen anew, what a first search exchanges is of use to the second.
-        chooses_anew = may_be_completed(problem.fitter, found)
-        return chooses_anew and knows_movement_better(problem, found.final)
-
-    found, null = _searched(problem, library, progress, ends_early=ends_early)
+    found, null = _searched(problem, library, progress)
     if found.effects and knows_movement_better(problem, found.final):
         progress("the movement that torque made is known better now: searching again")
         problem = prepare(reading.trusted, terms, progress, rig, found.final)

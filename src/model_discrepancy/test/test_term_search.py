@@ -80,26 +80,6 @@ def test_after_an_exchange_the_search_goes_on_beside_the_new_term(monkeypatch, e
         assert found.effects == seen[0].effects
 
 
-@pytest.mark.parametrize("ends", [True, False])
-def test_a_search_that_ends_early_asks_for_no_other_terms(monkeypatch, ends):
-    planted = {"maxwell_relaxation": {"k": 60.0, "T": 0.1}}
-    problem = prepare(simulate_trial(planted, seed=3, duration=20.0, protocol="random"))
-    null = Null.of(problem.noise, problem.fitter.rows.time, problem.fitter.rows.used)
-    exchanges, shown = [], []
-    monkeypatch.setattr(term_search, "exchange", lambda *_: exchanges.append(1))
-
-    def ends_early(found):
-        shown.append(found)
-        return ends
-
-    found = search(
-        problem.fitter, problem.base, null, ["maxwell_relaxation"], ends_early=ends_early
-    )
-    assert shown == [found]
-    assert found.final.score < problem.base.score
-    assert len(exchanges) == (not ends)
-
-
 @pytest.mark.parametrize(
     ("chance", "left"), [(0.01, "fixation_compliance"), (-0.01, "stiffening_fixation")]
 )

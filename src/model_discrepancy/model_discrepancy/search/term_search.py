@@ -8,7 +8,7 @@ stop: voluntary torque is autocorrelated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +66,6 @@ def search(
     library: Sequence[str] | None = None,
     progress: Progress = lambda _: None,
     before: Found | None = None,
-    ends_early: Callable[[Found], bool] = lambda _: False,
 ) -> Found:
     """Add terms to the base model while they are worth it.
 
@@ -84,24 +83,18 @@ def search(
         Called with one line for each step.
     before
         What another search found in this recording; None for a first one.
-    ends_early
-        Says of terms that were added one after the other whether the caller needs no more: whether
-        others would do in their place, and what they predict of unseen data.
     """
     grids = Grids(library, fitter.rows.count / fitter.rows.rate)
     yardstick = fitter.rows.gain()
     hypotheses = Hypotheses(fitter, base, null, grids, yardstick, progress)
     best = hypotheses.best(before)
     found = best.found
-    _settle(fitter, base, best, null, yardstick)
-    if ends_early(found):
-        return found
     for number in range(MOST_SEARCHES):
         if number > 0:
             # Beside the terms that took the place of others, further ones may be worth it.
             best = hypotheses.followed(found)
             found = best.found
-            _settle(fitter, base, best, null, yardstick)
+        _settle(fitter, base, best, null, yardstick)
         united = unite(fitter, found, grids, null, yardstick, progress)
         specialise(fitter, found, null)
         exchanged = exchange(fitter, found, grids, null, yardstick, progress) or united
