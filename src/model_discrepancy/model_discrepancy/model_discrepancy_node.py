@@ -8,11 +8,11 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import sys
 import threading
 import time
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import Finding
 from ankle_interfaces.topics import ANKLE_SAMPLES
 from ankle_node.node import OK, WARN, AnkleNode, run
-from model_discrepancy.fit.parallel import NICENESS
+from model_discrepancy.fit.parallel import in_background
 from model_discrepancy.live_parameters import PARAMETERS, PERIOD, SHARE_RISE, VAF_FALL, WINDOW
 from model_discrepancy.session_watch import Indicators, RecentSamples, SessionWatch
 
@@ -86,22 +86,24 @@ class ModelDiscrepancy(AnkleNode):
         self._work.put(samples)
 
     def _fit(self) -> None:
-        """Work in a thread of its own: on Linux a thread has a niceness of its own."""
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        """Judge one window after the other."""
         watch = SessionWatch()
         while True:
             samples = self._work.get()
             begun = time.monotonic()
             try:
-                now = watch.judge(samples)
-                complaint = watch.complaint(
-                    now, self.number(VAF_FALL.name), self.number(SHARE_RISE.name)
-                )
+                now, complaint = in_background(partial(self._judged, watch, samples))
                 self._results.put((now, watch.reference, complaint))
                 self.get_logger().debug(f"fitted in {time.monotonic() - begun:.1f} s")
             except (ValueError, np.linalg.LinAlgError) as error:
                 self._results.put(error)
             self._busy.clear()
+
+    def _judged(self, watch: SessionWatch, samples: np.ndarray) -> tuple[Indicators, str | None]:
+        """Return what a window shows, and what got worse."""
+        now = watch.judge(samples)
+        limits = self.number(VAF_FALL.name), self.number(SHARE_RISE.name)
+        return now, watch.complaint(now, *limits)
 
     def _show(self) -> None:
         while not self._results.empty():

@@ -1,6 +1,8 @@
 """Fits side by side give what they give one after the other."""
 
 import os
+import signal
+import subprocess
 import sys
 import threading
 import time
@@ -162,3 +164,34 @@ def test_threads_side_by_side_do_not_wait_for_each_other_and_the_usual_way_comes
     with pytest.raises(ValueError, match="inside"), side_by_side():
         inside()
     assert sys.getswitchinterval() == usual
+
+
+@pytest.mark.parametrize("wait", [0.4, 0.7, 1.1, 1.6])
+def test_a_process_that_is_interrupted_while_it_computes_ends_in_good_order(wait: float) -> None:
+    """A thread in a Fourier transform would abort a Python that has ended."""
+    program = """
+import numpy as np
+from scipy.fft import irfft, rfft
+from model_discrepancy.fit.parallel import in_background, in_parallel
+
+signal = np.random.default_rng(0).standard_normal(30000)
+
+def transform(_):
+    return [irfft(rfft(signal)) for _ in range(20)]
+
+print("begins", flush=True)
+in_background(lambda: [in_parallel(transform, range(8)) for _ in range(2000)])
+"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(wait)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30.0)
+    finally:
+        process.kill()
+    assert process.returncode == -signal.SIGINT
+    assert b"terminate called" not in said

@@ -2,14 +2,17 @@
 leave the cores to whatever else needs them.
 
 They run in threads: Fourier transforms and linear algebra let other threads go on meanwhile. The
-results do not depend on the number of cores.
+results do not depend on the number of cores. When the process ends, they end first: a thread that
+comes back from a Fourier transform to a Python that has ended aborts the process.
 """
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import copy_context
@@ -29,6 +32,15 @@ NICENESS = 10
 # [s] A Fourier transform of two minutes takes as long; another thread that waits the usual 5 ms for
 # Python leaves its core idle for a dozen of them. A diagnosis with nine terms takes 5 % less.
 SWITCH_INTERVAL = 0.0005
+
+# [s] Longest wait for computations when the process ends; each asks after every refit and every
+# derivative whether it should, most often within a second.
+LONGEST_FAREWELL = 10.0
+
+_ending = threading.Event()
+# Each is set when a computation in the background has ended. A thread whose `join` was interrupted
+# counts as ended in Python 3.11, though it runs.
+_background: set[threading.Event] = set()
 
 _sharing = threading.Lock()
 # Threads that compute beside the one that called first, less those that wait for others.
@@ -72,8 +84,13 @@ class _Shared(Generic[Item, Result]):
             thread.start()
 
     def work(self, before_each: Callable[[], None] = lambda: None) -> None:
-        """Compute items as long as there are any, and none after an error."""
+        """Compute items as long as there are any, and none after an error or when the process
+        ends.
+        """
         while not self._errors:
+            if _ending.is_set():
+                self._errors.append(SystemExit("the process ends"))
+                return
             before_each()
             with _sharing:
                 place = next(self._next, None)
@@ -133,6 +150,7 @@ def in_background(function: Callable[[], Result]) -> Result:
     """
     done: list[Result] = []
     failed: list[BaseException] = []
+    ended = threading.Event()
 
     def work() -> None:
         if hasattr(os, "setpriority"):
@@ -143,14 +161,26 @@ def in_background(function: Callable[[], Result]) -> Result:
             done.append(function())
         except BaseException as error:
             failed.append(error)
+        finally:
+            ended.set()
 
-    # An interrupted caller ends, and with it the thread.
-    thread = threading.Thread(target=copy_context().run, args=(work,), daemon=True)
-    thread.start()
-    thread.join()
+    # An interrupted caller ends, and `_end` lets the thread end with it.
+    threading.Thread(target=copy_context().run, args=(work,), daemon=True).start()
+    _background.add(ended)
+    ended.wait()
+    _background.discard(ended)
     if failed:
         raise failed[0]
     return done[0]
+
+
+@atexit.register
+def _end() -> None:
+    """Let all computations in the background end, as long as `LONGEST_FAREWELL`."""
+    _ending.set()
+    last = time.monotonic() + LONGEST_FAREWELL
+    for ended in list(_background):
+        ended.wait(max(last - time.monotonic(), 0.0))
 
 
 @contextmanager
