@@ -131,8 +131,9 @@ def test_a_bag_in_metres_and_newtons_is_read_by_its_profile_only(tmp_path, axis_
         Recording.from_bag(tmp_path / "bag")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", JOINTS)
+@pytest.mark.parametrize(
+    "name", ["wrist", *(pytest.param(n, marks=pytest.mark.slow) for n in ("knee", "axis"))]
+)
 def test_a_joint_without_mismatch_is_diagnosed_and_named_so(name, axis_file, tmp_path):
     found = diagnose(recording(name, 60.0), tmp_path / "out", joint=profile(name, axis_file))
     assert found.verdict.verdict == "no_mismatch"

@@ -24,7 +24,7 @@ from model_discrepancy.search.found import Effect, Found, Trial
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.term_search import search
-from model_discrepancy.search.trials import judged, refitted
+from model_discrepancy.search.trials import joint_change, judged, refitted
 from simulation_study.planted_trials import simulate_trial
 
 RELATIVES = ("dahl_hysteresis", "saturating_damping")
@@ -156,6 +156,29 @@ def test_a_term_that_follows_torque_follows_what_was_held_before(name, gain, pre
     # Written about the mean torque, it leaves the base model its own part.
     assert not replace(trial, gain=0.09, by_chance=0.01, displaced=("reflex.G",)).accepted
     assert replace(trial, name="tendon", gain=0.11).exceeds_chance
+
+
+@pytest.mark.parametrize(
+    ("name", "joint_change", "accepted"),
+    [
+        ("fixation_compliance", 0.05, True),  # every rig has straps, and these move K
+        ("fixation_compliance", 0.01, False),
+        ("tendon", 0.05, False),
+    ],
+)
+def test_little_torque_matters_where_usual_straps_move_the_joint(name, joint_change, accepted):
+    trial = Trial(name, None, 0.07, (0.06, 0.06), 0.0, by_chance=0.01, torque_share=1e-6)
+    assert replace(trial, joint_change=joint_change).accepted == accepted
+
+
+def test_the_change_of_the_joint_is_the_larger_one_of_stiffness_and_viscosity():
+    def fit(**values: float) -> SimpleNamespace:
+        terms = {"K": "stiffness", "B": "viscosity", "I": "inertia"}
+        return SimpleNamespace(values={terms[s]: {s: v} for s, v in values.items()})
+
+    assert joint_change(fit(K=80.0, B=1.0), fit(K=100.0, B=1.1)) == pytest.approx(0.2)
+    assert joint_change(fit(K=80.0, B=1.0), fit(K=80.0, B=-1.0)) == pytest.approx(2.0)
+    assert joint_change(fit(I=12.0), fit(I=6.0)) == 0.0
 
 
 @pytest.mark.parametrize(

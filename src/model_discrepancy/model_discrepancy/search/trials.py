@@ -63,6 +63,7 @@ def judged(fitter: Fitter, current: Fit, trial: Trial, by_chance: float) -> Tria
         by_chance=by_chance,
         torque_share=float(changed),
         displaced=displaced(current, trial.fit),
+        joint_change=joint_change(current, trial.fit),
         takes_joint=has_joint(current) and not has_joint(trial.fit),
         stretches=acting_in(fitter.rows.time[used], (trial.fit.residual - current.residual)[used]),
         preceding_gain=preceding_gain(fitter, trial),
@@ -101,6 +102,18 @@ def preceding_errors(fitter: Fitter, fit: Fit) -> tuple[float, float] | None:
         for activation in (mean, preceding)
     )
     return old, new
+
+
+def joint_change(current: Fit, fit: Fit) -> float:
+    """Return the largest relative change of K or B from one fit to another, 0...1 and above; 0
+    where the joint has neither.
+    """
+    changes = [0.0]
+    for name, symbol in (("stiffness", "K"), ("viscosity", "B")):
+        if name in current.values and name in fit.values:
+            before, now = (f.values[name][symbol] for f in (current, fit))
+            changes.append(abs(now - before) / max(abs(before), abs(now), 1e-12))
+    return max(changes)
 
 
 def displaced(current: Fit, fit: Fit) -> tuple[str, ...]:
