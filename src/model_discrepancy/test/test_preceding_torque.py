@@ -9,11 +9,13 @@ from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.movements import find_onsets
 from model_discrepancy.fit.preceding_torque import (
+    GUARD_S,
     MIN_MOVEMENTS,
-    RESTLESS_GUARD_S,
     RESTLESS_WINDOW_S,
+    SHORTEST_REST_S,
     preceding_torque,
 )
+from model_discrepancy.fit.response_sizes import single_responses, without_response_sizes
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.problem import prepare
 from model_discrepancy.recording.motion import motion_of
@@ -22,6 +24,8 @@ from model_discrepancy.search.screening import with_term
 from model_discrepancy.search.trials import RESTLESS_FACTOR, judged, preceding_gain, refitted
 from simulation_study.planted_trials import simulate_trial
 from simulation_study.verdict_cases import Plan, made, plans
+
+REFLEX = {"G": 6.0, "delay": 0.04, "omega": 20.0, "z": 0.9}
 
 
 @pytest.fixture(scope="module")
@@ -50,22 +54,49 @@ def test_a_continuous_movement_has_nothing_before_it(columns):
     assert preceding_torque(Columns(swinging, columns.rows), np.zeros(len(swinging.time))) is None
 
 
-def test_where_movements_follow_each_other_fast_the_last_response_does_not_count(columns):
+@pytest.fixture(scope="module")
+def hurried(columns):
+    """The same movements in half the time."""
     motion = columns.motion
-    # The same movements in half the time.
     half = {n: getattr(motion, n)[::2] for n in ("position", "velocity", "torque")}
-    hurried = Columns(replace(motion, **half), Rows(len(half["torque"]), motion.rate))
+    return Columns(replace(motion, **half), Rows(len(half["torque"]), motion.rate))
+
+
+def test_where_movements_follow_each_other_fast_a_longer_time_before_them_counts(hurried):
+    motion = hurried.motion
     onsets = np.round(find_onsets(hurried).time * motion.rate).astype(int)
-    assert np.median(np.diff(onsets)) < RESTLESS_GUARD_S * motion.rate
-    mean = hurried.motion.torque.mean()
+    assert np.median(np.diff(onsets)) < SHORTEST_REST_S * motion.rate
     after = slice(onsets[9] + 1, onsets[10])
-    response = np.zeros(len(hurried.motion.time))
-    response[onsets[9] - round(RESTLESS_GUARD_S * motion.rate) + 1 : onsets[10]] = 4.0
-    assert preceding_torque(hurried, response)[after] == pytest.approx(mean)
-    # What the muscles held before that response does.
-    earlier = onsets[9] - round((RESTLESS_GUARD_S + RESTLESS_WINDOW_S) * motion.rate)
-    response[earlier : onsets[9]] = 4.0
-    assert preceding_torque(hurried, response)[after] == pytest.approx(mean + 4.0)
+    torque = np.zeros(len(motion.time))
+    earliest = onsets[9] - round((RESTLESS_WINDOW_S + GUARD_S) * motion.rate) - 1
+    torque[earliest : onsets[9]] = 4.0
+    assert preceding_torque(hurried, torque)[after] == pytest.approx(motion.torque.mean() + 4.0)
+
+
+def test_sizes_of_responses_that_overlap_are_told_from_slow_torque(hurried):
+    motion, values = hurried.motion, {"reflex": REFLEX}
+    responses = single_responses(hurried, values)
+    sizes = np.random.default_rng(1).normal(0.0, 0.3, len(responses))
+    slow = np.sin(2.0 * np.pi * 0.4 * motion.time)
+    left = slow.copy()
+    for size, (first, response) in zip(sizes, responses, strict=True):
+        left[first : first + len(response)] += size * response[: len(left) - first]
+    steady = without_response_sizes(hurried, values, left)
+    assert np.std(steady - slow) < 0.4 * np.std(left - slow)
+    # A model without a reflex has no responses.
+    assert without_response_sizes(hurried, {}, left) is left
+
+
+def test_the_response_of_one_movement_is_that_of_the_reflex_term(columns):
+    motion = columns.motion
+    whole = np.zeros(len(motion.time))
+    for first, response in single_responses(columns, {"reflex": REFLEX}):
+        whole[first : first + len(response)] += response[: len(whole) - first]
+    term = columns.spectra({"reflex": REFLEX})["reflex", "G"] * REFLEX["G"]
+    expected = columns.rows.torque(term)
+    used = slice(round(motion.rate), -round(motion.rate))
+    gap = (whole - whole.mean() - expected + expected.mean())[used]
+    assert np.std(gap) < 0.1 * np.std(expected[used])
 
 
 def test_a_reflex_that_varies_does_not_follow_torque():

@@ -22,6 +22,7 @@ from model_discrepancy.fit.preceding_torque import (
     begins_from_rest,
     preceding_torque,
 )
+from model_discrepancy.fit.response_sizes import without_response_sizes
 from model_discrepancy.fit.rows import Rows
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion
 
@@ -108,11 +109,13 @@ def following(fitter: Fitter, fit: Fit) -> tuple[Motion, float]:
             break
         held, shown, gained = course, next_shown, gain
     _, known = _stiffness_that_follows(fitter, fit, motion.activation - mean, basis)
+    restless = not begins_from_rest(fitter.columns)
+    steady = without_response_sizes(fitter.columns, fit.values, left) if restless else left
     better = replace(
         motion,
         activation=mean + held,
-        preceding=preceding_torque(fitter.columns, left, shown),
-        restless=not begins_from_rest(fitter.columns),
+        preceding=preceding_torque(fitter.columns, steady, shown),
+        restless=restless,
     )
     return better, gained - known
 

@@ -4,10 +4,9 @@ Slow torque holds a part of every response to a movement. Where responses vary f
 stretch, a term that follows slow torque seems to predict them, because it follows the very response
 that it predicts. What was held before a movement began holds nothing of its response.
 
-Where movements follow each other without rest, that holds the response to the movement before,
-which lasts into the present one. What was held before that response still tells what the muscles
-hold, since voluntary torque changes within a second or two: it is the mean of what several earlier
-responses, which vary independently, leave of the torque.
+Where movements follow each other without rest, that holds the responses to the movements before,
+and their sizes. What the sizes make of the torque is taken off first (`response_sizes`), and the
+window holds two or three of these responses.
 """
 
 from __future__ import annotations
@@ -26,10 +25,11 @@ GUARD_S = 0.01
 # was held before one is the response to the one before. Binary sequences (0.2 s) and the human
 # trials (0.25 s) do; random levels (0.35 s), steps (0.4 s) and pulses (0.6 s) do not.
 SHORTEST_REST_S = WINDOW_S + 0.05
-# There the window ends before the last response, and holds four earlier ones. In a human
-# trial sizes of successive responses, alike by accident, seemed to follow that of half a second.
-RESTLESS_WINDOW_S = 1.0
-RESTLESS_GUARD_S = 0.35
+# There a longer window takes the mean of what two or three responses leave of the torque. Voluntary
+# torque changes within a second or two, so that one that is longer still tells less: in two human
+# trials the torque of a second that ended 0.35 s before the movement confirmed none of six
+# reflexes that followed the torque, this one five.
+RESTLESS_WINDOW_S = 0.6
 # Of the mean power of the share of the torque that is shown: a window with less tells nothing.
 LEAST_POWER = 0.25
 # Of a continuous movement only a few moments come after a rest.
@@ -64,7 +64,8 @@ def preceding_torque(
     columns
         Of the recording.
     left
-        What the base model leaves of the torque [N.m], shape (n,), at the motion's rate.
+        What the base model leaves of the torque [N.m], shape (n,), at the motion's rate; where
+        movements follow each other without rest, without what the sizes of responses make of it.
     shown
         Share of the torque that the joint shows [1], shape (n,); None: all of it.
 
@@ -79,8 +80,8 @@ def preceding_torque(
         return None
     motion = columns.motion
     onsets = np.round(times * motion.rate).astype(int)
-    seconds = (WINDOW_S, GUARD_S) if _rest(times) else (RESTLESS_WINDOW_S, RESTLESS_GUARD_S)
-    window, guard = (round(s * motion.rate) for s in seconds)
+    seconds = WINDOW_S if _rest(times) else RESTLESS_WINDOW_S
+    window, guard = (round(s * motion.rate) for s in (seconds, GUARD_S))
     ends = np.maximum(onsets - guard, 1)
     begins = np.maximum(ends - window, 0)
 
