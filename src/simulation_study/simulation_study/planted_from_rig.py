@@ -17,8 +17,11 @@ from blind_rig.protocols import Protocol, edge, onset_times
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Movement, Trial, record, run, simulation_rate
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.base_model import fit_base
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
-from simulation_study.planted_in_human import Planted, with_torque
+from simulation_study.planted_in_human import Planted, held_torque, with_torque
 
 # The rig samples at this rate [Hz], which is that of the recorded trials.
 RIG_RATE = 1000.0
@@ -26,8 +29,6 @@ RIG_RATE = 1000.0
 MOVEMENT_HZ = 80.0
 # The drive follows the measured angle; its own lag is taken off the command.
 DRIVE_HZ, DRIVE_ZETA = 150.0, 0.7
-# What a subject holds by will is slower than the responses to movements [Hz].
-VOLUNTARY_HZ = 0.5
 # The plate begins at rest, and reaches the measured movement within this time [s].
 BEGIN_S = 0.5
 # No torque and no noise of its own: the recorded trial has both already.
@@ -80,7 +81,9 @@ def added_torque(recording: Recording, effect: str, seed: int) -> np.ndarray:
     if recording.rate != RIG_RATE:
         raise DiagnosisError(f"a trial at {recording.rate:g} Hz; {RIG_RATE:g} Hz is needed")
     generator = np.random.default_rng(seed)
-    slow = sosfiltfilt(butter(2, VOLUNTARY_HZ, fs=RIG_RATE, output="sos"), recording.torque)
+    motion = motion_of(recording)
+    times = np.arange(len(recording.torque)) / RIG_RATE
+    slow = np.interp(times, motion.time, held_torque(motion, fit_base(Fitter.of(motion))))
     level = float(np.mean(slow))
     setup = draw_subject(generator).replaced({**QUIET, "courses.torque_level": level})
     seconds = len(recording.torque) / RIG_RATE

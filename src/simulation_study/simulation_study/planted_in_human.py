@@ -25,7 +25,7 @@ from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.recording.motion import Motion, motion_of
+from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.human_trials import load_trial, trial_paths
@@ -96,10 +96,29 @@ def plant(recording: Recording, name: str) -> Planted:
         The term changes no torque on this movement.
     """
     motion = motion_of(recording)
-    motion = replace(motion, cocontraction=contraction(CONTRACTION_SEED, motion.time))
-    added = added_torque(name, motion, fit_base(Fitter.of(motion)))
+    base = fit_base(Fitter.of(motion))
+    motion = replace(
+        motion,
+        activation=held_torque(motion, base),
+        cocontraction=contraction(CONTRACTION_SEED, motion.time),
+    )
+    added = added_torque(name, motion, base)
     time = np.arange(len(recording.torque)) / recording.rate
     return with_torque(recording, np.interp(time, motion.time, added), name)
+
+
+def held_torque(motion: Motion, base: Fit) -> np.ndarray:
+    """Return the torque that the muscles hold [N.m], at the motion's rate, shape (n,): slow torque
+    that the paper's model does not make of the movement.
+
+    Parameters
+    ----------
+    motion
+        Of the trial.
+    base
+        The paper's model, fitted to it.
+    """
+    return float(np.mean(motion.torque)) + base.rows.slow(base.left, ACTIVATION_HZ)
 
 
 def with_torque(recording: Recording, added: np.ndarray, name: str) -> Planted:
