@@ -27,7 +27,7 @@ from model_discrepancy.report.result_folder import write_results
 from model_discrepancy.report.verdict import Verdict
 from model_discrepancy.search.found import Found, Progress
 from model_discrepancy.search.null import Null
-from model_discrepancy.search.term_search import choose_anew, complete, may_be_completed, search
+from model_discrepancy.search.term_search import choose_anew, complete, search
 
 # Share of the whitened residual that generic regressors predict on unseen rows. Where it is less,
 # few terms have a wrong shape, and none is chosen anew: of what a search for nine terms of our own
@@ -190,6 +190,4 @@ def is_misshapen(problem: Problem, found: Found) -> bool:
     found
         What the last search found in it.
     """
-    if not may_be_completed(problem.fitter, found):
-        return False
-    return problem.predicted(found.final) > LEAST_MISSHAPEN
+    return found.needs_many_terms and problem.predicted(found.final) > LEAST_MISSHAPEN

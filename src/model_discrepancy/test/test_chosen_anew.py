@@ -83,13 +83,9 @@ def test_less_is_predicted_of_what_the_right_terms_leave(searched):
 
 
 @pytest.mark.parametrize(
-    ("predicted", "terms", "seconds", "asked"),
-    [(0.2, 5, 60.0, True), (0.05, 5, 60.0, False), (0.2, 4, 60.0, False), (0.2, 5, 30.0, False)],
+    ("predicted", "terms", "asked"), [(0.2, 5, True), (0.05, 5, False), (0.2, 4, False)]
 )
-def test_terms_are_chosen_anew_where_many_leave_much_of_a_long_recording_predictable(
-    predicted, terms, seconds, asked
-):
-    rows = SimpleNamespace(count=round(200 * seconds), rate=200.0)
-    problem = SimpleNamespace(fitter=SimpleNamespace(rows=rows), predicted=lambda _: predicted)
-    found = SimpleNamespace(effects=[None] * (terms - 1), refinements=[None], final=None)
-    assert is_misshapen(problem, found) == asked
+def test_terms_are_chosen_anew_where_many_leave_much_predictable(searched, predicted, terms, asked):
+    found = found_with(searched[0], MODE | MEMORY)
+    found.effects, found.refinements = found.effects[:1] * (terms - 1), found.effects[:1]
+    assert is_misshapen(SimpleNamespace(predicted=lambda _: predicted), found) == asked

@@ -129,15 +129,15 @@ def test_a_further_term_needs_both_halves_and_more_than_chance_but_no_torque(
 
 
 @pytest.mark.parametrize(
-    ("effects", "seconds", "tried"), [(3, 60.0, False), (5, 30.0, False), (5, 60.0, True)]
+    ("many", "seconds", "tried"), [(False, 60.0, False), (True, 30.0, False), (True, 60.0, True)]
 )
 def test_flexible_terms_are_tried_beside_several_terms_of_a_long_recording(
-    effects, seconds, tried, monkeypatch
+    many, seconds, tried, monkeypatch
 ):
     asked = []
     monkeypatch.setattr(term_search, "add_flexible", lambda *given: asked.append(given[2]))
     fitter = SimpleNamespace(rows=SimpleNamespace(count=round(200 * seconds), rate=200.0))
-    found = SimpleNamespace(effects=[None] * (effects - 1), refinements=[None])
+    found = SimpleNamespace(needs_many_terms=many, effects=[])
     term_search.complete(fitter, found, None)
     every = ["recovering_lost_motion", "uneven_angle", "uneven_damping"]
     assert asked == ([every] if tried else [])

@@ -20,6 +20,8 @@ LEAST_TERM_SHARE = 0.5 * MATERIAL_SHARE
 # standard error of K is 1 to 2 % at best. Torque differentiated from samples, say, is 2 % less at
 # 40 Hz than an inertia's, which straps of 10 kN.m/rad explain beside 1 % of noise.
 LEAST_JOINT_CHANGE = 0.02
+# Beside more terms than these no equation is exact.
+MOST_EXACT_TERMS = 4
 # Another term that gains this many times what it gains by chance, on unseen rows too, criticises a
 # model, however little torque it changes.
 CRITICISING_RATIO = 3.0
@@ -243,6 +245,11 @@ class Found:
     def cut(self) -> float:
         """Return the share of the base model's whitened error that the final model takes off."""
         return 1.0 - self.final.score / self.base_score
+
+    @property
+    def needs_many_terms(self) -> bool:
+        """Say whether the recording needs so many terms that no equation is exact."""
+        return len(self.effects) + len(self.refinements) > MOST_EXACT_TERMS
 
     @property
     def shape_corrected(self) -> bool:

@@ -49,10 +49,6 @@ from model_discrepancy.search.trials import (
 
 # The first search, and another one from what its exchange of terms left behind.
 MOST_SEARCHES = 2
-# Beside more terms than these no other search follows: no equation is exact there, and what further
-# small terms gain does not last. After one in a half of a human trial, with nine terms, the other
-# half was predicted 2.7 points worse.
-MOST_TERMS_SEARCHED_BESIDE = 4
 # A shorter recording does not tell which flexible and further terms last. Chosen in one half of a
 # human trial (30 s), they changed the VAF of the other half by +0.2 and -0.4 points; chosen in the
 # whole and fitted to one half by +0.4 and +0.5.
@@ -98,8 +94,9 @@ def search(
         united = unite(fitter, found, grids, null, yardstick, progress)
         specialise(fitter, found, null)
         exchanged = exchange(fitter, found, grids, null, yardstick, progress) or united
-        terms = len(found.effects) + len(found.refinements)
-        if not exchanged or terms > MOST_TERMS_SEARCHED_BESIDE:
+        # What further small terms gain beside many does not last. After another search in a half of
+        # a human trial, with nine terms, the other half was predicted 2.7 points worse.
+        if not exchanged or found.needs_many_terms:
             break
     _score_both(fitter, found, grids, null, progress)
     return found
@@ -148,8 +145,7 @@ def may_be_completed(fitter: Fitter, found: Found) -> bool:
         What the last search found in it.
     """
     rows = fitter.rows
-    terms = len(found.effects) + len(found.refinements)
-    return terms > MOST_TERMS_SEARCHED_BESIDE and rows.count / rows.rate >= SHORTEST_COMPLETED_S
+    return found.needs_many_terms and rows.count / rows.rate >= SHORTEST_COMPLETED_S
 
 
 def choose_anew(
