@@ -91,8 +91,11 @@ def calibrate_session(
     return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
 
 
-def session_library(rig: RigFile | None) -> list[str] | None:
-    """Return the terms that the diagnosis of a session may add; None for all.
+def session_library(rig: RigFile | None) -> list[str]:
+    """Return the terms that the diagnosis of a session may add.
+
+    Terms that follow the torque of the muscles are not among them: K and G follow it themselves
+    (`KnownPhysics`), and the others are to be right without.
 
     A rig that a recording calibrated was looked at with its plate empty, where whatever acts at the
     torque sensor shows as well. What the rig's file does not state of the sensor is not there:
@@ -103,9 +106,10 @@ def session_library(rig: RigFile | None) -> list[str] | None:
     rig
         The calibrated rig; None: nothing is known of the rig.
     """
+    kept = {n: term for n, term in term_library().items() if not term.follows_torque}
     if rig is None or not rig.bag:
-        return None
-    return [n for n, term in term_library().items() if term.place is not Place.TORQUE_SENSOR]
+        return list(kept)
+    return [n for n, term in kept.items() if term.place is not Place.TORQUE_SENSOR]
 
 
 def require_gain(model: Model, recording: Recording, rig: RigFile | None = None) -> None:

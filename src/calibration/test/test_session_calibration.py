@@ -7,6 +7,7 @@ import pytest
 
 from ankle_physics.model import Model
 from ankle_physics.rig_file import Measured, RigFile
+from ankle_physics.term import term_library
 from calibration.session_calibration import session_library, stated_values, subject_model
 from impedance_estimator.known_physics import KnownPhysics
 
@@ -73,10 +74,14 @@ def test_what_a_diagnosis_states_of_the_whole_joint_is_handed_on_with_its_errors
 
 
 def test_what_an_empty_plate_would_have_shown_of_the_sensor_is_not_found_of_a_subject():
-    assert session_library(None) is None
     # A file that no recording gave says nothing of what it leaves out.
-    assert session_library(RIG) is None
+    assert session_library(RIG) == session_library(None)
     names = session_library(replace(RIG, bag="plate_empty"))
     sensor = {"torque_sensor_lag", "torque_sensor_mode", "partial_sensor_mode", "channel_skew"}
     assert not sensor & set(names)
     assert {"fixation_compliance", "plate_appendage", "maxwell_relaxation"} <= set(names)
+
+
+def test_a_session_is_calibrated_without_what_follows_the_torque_of_the_muscles():
+    without = set(term_library()) - set(session_library(None))
+    assert without == {"activation_reflex_gain", "activation_stiffness"}

@@ -22,7 +22,7 @@ from impedance_estimator.held_torques import (
     TrackedTorques,
     foot_torques,
 )
-from impedance_estimator.known_physics import ACTIVATION_TIME, KnownPhysics
+from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.simultaneous.gaussian_derivatives import (
     gaussian_derivatives,
     weighted_channels,
@@ -101,7 +101,6 @@ class JointPath:
         self._plate_inertia = known.plate_inertia
         self._before: np.ndarray | None = None
         self._unsmoothed_velocity = np.zeros(0)
-        self._activation = FirstOrder(rate)
         modelled = layout.reflex is ReflexColumns.TORQUE
         self._held = HeldTorques(model, rate, modelled)
         self._tracked = TrackedTorques(known, rate, modelled) if known.tracked else None
@@ -166,7 +165,7 @@ class JointPath:
         # On the foot: held terms, and the reflex along the motion and along the commanded one.
         on_foot: np.ndarray = np.zeros((3, len(x)))
         if self._held.any:
-            on_plate, on_foot = self._modelled(plate, foot, drive, commanded, torque)
+            on_plate, on_foot = self._modelled(plate, foot, drive, commanded)
             added += on_plate
         if reflex_columns is ReflexColumns.STRETCH:
             on_foot[1:] = np.maximum([drive, commanded.velocity], 0.0)
@@ -257,16 +256,14 @@ class JointPath:
         foot: Motion,
         drive: np.ndarray,
         commanded: Motion,
-        torque: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return torques [N.m]: of the held terms on the plate, shape (n,); on the foot, shape
         (3, n), of the held terms and of a modelled reflex along the motion and along the commanded
         one.
         """
-        activation = self._activation.run(torque, ACTIVATION_TIME)
 
         def signals(at_plate: Motion, at_foot: Motion) -> Signals:
-            made = Signals(self._layout.rate, *at_plate, activation)
+            made = Signals(self._layout.rate, *at_plate)
             made.move_foot(*at_foot)
             return made
 
@@ -284,7 +281,7 @@ class JointPath:
             foot = foot._replace(position=foot.position - x, velocity=foot.velocity - v)
             drive = drive - v
         on_plate, on_foot, reflex = self._held.torques(measured)
-        along_command = np.zeros(len(torque))
+        along_command = np.zeros(len(drive))
         if self._layout.reflex is ReflexColumns.TORQUE:
             along_command = self._held.commanded_reflex(signals(commanded, commanded))
         if self._tracked is not None:

@@ -72,8 +72,6 @@ LARGEST_GAIN_ERROR = 1.0 / 3.0
 estimator then goes on estimating the shape, too."""
 LEAST_STIFFNESS = 1.0
 """[N.m/rad] No ankle is softer; bounds a relative error."""
-ACTIVATION_TIME = 1.0
-"""Torque is averaged over so long [s] for terms that follow the muscles' activation."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,8 @@ class KnownPhysics:
     subject
         None: nothing is known of the subject.
     model
-        Of both, without terms that follow the time of the recording that calibrated them.
+        Of both, without terms that follow the time of the recording that calibrated them, or the
+        torque that the muscles hold.
 
     Raises
     ------
@@ -107,11 +106,14 @@ class KnownPhysics:
                 raise ModelError(
                     f"term '{entry.term.name}' is marked as tracked; the estimator tracks "
                     f"{', '.join(PAPER_TERMS)}, and terms whose torque is subtracted, "
-                    "proportional to a value above 0, and does not follow time"
+                    "proportional to a value above 0, and follows neither time nor the torque of "
+                    "the muscles"
                 )
         # What followed the time of the calibrating recording has another course now; K and G follow
         # it themselves. A reflex that went on weakening at its rate would vanish within minutes.
-        lasting = [entry for entry in model.entries if not entry.term.follows_time]
+        # K and G follow the torque of the muscles, too: in the last second, which is all that an
+        # estimate knows, the movement makes more of the torque than the muscles do.
+        lasting = [e for e in model.entries if not (e.term.follows_time or e.term.follows_torque)]
         if len(lasting) < len(model.entries):
             model = Model(lasting)
         object.__setattr__(self, "model", model)
@@ -273,7 +275,7 @@ def _can_be_tracked(entry: Entry) -> bool:
     term = entry.term
     if term.name in PAPER_TERMS:
         return True
-    if term.follows_time:
+    if term.follows_time or term.follows_torque:
         return False
     if term.name in SUPPORTED_TERMS or term.name in REFLEX_WITH_GAIN:
         return False

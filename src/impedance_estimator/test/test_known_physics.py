@@ -58,14 +58,14 @@ def test_a_shaped_reflex_leaves_the_plain_one():
 
 def test_the_gain_of_the_calibrated_session_is_that_of_its_own_movement():
     """Its slow stretches hardly reach the threshold, while the usual steps lie far above it."""
-    extra = {"reflex_threshold": {"vt": 1.0}, "activation_reflex_gain": {"Gn": 1.0}}
+    extra = {"reflex_threshold": {"vt": 1.0}, "position_reflex_gain": {"Gx": 40.0}}
     model = Model.of({**CORE, **extra})
     usual = KnownPhysics(subject=model)
     model.stated = {"G": StatedValue(2.5, 0.1)}
     model.stated_at = StatedAt(0.0, 4.0, 30.0)
     known = KnownPhysics(subject=model)
     assert known.calibrated_gain + known.added_gain(0.0, 4.0, 30.0) == pytest.approx(2.5)
-    more = [k.added_gain(0.0, 5.0, 30.0) - k.added_gain(0.0, 4.0, 30.0) for k in (known, usual)]
+    more = [k.added_gain(0.05, 4.0, 30.0) - k.added_gain(0.0, 4.0, 30.0) for k in (known, usual)]
     assert more[0] == pytest.approx(more[1])
     assert more[0] > 0.1
 

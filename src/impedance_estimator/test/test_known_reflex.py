@@ -156,11 +156,15 @@ def motion_of_torque(seconds):
         {"stiffness_drift": {"kt": -2.0}},
         {"settling_stiffness": {"kt": -2.0, "T": 30.0}},
         {"cyclic_stiffness": {"kc": 40.0, "frequency": 0.2}},
+        {"activation_reflex_gain": {"Gn": 3.0}},
+        {"activation_stiffness": {"ka": 20.0}},
     ],
     ids=lambda found: next(iter(found)),
 )
-def test_what_followed_the_time_of_the_calibration_is_not_continued(found):
-    """A reflex that went on weakening at this rate would be gone after 55 s."""
+def test_what_followed_time_or_torque_in_the_calibration_is_not_continued(found):
+    """A reflex that went on weakening at this rate would be gone after 55 s, and the movement makes
+    more of the torque here than muscles would.
+    """
     x, v, a = pulses(60.0)
     samples = samples_of(Model.of(CORE), x, v, a)
     samples[:, 3] += np.random.default_rng(1).normal(0.0, 0.05, len(samples))
@@ -172,8 +176,11 @@ def test_what_followed_the_time_of_the_calibration_is_not_continued(found):
     assert np.abs(later[:, 4] - 10.0).max() < 0.3
 
 
-def test_a_drift_cannot_be_tracked():
-    subject = Model.of({**CORE, "stiffness_drift": {"kt": 2.0}})
-    subject.entry("stiffness_drift").tracked = True
-    with pytest.raises(ModelError, match="does not follow time"):
+@pytest.mark.parametrize(
+    ("name", "gain"), [("stiffness_drift", "kt"), ("activation_stiffness", "ka")]
+)
+def test_what_follows_time_or_torque_cannot_be_tracked(name, gain):
+    subject = Model.of({**CORE, name: {gain: 2.0}})
+    subject.entry(name).tracked = True
+    with pytest.raises(ModelError, match="follows neither time nor the torque of the muscles"):
         KnownPhysics(subject=subject)

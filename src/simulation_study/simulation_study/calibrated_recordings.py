@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -121,7 +122,7 @@ class Session:
         return rig
 
 
-def sessions(count: int, seed: int) -> list[Condition]:
+def sessions(count: int, seed: int, effects: Sequence[str] = EFFECTS) -> list[Condition]:
     """Return the conditions of a study: effects in turn at strengths that are drawn.
 
     Parameters
@@ -130,9 +131,11 @@ def sessions(count: int, seed: int) -> list[Condition]:
         Number of recordings; those of a smaller count are the first ones of a larger one.
     seed
         Draws effects, strengths, servos, voluntary torque and subjects.
+    effects
+        Names in `MAGNITUDES`.
     """
     random = np.random.default_rng([STREAM, seed])
-    order = list(random.permutation(EFFECTS))
+    order = list(random.permutation(effects))
     found = []
     for k in range(count):
         null = k % NULL_SHARE == NULL_SHARE - 1
@@ -151,7 +154,7 @@ def sessions(count: int, seed: int) -> list[Condition]:
                 2.0 * CALIBRATION_DURATION,
             )
         )
-    assert all(effect in MAGNITUDES for effect in EFFECTS)
+    assert all(effect in MAGNITUDES for effect in effects)
     return found
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from scipy import stats
 from ankle_physics.errors import ModelError
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
+from blind_rig.magnitudes import MAGNITUDES
 from calibration.errors import CalibrationError
 from calibration.session_calibration import calibrate_session, require_gain
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
@@ -32,6 +33,7 @@ from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.recording.recording import Recording
 from simulation_study.calibrated_recordings import (
     CALIBRATION_DURATION,
+    EFFECTS,
     JUDGED_AFTER,
     Session,
     session,
@@ -124,29 +126,29 @@ def _online(part: Recording, known: KnownPhysics | None) -> dict[str, Any]:
     }
 
 
-def study(out: Path, count: int, seed: int) -> str:
-    """Run the study, or go on with it, and write its table.
+def study(out: Path, count: int, seed: int, effects: Sequence[str] = EFFECTS) -> str:
+    """Run the study of some effects, or go on with it, and write its table.
 
     Raises
     ------
     StudyError
         Another study, or something else, is in `out`.
     """
-    settle(out, {"study": "calibrated", "seed": seed})
+    settle(out, {"study": "calibrated", "seed": seed, "effects": list(effects)})
     kept = out / f"{RESULTS}_{fingerprint()}"
     kept.mkdir(exist_ok=True)
     results = []
-    for number, condition in enumerate(sessions(count, seed), start=1):
+    for number, condition in enumerate(sessions(count, seed, effects), start=1):
         file = kept / f"{condition.name}.json"
         if not file.exists():
             print(f"{number} of {count}: {condition.name}", flush=True)
             file.write_text(json.dumps(carry_out(condition, out)))
         results.append(json.loads(file.read_text()))
-    text = report(
-        results,
-        f".venv/bin/python -m simulation_study.calibrated_study --recordings {count} --seed {seed} "
-        "--out FOLDER",
-    )
+    command = f".venv/bin/python -m simulation_study.calibrated_study --recordings {count} "
+    command += f"--seed {seed} "
+    if tuple(effects) != EFFECTS:
+        command += "".join(f"--effect {name} " for name in effects)
+    text = report(results, command + "--out FOLDER")
     (out / TABLE).write_text(text)
     return text
 
@@ -261,9 +263,16 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=30)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument(
+        "--effect",
+        action="append",
+        choices=sorted(MAGNITUDES),
+        help="of the rig, again for a further one; without: those that stay as they are",
+    )
     options = parser.parse_args()
     try:
-        print(study(options.out, options.recordings, options.seed))
+        effects = options.effect or EFFECTS
+        print(study(options.out, options.recordings, options.seed, effects))
     except StudyError as error:
         parser.error(str(error))
 

@@ -25,7 +25,6 @@ from ankle_physics.model import Entry, Model
 from ankle_physics.signals import Signals
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import (
-    ACTIVATION_TIME,
     LARGEST_GAIN_ERROR,
     REFLEX_WITH_GAIN,
     RELATIVE_INERTIA_CHANGE,
@@ -121,9 +120,8 @@ def predict_with_model(
     zero = known.rig.zero_position if known.rig is not None else 0.0
     motion = _motion(rate, position - zero, velocity)
     followed = _followed(known, motion[0], checked, rows, rate)
-    activation = _slow(checked, rate)
     model = _with_gains(known.model, followed, float(motion[0].mean()))
-    predicted = model.start(rate).torque(Signals(rate, *motion, activation))
+    predicted = model.start(rate).torque(Signals(rate, *motion))
     if known.model.has(SKEW):
         skew = float(known.model.entry(SKEW).values["skew"])
         predicted = _shifted(predicted, skew * rate)
@@ -160,13 +158,6 @@ def _derivative(values: np.ndarray, rate: float) -> np.ndarray:
     """Return the derivative of fourth order, the ends held."""
     padded = np.pad(values, 2, mode="edge")
     return (8.0 * (padded[3:-1] - padded[1:-3]) - padded[4:] + padded[:-4]) * rate / 12.0
-
-
-def _slow(torque: np.ndarray, rate: float) -> np.ndarray:
-    """Return the mean torque of the last `ACTIVATION_TIME` [N.m]."""
-    decay = np.exp(-1.0 / (ACTIVATION_TIME * rate))
-    out, _ = signal.lfilter([1.0 - decay], [1.0, -decay], torque, zi=[decay * torque[0]])
-    return np.asarray(out)
 
 
 def _followed(
