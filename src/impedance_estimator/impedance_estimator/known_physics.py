@@ -57,15 +57,7 @@ heel."""
 SHAPE_CHANGE = np.array([0.05, 0.05, 0.001])
 """ln ω, ln z and the delay [s] of the reflex change by this standard deviation within a session:
 muscles slow down with fatigue by a few per cent."""
-REFLEX_WITH_GAIN = frozenset(
-    {
-        "reflex",
-        "activation_reflex_gain",
-        "position_reflex_gain",
-        "reflex_drift",
-        "reflex_stiffening",
-    }
-)
+REFLEX_WITH_GAIN = frozenset({"reflex", "position_reflex_gain", "reflex_stiffening"})
 """The reflex and what changes its gain: they grow and shrink together as the subject changes it."""
 LARGEST_GAIN_ERROR = 1.0 / 3.0
 """A reflex gain whose relative standard error [1] is larger says too little about its shape: the
@@ -130,13 +122,13 @@ class KnownPhysics:
         """Tell whether the calibrated session tells the shape of the reflex, so that only its size
         has to be followed.
         """
-        if self.subject is None or not self.subject.has("reflex"):
+        if not self.model.has("reflex"):
             return False
         return any(
             entry.values[p.symbol] > 0.0
             and entry.standard_errors.get(p.symbol, 0.0)
             <= LARGEST_GAIN_ERROR * float(entry.values[p.symbol])
-            for entry in self.subject.entries
+            for entry in self.model.entries
             if entry.term.name in REFLEX_WITH_GAIN
             for p in entry.term.parameters
             if p.linear

@@ -25,10 +25,10 @@ GUARD_S = 0.01
 # was held before one is the response to the one before. Binary sequences (0.2 s) and the human
 # trials (0.25 s) do; random levels (0.35 s), steps (0.4 s) and pulses (0.6 s) do not.
 SHORTEST_REST_S = WINDOW_S + 0.05
-# There a longer window takes the mean of what two or three responses leave of the torque. Voluntary
-# torque changes within a second or two, so that one that is longer still tells less: in two human
-# trials the torque of a second that ended 0.35 s before the movement confirmed none of six
-# reflexes that followed the torque, this one five.
+# There a longer window takes the mean of what two or three responses leave of the torque. One that
+# is longer still, or ends earlier, tells less, since voluntary torque changes within a second or
+# two: on the independent rig with binary sequences the second that ended 0.35 s before a movement
+# confirmed 1 of 14 effects that follow torque, this window 13.
 RESTLESS_WINDOW_S = 0.6
 # Of the mean power of the share of the torque that is shown: a window with less tells nothing.
 LEAST_POWER = 0.25

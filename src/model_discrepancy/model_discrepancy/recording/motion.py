@@ -63,8 +63,8 @@ class Motion:
         Course of the stiffness beyond what the model says, of mean 0 and root mean square 1 [1],
         shape (n,); None where the recording shows none.
     restless
-        Whether `preceding` was read before the last response, since the movements follow each other
-        without rest.
+        Whether `preceding` holds earlier responses, since the movements follow each other without
+        rest.
     """
 
     rate: float
