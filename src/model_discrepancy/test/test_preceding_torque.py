@@ -83,8 +83,10 @@ def test_sizes_of_responses_that_overlap_are_told_from_slow_torque(hurried):
         left[first : first + len(response)] += size * response[: len(left) - first]
     steady = without_response_sizes(hurried, values, left)
     assert np.std(steady - slow) < 0.4 * np.std(left - slow)
-    # A model without a reflex has no responses.
+    # A model without a reflex has no responses, nor has a movement that never begins.
     assert without_response_sizes(hurried, {}, left) is left
+    swinging = replace(motion, velocity=np.sin(20.0 * motion.time))
+    assert without_response_sizes(Columns(swinging, hurried.rows), values, left) is left
 
 
 def test_the_response_of_one_movement_is_that_of_the_reflex_term(columns):

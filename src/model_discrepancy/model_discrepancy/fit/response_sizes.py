@@ -12,6 +12,7 @@ do not tell near that of the model (ridge regression; Hoerl & Kennard 1970, Tech
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import fftconvolve
@@ -112,7 +113,7 @@ def single_responses(
     onsets = np.round(find_onsets(columns).time * motion.rate).astype(int)
     drive = np.maximum(motion.velocity, 0.0)
     found = []
-    for begin, end in zip(onsets, [*onsets[1:], len(drive)], strict=True):
+    for begin, end in pairwise([*onsets, len(drive)]):
         moving = min(end, begin + round(_LONGEST_RESPONSE_S * motion.rate))
         response = fftconvolve(drive[begin:moving], muscle)
         if begin + delay < len(drive) and np.any(response):
