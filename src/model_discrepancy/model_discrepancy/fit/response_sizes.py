@@ -136,7 +136,8 @@ def _impulse_response(omega: float, damping: float, rate: float) -> np.ndarray:
     time = np.arange(round(_LONGEST_RESPONSE_S * rate)) / rate
     # Both poles of w^2 / (s^2 + 2 z w s + w^2); a critically damped one is the limit.
     root = omega * np.sqrt(complex(damping**2 - 1.0) + 1e-6)
-    shape = omega**2 * np.exp(-damping * omega * time) * np.sinh(root * time) / root
+    slow, fast = root - damping * omega, -root - damping * omega
+    shape = omega**2 * (np.exp(slow * time) - np.exp(fast * time)) / (2.0 * root)
     return np.asarray(shape.real / rate)
 
 
