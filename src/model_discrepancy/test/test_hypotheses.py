@@ -272,7 +272,9 @@ def test_a_term_that_takes_the_joints_inertia_is_not_accepted():
 
 def test_straps_that_change_little_torque_are_accepted_where_they_gain_far_beyond_chance():
     little = Trial("fixation_compliance", None, 0.05, (0.05, 0.05), -1.0, 0.004, 2e-4)
+    little = replace(little, joint_change=0.05)
     assert little.accepted
+    assert not replace(little, joint_change=0.01).accepted
     assert not replace(little, by_chance=0.03).accepted
     assert not replace(little, held_out=(0.05, -0.01)).accepted
     assert not replace(little, name="torque_sensor_mode").accepted
