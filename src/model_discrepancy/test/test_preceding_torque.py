@@ -56,7 +56,7 @@ def test_a_continuous_movement_has_nothing_before_it(columns):
 
 @pytest.fixture(scope="module")
 def hurried(columns):
-    """The same movements in half the time."""
+    """Return the columns of the same movements in half the time."""
     motion = columns.motion
     half = {n: getattr(motion, n)[::2] for n in ("position", "velocity", "torque")}
     return Columns(replace(motion, **half), Rows(len(half["torque"]), motion.rate))

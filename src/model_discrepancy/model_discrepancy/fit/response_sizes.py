@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import fftconvolve
 from scipy.sparse import csc_matrix, identity
 from scipy.sparse.linalg import spsolve
 
+from ankle_physics.linear_dynamics import SecondOrder
 from ankle_physics.term import Values
 from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.movements import find_onsets
@@ -100,45 +100,25 @@ def single_responses(
     columns
         Of the recording.
     values
-        Of the model, by term.
+        Of the model, by term; of the reflex ``G`` [N.m.s/rad], ``delay`` [s], ``omega`` [rad/s] and
+        the damping ratio ``z`` [1].
     """
     reflex = values.get("reflex")
     if reflex is None or reflex["G"] <= 0.0:
         return []
     motion = columns.motion
-    muscle = float(reflex["G"]) * _impulse_response(
-        float(reflex["omega"]), float(reflex["z"]), motion.rate
-    )
+    gain, omega, damping = (float(reflex[symbol]) for symbol in ("G", "omega", "z"))
     delay = round(float(reflex["delay"]) * motion.rate)
     onsets = np.round(find_onsets(columns).time * motion.rate).astype(int)
-    drive = np.maximum(motion.velocity, 0.0)
+    drive = gain * np.maximum(motion.velocity, 0.0)
+    longest = round(_LONGEST_RESPONSE_S * motion.rate)
     found = []
     for begin, end in pairwise([*onsets, len(drive)]):
-        moving = min(end, begin + round(_LONGEST_RESPONSE_S * motion.rate))
-        response = fftconvolve(drive[begin:moving], muscle)
+        alone = np.pad(drive[begin : min(end, begin + longest)], (0, longest))
+        response = SecondOrder(motion.rate).run(alone, omega, damping)
         if begin + delay < len(drive) and np.any(response):
             found.append((int(begin) + delay, response))
     return found
-
-
-def _impulse_response(omega: float, damping: float, rate: float) -> np.ndarray:
-    """Return the response of a second-order muscle of unit gain to one sample, shape (n,).
-
-    Parameters
-    ----------
-    omega
-        Natural frequency [rad/s].
-    damping
-        Ratio [1].
-    rate
-        Samples per second [Hz].
-    """
-    time = np.arange(round(_LONGEST_RESPONSE_S * rate)) / rate
-    # Both poles of w^2 / (s^2 + 2 z w s + w^2); a critically damped one is the limit.
-    root = omega * np.sqrt(complex(damping**2 - 1.0) + 1e-6)
-    slow, fast = root - damping * omega, -root - damping * omega
-    shape = omega**2 * (np.exp(slow * time) - np.exp(fast * time)) / (2.0 * root)
-    return np.asarray(shape.real / rate)
 
 
 def _means(signal: np.ndarray, factor: int) -> np.ndarray:
