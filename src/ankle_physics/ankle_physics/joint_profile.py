@@ -128,8 +128,8 @@ class JointProfile:
         if not self.linear:
             return text
         for old, new in (
-            (r"kg\.m\^2|kg\.m²", "kg"),
-            (r"N\.m\b", "N"),
+            (r"kg[.·]m(\^2|²)", "kg"),
+            (r"N[.·]m\b", "N"),
             (r"\bmrad\b", "mm"),
             (r"\brad\b", "m"),
         ):

@@ -58,7 +58,7 @@ def test_no_mismatch_is_recognised(null_recording, tmp_path):
     assert not diagnosis.criticism.before.significant
 
 
-def test_the_headline_of_a_report_names_the_first_effects_and_counts_the_others():
+def test_the_headline_of_a_report_names_what_is_likely_and_counts_the_others():
     effect = {
         "name": "fixation_compliance",
         "stated": "resonance in the load path",
@@ -66,15 +66,21 @@ def test_the_headline_of_a_report_names_the_first_effects_and_counts_the_others(
         "family_probability": 0.57,
     }
     sure = {**effect, "stated": effect["name"], "probability": 0.88}
-    verdict = Verdict("explained", [sure, *(effect for _ in range(4))])
+    weak = {**effect, "name": "tendon", "stated": "reflex lag", "family_probability": 0.21}
+    verdict = Verdict("explained", [sure, weak, *(effect for _ in range(3)), weak])
     text = headline(SimpleNamespace(verdict=verdict))
     assert "fixation compliance (probability 0.88)" in text
     family = "resonance in the load path such as fixation compliance (probability 0.57)"
     assert text.count(family) == 2
-    assert "2 more below" in text
+    assert "1 more below" in text
+    assert "2 less likely ones below" in text
+    assert "tendon" not in text
     few = headline(SimpleNamespace(verdict=Verdict("unexplained", [effect])))
     assert "not in the library" in few
-    assert "more" not in few
+    assert "below" not in few
+    best = headline(SimpleNamespace(verdict=Verdict("unexplained", [weak, weak])))
+    assert "reflex lag such as tendon (probability 0.21)" in best
+    assert "1 less likely one below" in best
 
 
 def test_a_report_says_how_much_torque_is_explained_on_data_that_were_not_fitted():

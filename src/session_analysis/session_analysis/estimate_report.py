@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from ankle_interfaces.value_text import with_error, with_unit
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, TORQUE_COLUMNS
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from session_analysis.colours import COLOURS
@@ -23,7 +24,6 @@ from session_analysis.html_page import (
     paragraph,
     table,
 )
-from session_analysis.values import with_error, with_unit
 
 MAX_POINTS = 4000
 """Largest number of points of a line on the page; more are averaged in groups, which no screen

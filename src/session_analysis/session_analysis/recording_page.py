@@ -23,11 +23,11 @@ from ankle_interfaces.topics import (
     PERTURBATION_REFERENCE,
     SESSION_EVENT,
 )
+from ankle_interfaces.value_text import with_unit
 from ankle_node.session_event import SessionEventError, parse
 from impedance_estimator.offline.recorded_estimates import DOUBTS_KEY, NOT_VALID_KEY
 from session_analysis.colours import COLOURS
 from session_analysis.html_page import bullets, heading, page, paragraph
-from session_analysis.values import with_unit
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import BagError
 from session_recorder.loss import MIN_SAMPLED_BLOCK, LossAccount, account_of_bag

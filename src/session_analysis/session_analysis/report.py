@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.value_text import with_error
 from session_analysis.correlation import CONFIDENCE, LEAST_PAIRS, RESAMPLES
 from session_analysis.figures import figure4, figure5, figure8, frequency_figure
 from session_analysis.hold_measures import LEAST_RESPONSES, LEAST_VALID
@@ -14,7 +15,6 @@ from session_analysis.holds import SHORTEST_HOLD
 from session_analysis.html_page import bullets, heading, image, page, paragraph, table
 from session_analysis.table3 import PAPER, as_text
 from session_analysis.validation import Validation, write_holds, write_table
-from session_analysis.values import with_error
 
 _QUESTION = (
     "K, the intrinsic stiffness, and G, the reflex gain, were estimated from torque and motion of "

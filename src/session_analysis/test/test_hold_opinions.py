@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from ankle_interfaces.block import Block
+from ankle_interfaces.value_text import with_error
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from session_analysis.figures import frequency_figure
 from session_analysis.hold_opinions import hold_opinions
 from session_analysis.holds import Hold
 from session_analysis.recorded_session import RecordedSession
 from session_analysis.report import opinion_rows
-from session_analysis.values import with_error
 from session_recorder.bag_writer import BagWriter
 from session_recorder.sample_account import Gap
 

@@ -87,7 +87,7 @@ def base_values(parameters: dict[str, dict[str, float | None]]) -> list[str]:
     parameters
         Of a verdict: values ``base`` and ``augmented`` with ``standard_error``, by quantity.
     """
-    from session_analysis.values import three_digits, with_error, with_unit
+    from ankle_interfaces.value_text import three_digits, with_error, with_unit
 
     lines = []
     for quantity in ("K[N.m/rad]", "G[N.m.s/rad]"):

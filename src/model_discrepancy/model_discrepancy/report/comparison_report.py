@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from model_discrepancy.recording.recording import Recording
-from model_discrepancy.report.html_report import html_list, html_table, image, write_page
+from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import (
     block_picture,
     cells_picture,

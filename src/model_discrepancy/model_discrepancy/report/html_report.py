@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import sys
+import math
 from html import escape
-from inspect import getdoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ankle_physics.joint_profile import joint_in_force
-from ankle_physics.term import term_library
+from ankle_interfaces.value_text import three_digits, with_error, with_unit
 from model_discrepancy.criticism.ceiling import unexplainable_power
+from model_discrepancy.report.effect_section import (
+    effect_sections,
+    equations,
+    exclusions,
+    likely_names,
+)
+from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import (
     angle_error_picture,
     before_and_after,
@@ -29,19 +34,6 @@ from model_discrepancy.report.verdict import repetition, separating_measurements
 if TYPE_CHECKING:
     from model_discrepancy.diagnose import Diagnosis
 
-_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;\
-padding:0 1rem;color:#222}
-h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}
-body{overflow-wrap:break-word}.wide{overflow-x:auto}
-table{border-collapse:collapse;overflow-wrap:normal}td,th{padding:.2rem .8rem;\
-border-bottom:1px solid #ddd;text-align:left}
-@media(max-width:30rem){h1{font-size:1.2rem}td,th{padding:.2rem .35rem;font-size:.85rem;\
-min-width:5rem}.wide img{max-width:44rem;width:auto}}"""
-
-
-# Names in the headline; the table below holds all of them.
-_NAMES_IN_HEADLINE = 3
-
 
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
@@ -52,12 +44,12 @@ def headline(diagnosis: Diagnosis) -> str:
         return "The base model is enough: no structure is left."
     if verdict.verdict == "unexplained":
         partly = (
-            f" {_listed(verdict.effects)} would explain a part of it only."
+            f" {likely_names(verdict.effects)}: they would explain a part of it only."
             if verdict.effects
             else ""
         )
         return f"Physics is missing in the base model that is not in the library.{partly}"
-    return f"Physics is missing in the base model: {_listed(verdict.effects)}."
+    return f"Physics is missing in the base model: {likely_names(verdict.effects)}."
 
 
 def explained(fit: dict[str, Any]) -> str:
@@ -78,23 +70,6 @@ def explained(fit: dict[str, Any]) -> str:
     )
 
 
-def _listed(effects: list[dict[str, Any]]) -> str:
-    """Return the first few names with their probabilities, and how many more there are."""
-    names = [_stated(effect) for effect in effects[:_NAMES_IN_HEADLINE]]
-    more = len(effects) - len(names)
-    return "; ".join([*names, *([f"{more} more below"] if more else [])])
-
-
-def _stated(effect: dict[str, Any]) -> str:
-    """Return the name, or the family and its likeliest member where the members could not be told
-    apart, with its probability.
-    """
-    name, stated = (effect[key].replace("_", " ") for key in ("name", "stated"))
-    if stated == name:
-        return f"{name} (probability {effect['probability']:.2f})"
-    return f"{stated} such as {name} (probability {effect['family_probability']:.2f})"
-
-
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
     """Write the report."""
     lines = (explained(diagnosis.verdict.fit), _about(diagnosis))
@@ -110,16 +85,6 @@ def write_report(diagnosis: Diagnosis, path: Path) -> None:
     if remarks:
         parts += ["<h2>Remarks</h2>", html_list(remarks)]
     write_page(diagnosis.recording.name, parts, path)
-
-
-def write_page(title: str, parts: list[str], path: Path) -> None:
-    """Write one HTML file without network from its parts, in the style of all reports."""
-    head = (
-        "<meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
-        f"<title>{escape(title)}</title><style>{_STYLE}</style>"
-    )
-    text = f"<!doctype html><html lang='en'>{head}<body>{''.join(parts)}</body></html>"
-    path.write_text(joint_in_force().in_units(text), encoding="utf-8")
 
 
 def what_next(diagnosis: Diagnosis) -> list[str]:
@@ -197,8 +162,7 @@ def _sections(d: Diagnosis) -> list[str]:
         ),
     ]
     if effects:
-        parts += ["<h2>What was left out</h2>", html_list([_effect_line(e) for e in effects])]
-        parts += _consequences(effects) + _equations(effects) + _excluded(effects)
+        parts += effect_sections(effects) + equations(effects) + exclusions(effects)
     if augmented and "uneven_angle" in d.found.final.terms:
         parts += [
             "<h2>The error of the measured angle</h2>",
@@ -283,58 +247,6 @@ def _path_line(marked: set[str]) -> str:
     return "" if marked else "<p>No block is marked: nothing was found missing.</p>"
 
 
-def _effect_line(effect: dict[str, Any]) -> str:
-    values = ", ".join(
-        f"{key} = {v:.4g}" + (f" ± {e:.2g}" if e is not None else "")
-        for key, (v, e) in effect["parameters"].items()
-    )
-    rivals = [name.replace("_", " ") for name in effect["set"][1:]]
-    doubt = f" Not excluded: {', '.join(rivals)}." if rivals else ""
-    mark = " (tentative)" if effect["tentative"] else ""
-    return (
-        f"{_stated(effect)}{mark}, {effect['location']}, a property of the {effect['belongs_to']}: "
-        f"{effect['name'].replace('_', ' ')}: {effect['sentence']} "
-        f"{values}.{doubt}"
-    )
-
-
-def _consequences(effects: list[dict[str, Any]]) -> list[str]:
-    """Return what each effect does to K and G, as a table."""
-    rows = []
-    for effect in effects:
-        for key, (without, value, error) in effect.get("on_impedance", {}).items():
-            spread = f" ± {error:.2g}" if error is not None else ""
-            name = effect["name"].replace("_", " ")
-            rows.append([name, key, f"{without:.4g}", f"{value:.4g}{spread}"])
-    if not rows:
-        return []
-    head = ["effect", "", "in a model without it", "in the whole model"]
-    return ["<h2>What it does to stiffness and reflex gain</h2>", html_table(head, rows)]
-
-
-def _equations(effects: list[dict[str, Any]]) -> list[str]:
-    """Return equation and source of each term that is named, as its file states them."""
-    rows = []
-    for effect in effects:
-        term = term_library().get(effect["name"])
-        if term is not None:
-            equation = getdoc(sys.modules[term.__module__]) or ""
-            text = f"{equation} {getdoc(term) or ''}".replace("``", "").replace("`", "")
-            rows.append([effect["name"].replace("_", " "), " ".join(text.split())])
-    return ["<h2>Equations and sources</h2>", html_table(["", ""], rows)] if rows else []
-
-
-def _excluded(effects: list[dict[str, Any]]) -> list[str]:
-    """Return what would not do instead of each effect, and why."""
-    rows = [
-        [effect["name"].replace("_", " "), other.replace("_", " "), why]
-        for effect in effects
-        for other, why in effect.get("excluded", {}).items()
-    ]
-    head = ["instead of", "excluded", "because"]
-    return ["<h2>What was excluded, and by what</h2>", html_table(head, rows)] if rows else []
-
-
 def _localisation(found: dict[str, Any]) -> str:
     plain = [[key, str(value)] for key, value in found.items() if not isinstance(value, dict)]
     return html_table(["", ""], plain) if plain else ""
@@ -348,29 +260,9 @@ def _parameters(table: dict[str, dict[str, Any]]) -> str:
             if entry["augmented"]
             else float("nan")
         )
-        error = f" ± {entry['standard_error']:.2g}" if entry["standard_error"] is not None else ""
-        rows.append(
-            [key, f"{entry['base']:.4g}", f"{entry['augmented']:.4g}{error}", f"{change:+.0f} %"]
-        )
+        error = entry["standard_error"]
+        augmented = with_error((entry["augmented"], math.nan if error is None else error))
+        rows.append([with_unit(key), three_digits(entry["base"]), augmented, f"{change:+.0f} %"])
     return html_table(
         ["parameter", "base model", "with the new physics", "error of the base model"], rows
     )
-
-
-def image(data: str) -> str:
-    """Return a picture in base64 PNG as an element, which scrolls where the screen is narrow."""
-    return f"<div class='wide'><img alt='' src='data:image/png;base64,{data}'></div>"
-
-
-def html_list(lines: list[str]) -> str:
-    """Return plain sentences as a list."""
-    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
-
-
-def html_table(head: list[str], rows: list[list[str]]) -> str:
-    """Return plain texts as a table, which scrolls where the screen is narrow."""
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return f"<div class='wide'><table><tr>{top}</tr>{body}</table></div>"

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from model_discrepancy.report.html_report import html_list, html_table, image, write_page
+from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
 from model_discrepancy.tools.investigation import Investigation
 from model_discrepancy.tools.open_set import LEAST_APART, OpenSet

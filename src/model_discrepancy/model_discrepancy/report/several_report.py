@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ankle_physics.term import Owner
-from model_discrepancy.report.html_report import html_list, html_table, image, write_page
+from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
 from model_discrepancy.search.found import REFINEMENT
 from model_discrepancy.tools.shared_effects import SharedEffect, Together

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ankle_interfaces.value_text import with_unit
 from session_analysis.recording_page import VERDICT_SENTENCES
 from session_analysis.study.layout import Study
 from session_analysis.study.recording_results import RESULTS_FILE, Row
 from session_analysis.study.visit_values import LEG_MARK, recording_of
-from session_analysis.values import with_unit
 
 COMPARED_KEYS = ("posture", "knee_angle[deg]")
 """What changes stiffness and reflexes of an unchanged ankle (the knee stretches the gastrocnemius):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ankle_interfaces.value_text import three_digits, with_unit
 from session_analysis.html_page import bullets, heading, page, paragraph, table
 from session_analysis.study.conditions import About, difference, legs_apart
 from session_analysis.study.detectable_change import (
@@ -26,7 +27,6 @@ from session_analysis.study.visit_values import (
     subject_of,
     visit_table,
 )
-from session_analysis.values import three_digits, with_unit
 
 PAPER_ANKLE = {
     "K[N.m/rad]": "100 (0 to 200)",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ankle_interfaces.value_text import three_digits, with_error, with_unit
 from session_analysis.colours import COLOURS
 from session_analysis.html_page import (
     bullets,
@@ -24,7 +25,6 @@ from session_analysis.study.visit_values import (
     recording_of,
     visit_table,
 )
-from session_analysis.values import three_digits, with_error, with_unit
 
 SHOWN_QUANTITIES = ("K[N.m/rad]", "G[N.m.s/rad]", "B[N.m.s/rad]", "I[kg.m^2]")
 QUALITY = ("valid[%]", "missing_samples[1]", "held_out_vaf[%]", "mean_torque[N.m]")

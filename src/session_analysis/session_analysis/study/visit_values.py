@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ankle_interfaces.value_text import with_unit
 from session_analysis.study.layout import recording_name
 from session_analysis.study.recording_results import Row
-from session_analysis.values import with_unit
 
 DOUBT_LIMIT = 0.5
 """Share of doubtful estimates from which a recording is called doubtful: its value is the median of

@@ -21,10 +21,20 @@ def with_unit(quantity: str) -> str:
         Name and unit, as in tables and topics.
     """
     name, _, unit = quantity.partition("[")
-    unit = unit.replace(".", "·").replace("^2", "²")
-    shown = "" if unit in ("", "1]") else f" [{unit}"
+    shown = "" if unit in ("", "1]") else f" [{readable_unit(unit.removesuffix(']'))}]"
     words = [_ABBREVIATIONS.get(word, word) for word in name.split("_")]
     return f"{' '.join(words)}{shown}"
+
+
+def readable_unit(unit: str) -> str:
+    """Return a unit as people read it: ``N·m·s/rad²`` for ``N.m.s/rad^2``; nothing for 1.
+
+    Parameters
+    ----------
+    unit
+        As in tables and topics.
+    """
+    return "" if unit == "1" else unit.replace(".", "·").replace("^2", "²")
 
 
 def with_error(value: tuple[float, float]) -> str:
