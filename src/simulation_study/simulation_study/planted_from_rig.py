@@ -1,8 +1,9 @@
 """Effects of the independent rig, planted in recorded human trials.
 
-The rig of `blind_rig` moves a drawn subject along the measured angle, once without and once with
-the effect. The difference of the torque that its cell reads is scaled and added to the recorded
-torque: the effect follows the movement of a real trial, and none of its equations is the library's.
+The rig of `blind_rig` moves a subject along the measured angle, once without and once with the
+effect. The difference of the torque that its cell reads is added to the recorded torque: the effect
+follows the movement of a real trial, and none of its equations is the library's. The subject has
+stiffness, viscosity and reflex of the trial, so that an effect of the reflex changes this one.
 """
 
 from __future__ import annotations
@@ -12,16 +13,14 @@ import math
 import numpy as np
 from scipy.signal import butter, resample_poly, sosfiltfilt
 
-from blind_rig.magnitudes import brought_in
+from blind_rig.effects import EFFECTS_BY_NAME, draw_shape
 from blind_rig.protocols import Protocol, edge, onset_times
+from blind_rig.strength import compensating_gain
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Movement, Trial, record, run, simulation_rate
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.base_model import fit_base
-from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
-from simulation_study.planted_in_human import Planted, held_torque, with_torque
+from simulation_study.planted_effect import MeasuredTrial, Planted
 
 # The rig samples at this rate [Hz], which is that of the recorded trials.
 RIG_RATE = 1000.0
@@ -45,7 +44,7 @@ QUIET = {
 
 def plant_effect(recording: Recording, effect: str, seed: int) -> Planted:
     """Return the trial with the torque that an effect of the independent rig adds on its movement,
-    scaled as `planted_in_human.plant` does.
+    brought to the strength that `planted_in_human.plant` gives a term.
 
     Parameters
     ----------
@@ -54,57 +53,66 @@ def plant_effect(recording: Recording, effect: str, seed: int) -> Planted:
     effect
         Name of an effect of `blind_rig`.
     seed
-        Draws the subject.
+        Draws the rig, and what belongs to the effect.
 
     Raises
     ------
     DiagnosisError
         The trial has another rate, or the effect changes no torque on this movement.
     """
-    return with_torque(recording, added_torque(recording, effect, seed), effect)
-
-
-def added_torque(recording: Recording, effect: str, seed: int) -> np.ndarray:
-    """Return the torque that a moderate effect adds on the trial's movement [N.m], shape (n,),
-    without its mean.
-
-    Parameters
-    ----------
-    recording, effect, seed
-        As `plant_effect`.
-
-    Raises
-    ------
-    DiagnosisError
-        As `plant_effect`.
-    """
     if recording.rate != RIG_RATE:
         raise DiagnosisError(f"a trial at {recording.rate:g} Hz; {RIG_RATE:g} Hz is needed")
+    known = EFFECTS_BY_NAME[effect]
     generator = np.random.default_rng(seed)
-    motion = motion_of(recording)
+    measured = MeasuredTrial(recording)
     times = np.arange(len(recording.torque)) / RIG_RATE
-    slow = np.interp(times, motion.time, held_torque(motion, fit_base(Fitter.of(motion))))
-    level = float(np.mean(slow))
-    setup = draw_subject(generator).replaced({**QUIET, "courses.torque_level": level})
+    slow = np.interp(times, measured.motion.time, measured.held_torque)
+    trial = _trial(measured, float(np.mean(slow)), generator)
+    shape, (weak, strong) = draw_shape(known, generator)
+    movement = movement_of(recording, slow - np.mean(slow), simulation_rate(trial))
+    plain = run(trial, movement=movement)
+    without = record(trial, plain).torque
+    begun = edge(times / BEGIN_S)
+
+    def added(magnitude: float) -> np.ndarray:
+        """Return the torque that the effect adds [N.m], at the motion's rate, shape (n,)."""
+        changes = {**shape, known.magnitude: magnitude}
+        if known.keeps_reflex:
+            changes["reflex.G"] = compensating_gain(trial, changes, plain)
+        changed = trial._replace(setup=trial.setup.replaced(changes))
+        torque = record(changed, run(changed, movement=movement)).torque
+        return np.interp(measured.motion.time, times, begun * (torque - without))
+
+    return measured.planted(effect, added, weak, strong)
+
+
+def _trial(measured: MeasuredTrial, level: float, generator: np.random.Generator) -> Trial:
+    """Return a trial of a drawn rig whose subject has stiffness, viscosity and reflex of a measured
+    trial and holds its mean torque [N.m].
+    """
+    fitted = measured.base.values
+    setup = draw_subject(generator).replaced(
+        {
+            **QUIET,
+            "courses.torque_level": level,
+            "muscle.K": fitted["stiffness"]["K"],
+            "muscle.B": fitted["viscosity"]["B"],
+            "reflex.G": fitted["reflex"]["G"],
+            "reflex.delay": fitted["reflex"]["delay"],
+            "reflex.omega": fitted["reflex"]["omega"],
+            "reflex.zeta": fitted["reflex"]["z"],
+        }
+    )
+    recording = measured.recording
     seconds = len(recording.torque) / RIG_RATE
-    # The protocol is that of the trial that makes up for what a nonlinear reflex takes.
-    trial = Trial(
+    return Trial(
         setup,
+        # The movement is the measured one; a protocol belongs to each trial.
         Protocol("random_levels", float(np.ptp(recording.position)), 0.024, seconds),
         RIG_RATE,
         float(generator.uniform(*OPERATING_ANGLE)),
         int(generator.integers(2**62)),
     )
-    movement = movement_of(recording, slow - level, simulation_rate(trial))
-    without, with_effect = (
-        record(one, run(one, movement=movement)).torque
-        for one in (trial, brought_in(trial, effect, "moderate"))
-    )
-    begun = edge(np.arange(len(without)) / RIG_RATE / BEGIN_S)
-    added = begun * (with_effect - without)
-    if np.std(added) == 0.0:
-        raise DiagnosisError(f"{effect} changes no torque on this movement")
-    return added - np.mean(added)
 
 
 def movement_of(recording: Recording, task: np.ndarray, rate: float) -> Movement:

@@ -2,16 +2,17 @@
 RECORDINGS --out FOLDER``.
 
 For every trial and term: the paper's model is fitted to the trial and run in the time domain on its
-measured movement, with and without the term. The difference is added to the recorded torque, scaled
-so that what the paper's model cannot imitate of it has half the rms of what that model leaves of
-the trial. A name counts only where the
-trial as it was recorded does not show it already. Results are appended to ``results.jsonl``; an
-interrupted run goes on where it stopped.
+measured movement, with and without the term. The difference is added to the recorded torque. The
+term's own magnitude is searched for with which what the paper's model cannot imitate of it has half
+the rms of what that model leaves of the trial. A name counts only where the trial as it was
+recorded does not show it already. Results are appended to ``results.jsonl``; an interrupted run
+goes on where it stopped.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,68 +21,66 @@ import numpy as np
 
 from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.term import Place, term_library
+from blind_rig.strength import LARGEST_COMPENSATION
 from model_discrepancy.diagnose import diagnose
-from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.base_model import fit_base
-from model_discrepancy.fit.fit_result import Fit
-from model_discrepancy.fit.fitter import Fitter
-from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of
+from model_discrepancy.fit.parallel import side_by_side
+from model_discrepancy.recording.motion import Motion
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.resimulation import simulated_torque
 from simulation_study.human_trials import load_trial, trial_paths
+from simulation_study.planted_effect import MeasuredTrial, Planted
 from simulation_study.planted_trials import STRENGTHS, contraction, outcome, run_all
 
-# Of the rms that the paper's model leaves of the trial, between 0.1 and 80 Hz: what it cannot
-# imitate of the planted torque.
-PLANTED_RMS = 0.5
-# The planted torque itself is no larger than this. A term that shows less then, such as a drift of
-# stiffness that mostly looks like slow torque, is no effect in this trial.
-MOST_PLANTED_RMS = 2.0
-# The part that can be imitated changes with the size of a torque a little.
-SCALINGS = 3
 # Of the course of a contraction that is planted: any, and the same in each trial.
 CONTRACTION_SEED = 0
+# The weakest amplitude that is tried, of the strongest that the range of a term allows.
+WEAKEST_AMPLITUDE = 1e-4
+# The paper's reflex as a model holds it.
+_REFLEX = "reflex"
 
 
-def added_torque(name: str, motion: Motion, base: Fit) -> np.ndarray:
-    """Return the torque that a term adds to the fitted paper model on this movement [N.m], at the
-    motion's rate, shape (n,), without its mean.
-
-    Raises
-    ------
-    DiagnosisError
-        The term changes no torque on this movement.
-    """
-    values = {
-        term: base.values[term]
-        for term in PAPER_TERMS
-        if term in base.values and term != "voluntary_torque"
-    }
-    with_term = Model.of({**values, name: STRENGTHS.get(name, {})})
-    added = simulated_torque(with_term, motion) - simulated_torque(Model.of(values), motion)
-    if np.std(added) == 0.0:
-        raise DiagnosisError(f"{name} changes no torque on this movement")
-    return added - np.mean(added)
-
-
-class Planted(NamedTuple):
-    """Holds a trial with an effect.
+class Magnitude(NamedTuple):
+    """Describes the parameter that carries a term which is not proportional to it.
 
     Attributes
     ----------
-    recording
-        With the effect's torque.
-    share
-        Variance that the effect adds beyond what the paper's model could imitate, of the torque's
-        variance [1]; both between 0.1 and 80 Hz.
+    symbol
+        Of the parameter.
+    weak
+        Its value where the term hardly shows, on the other side of the typical value than that
+        where it shows most.
+    keeps_reflex
+        Whether the reflex gain makes up for what the term takes: a subject whose reflex has a
+        threshold has a threshold and a gain, not a weaker reflex than others.
     """
 
-    recording: Recording
-    share: float
+    symbol: str
+    weak: float
+    keeps_reflex: bool = False
+
+
+MAGNITUDES: dict[str, Magnitude] = {
+    "activation_dynamics": Magnitude("falling", 0.011, keeps_reflex=True),
+    "backlash": Magnitude("gap", 1e-4),
+    "channel_skew": Magnitude("skew", 1e-4),
+    "cyclic_angle_error": Magnitude("s", 1e-5),
+    "fixation_compliance": Magnitude("k_s", 5e4),
+    "fixation_stops": Magnitude("k_s", 5e4),
+    "lost_motion": Magnitude("gap", 1e-4),
+    "partial_sensor_mode": Magnitude("frequency", 150.0),
+    "reflex_depression": Magnitude("size", 2.0, keeps_reflex=True),
+    "reflex_exponent": Magnitude("p", 0.99, keeps_reflex=True),
+    "reflex_saturation": Magnitude("vs", 10.0, keeps_reflex=True),
+    "reflex_threshold": Magnitude("vt", 0.01, keeps_reflex=True),
+    "stiffening_fixation": Magnitude("k_s", 5e4),
+    "tendon": Magnitude("T", 0.002, keeps_reflex=True),
+    "torque_sensor_lag": Magnitude("T", 3e-4),
+    "torque_sensor_mode": Magnitude("frequency", 150.0),
+}
 
 
 def plant(recording: Recording, name: str) -> Planted:
-    """Return the trial with the term's torque added to the recorded one.
+    """Return the trial with the torque that a term adds on its movement.
 
     Parameters
     ----------
@@ -95,69 +94,100 @@ def plant(recording: Recording, name: str) -> Planted:
     DiagnosisError
         The term changes no torque on this movement.
     """
-    motion = motion_of(recording)
-    base = fit_base(Fitter.of(motion))
+    trial = MeasuredTrial(recording)
     motion = replace(
-        motion,
-        activation=held_torque(motion, base),
-        cocontraction=contraction(CONTRACTION_SEED, motion.time),
+        trial.motion,
+        activation=trial.held_torque,
+        cocontraction=contraction(CONTRACTION_SEED, trial.motion.time),
     )
-    added = added_torque(name, motion, base)
-    time = np.arange(len(recording.torque)) / recording.rate
-    return with_torque(recording, np.interp(time, motion.time, added), name)
+    paper = {
+        term: trial.base.values[term]
+        for term in PAPER_TERMS
+        if term in trial.base.values and term != "voluntary_torque"
+    }
+    without = _torque(paper, motion)
+
+    def added(magnitude: float) -> np.ndarray:
+        """Return the torque that the term adds to the fitted paper model."""
+        values = {**paper, name: term_values(name, magnitude)}
+        if name in MAGNITUDES and MAGNITUDES[name].keeps_reflex:
+            values[_REFLEX] = _as_large(values, paper, motion)
+        return _torque(values, motion) - without
+
+    return trial.planted(name, added, *magnitudes(name))
 
 
-def held_torque(motion: Motion, base: Fit) -> np.ndarray:
-    """Return the torque that the muscles hold [N.m], at the motion's rate, shape (n,): slow torque
-    that the paper's model does not make of the movement.
-
-    Parameters
-    ----------
-    motion
-        Of the trial.
-    base
-        The paper's model, fitted to it.
-    """
-    return float(np.mean(motion.torque)) + base.rows.slow(base.left, ACTIVATION_HZ)
-
-
-def with_torque(recording: Recording, added: np.ndarray, name: str) -> Planted:
-    """Return the trial with a torque added, scaled so that what the paper's model cannot imitate of
-    it is `PLANTED_RMS` of what that model leaves of the trial.
-
-    Torque that looks like another stiffness or another reflex is no effect that anybody could see.
+def magnitudes(name: str) -> tuple[float, float]:
+    """Return the weakest and the strongest magnitude of a term: of the parameter that carries it,
+    or the factor of its amplitudes.
 
     Parameters
     ----------
-    recording
-        A human trial.
-    added
-        Torque of an effect [N.m], shape (n,).
     name
-        Of the effect.
+        Of the term.
     """
-    motion = motion_of(recording)
-    base = fit_base(Fitter.of(motion))
-    left = float(np.std(base.plain[base.rows.used]))
-    explained = motion.torque - base.rows.torque(base.left)
-    on_motion = np.interp(motion.time, np.arange(len(added)) / recording.rate, added)
-    largest = MOST_PLANTED_RMS * left / float(np.std(added))
-    scale, unseen = largest, 0.0
-    for _ in range(SCALINGS):
-        alone = Fitter.of(replace(motion, torque=explained + scale * on_motion))
-        unseen = float(np.std(fit_base(alone).plain[base.rows.used]))
-        scale *= PLANTED_RMS * left / unseen
-        if scale >= largest:
-            scale = largest
-            break
-    whole = float(np.var(base.rows.plain(base.rows.spectrum(motion.torque))[base.rows.used]))
-    planted = Recording(
-        recording.rate,
-        recording.position,
-        recording.torque + scale * added,
-        name=f"{recording.name} + {name}",
+    term = term_library()[name]
+    if name in MAGNITUDES:
+        symbol, weak, _ = MAGNITUDES[name]
+        parameter = term.parameter(symbol)
+        return weak, parameter.lower if parameter.default < weak else parameter.upper
+    strongest = min(
+        (upper if amplitude > 0.0 else lower) / amplitude
+        for amplitude, lower, upper in (
+            (_typical(name, p.symbol, p.default), p.lower, p.upper)
+            for p in term.parameters
+            if p.linear and p.fitted
+        )
+        if amplitude != 0.0
     )
-    return Planted(planted, unseen**2 / whole)
+    return WEAKEST_AMPLITUDE * strongest, strongest
+
+
+def term_values(name: str, magnitude: float) -> dict[str, float]:
+    """Return the values of a term of some magnitude; those that do not carry it are typical.
+
+    Parameters
+    ----------
+    name
+        Of the term.
+    magnitude
+        Between those of `magnitudes`.
+    """
+    if name in MAGNITUDES:
+        return {MAGNITUDES[name].symbol: magnitude}
+    return {
+        p.symbol: magnitude * _typical(name, p.symbol, p.default)
+        for p in term_library()[name].parameters
+        if p.linear and p.fitted
+    }
+
+
+def _typical(name: str, symbol: str, default: float) -> float:
+    """Return the value of a parameter that is a moderate effect at usual step sizes."""
+    return STRENGTHS.get(name, {}).get(symbol, default)
+
+
+def _torque(values: Mapping[str, Mapping[str, float]], motion: Motion) -> np.ndarray:
+    """Return the torque of a model on a movement [N.m], at the motion's rate, shape (n,)."""
+    return simulated_torque(Model.of({term: dict(v) for term, v in values.items()}), motion)
+
+
+def _as_large(
+    values: Mapping[str, Mapping[str, float]],
+    paper: Mapping[str, Mapping[str, float]],
+    motion: Motion,
+) -> dict[str, float]:
+    """Return the values of the reflex with which its torque has the same rms in a model as in the
+    paper's, as far as the range of its gain allows.
+    """
+
+    def size(model: Mapping[str, Mapping[str, float]]) -> float:
+        reflexless = {**model, _REFLEX: {**model[_REFLEX], "G": 0.0}}
+        return float(np.std(_torque(model, motion) - _torque(reflexless, motion)))
+
+    reflex, largest = paper[_REFLEX], term_library()[_REFLEX].parameter("G").upper
+    factor = size(paper) / max(size(values), size(paper) / LARGEST_COMPENSATION)
+    return {**reflex, "G": min(reflex["G"] * factor, largest)}
 
 
 def summary(results: list[dict[str, Any]]) -> str:
@@ -198,14 +228,10 @@ def main() -> None:
 
     def run(case: dict[str, Any]) -> dict[str, Any]:
         trial = trials[case["trial"]]
-        return {
-            **case,
-            **outcome(
-                diagnose(
-                    trial if case["planted"] is None else plant(trial, case["planted"]).recording
-                )
-            ),
-        }
+        if case["planted"] is not None:
+            with side_by_side():
+                trial = plant(trial, case["planted"]).recording
+        return {**case, **outcome(diagnose(trial))}
 
     print(
         summary(
