@@ -19,6 +19,7 @@ from blind_rig.strength import compensating_gain
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Movement, Trial, record, run, simulation_rate
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from simulation_study.planted_effect import MeasuredTrial, Planted
 
@@ -42,6 +43,7 @@ QUIET = {
 }
 
 
+@side_by_side()
 def plant_effect(recording: Recording, effect: str, seed: int) -> Planted:
     """Return the trial with the torque that an effect of the independent rig adds on its movement,
     brought to the strength that `planted_in_human.plant` gives a term.

@@ -79,6 +79,7 @@ MAGNITUDES: dict[str, Magnitude] = {
 }
 
 
+@side_by_side()
 def plant(recording: Recording, name: str) -> Planted:
     """Return the trial with the torque that a term adds on its movement.
 
@@ -229,8 +230,7 @@ def main() -> None:
     def run(case: dict[str, Any]) -> dict[str, Any]:
         trial = trials[case["trial"]]
         if case["planted"] is not None:
-            with side_by_side():
-                trial = plant(trial, case["planted"]).recording
+            trial = plant(trial, case["planted"]).recording
         return {**case, **outcome(diagnose(trial))}
 
     print(

@@ -24,7 +24,6 @@ from blind_rig.magnitudes import brought_in
 from blind_rig.protocols import EVERY_PROTOCOL, PROTOCOLS, Protocol
 from blind_rig.subjects import OPERATING_ANGLE, draw_subject
 from blind_rig.trial import Run, Trial, record, run
-from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from simulation_study.human_trials import load_trial, trial_paths
 from simulation_study.planted_from_rig import plant_effect
@@ -220,12 +219,11 @@ def made(plan: Plan, folder: Path | None = None) -> Made:
         assert folder is not None
         path = next(path for path in trial_paths(folder) if path.stem == plan.protocol)
         name, measured = plan.hidden[0], load_trial(path)
-        with side_by_side():
-            planted = (
-                plant(measured, name)
-                if plan.kind == "planted"
-                else plant_effect(measured, name, plan.seed)
-            )
+        planted = (
+            plant(measured, name)
+            if plan.kind == "planted"
+            else plant_effect(measured, name, plan.seed)
+        )
         return Made(planted.recording, None, {name: planted.share})
     trial, shares = trial_of(plan)
     done = run(trial)

@@ -7,19 +7,11 @@ from blind_rig.protocols import Protocol, command
 from blind_rig.subjects import draw_subject
 from blind_rig.trial import Trial, run, simulation_rate
 from model_discrepancy.errors import DiagnosisError
-from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.recording import Recording
 from simulation_study.planted_from_rig import QUIET, RIG_RATE, movement_of, plant_effect
 
 SECONDS = 12.0
 BEGUN = slice(round(RIG_RATE), None)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_threads():
-    """Run the linear algebra without threads of its own, as the study does."""
-    with side_by_side():
-        yield
 
 
 @pytest.fixture(scope="module")
