@@ -166,6 +166,28 @@ def test_threads_side_by_side_do_not_wait_for_each_other_and_the_usual_way_comes
     assert sys.getswitchinterval() == usual
 
 
+def test_an_interruption_that_another_thread_receives_ends_the_wait() -> None:
+    """The system wakes only the thread that receives a signal."""
+    interrupted = threading.Event()
+    in_time: list[bool] = []
+
+    def compute() -> None:
+        time.sleep(0.3)  # The caller waits by then.
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        in_time.append(interrupted.wait(10.0))
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            in_background(compute)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    interrupted.set()
+    while not in_time:
+        time.sleep(0.01)
+    assert in_time == [True]
+
+
 @pytest.mark.parametrize("wait", [0.4, 0.7, 1.1, 1.6])
 def test_a_process_that_is_interrupted_while_it_computes_ends_in_good_order(wait: float) -> None:
     """A thread in a Fourier transform would abort a Python that has ended."""

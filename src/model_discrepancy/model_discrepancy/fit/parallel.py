@@ -37,6 +37,10 @@ SWITCH_INTERVAL = 0.0005
 # derivative whether it should, most often within a second.
 LONGEST_FAREWELL = 10.0
 
+# [s] How often a thread that waits looks for signals. One that another thread received, or that
+# came just before the wait, does not end a wait without a limit: an interruption would be lost.
+SIGNAL_INTERVAL = 0.1
+
 _ending = threading.Event()
 # Each is set when a computation in the background has ended. A thread whose `join` was interrupted
 # counts as ended in Python 3.11, though it runs.
@@ -167,7 +171,8 @@ def in_background(function: Callable[[], Result]) -> Result:
     # An interrupted caller ends, and `_end` lets the thread end with it.
     threading.Thread(target=copy_context().run, args=(work,), daemon=True).start()
     _background.add(ended)
-    ended.wait()
+    while not ended.wait(SIGNAL_INTERVAL):
+        pass
     _background.discard(ended)
     if failed:
         raise failed[0]
