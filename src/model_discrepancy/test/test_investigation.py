@@ -1,17 +1,19 @@
 """An investigation keeps what no recording excludes, ends by itself, and asks before it moves."""
 
 import json
+from html import escape
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ankle_physics.model import Model
+from ankle_physics.term import term_library
 from model_discrepancy.report.investigation_report import write_investigation
 from model_discrepancy.tools import experiment_design, investigation
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Proposal, RivalSet, _ranked
-from model_discrepancy.tools.investigation import investigate
+from model_discrepancy.tools.investigation import Investigation, investigate
 from model_discrepancy.tools.open_set import OpenSet, remaining
 from model_discrepancy.tools.simulated_conduct import SimulatedConduct
 from simulation_study.planted_trials import simulate_trial
@@ -218,6 +220,16 @@ def test_a_further_recording_is_made_where_what_adds_up_may_exclude_a_name(
     ended = investigation._next_round(story, lambda *_: recording, tmp_path, 3, lambda _: None)
     assert (ended == "") == made
     assert len(story.recordings) == 2 + made
+
+
+def test_the_report_says_what_each_name_does(tmp_path):
+    verdict = SimpleNamespace(verdict="explained", effects=[{"name": "tendon"}])
+    names = ["tendon", "reflex_threshold"]
+    asked = OpenSet("tendon", {name: {} for name in names})
+    write_investigation(Investigation(SimpleNamespace(verdict=verdict), [asked]), tmp_path / "r")
+    text = (tmp_path / "r").read_text()
+    for name in names:
+        assert escape(term_library()[name].sentence) in text
 
 
 @pytest.mark.slow

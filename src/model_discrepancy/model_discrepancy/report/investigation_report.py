@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ankle_physics.term import term_library
 from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
 from model_discrepancy.tools.investigation import Investigation
@@ -25,6 +26,7 @@ def write_investigation(story: Investigation, path: Path) -> None:
         "<p><a href='first/report.html'>The first recording</a> left open: "
         + escape("; ".join(_plain(" or ".join(s.names)) for s in story.sets) or "nothing")
         + ".</p>",
+        *_meanings(story.sets),
     ]
     for number, one in enumerate(story.rounds, start=1):
         recorded = f"{one.duration:.0f} s" if one.duration else "not recorded"
@@ -77,6 +79,14 @@ def _headline(story: Investigation) -> str:
     if not story.names:
         return f"Nothing was left to ask: {story.first.verdict.verdict.replace('_', ' ')}."
     return f"The base model leaves out {_plain(', '.join(story.names))}."
+
+
+def _meanings(sets: Sequence[OpenSet]) -> list[str]:
+    """Return what each name of the sets stands for."""
+    library = term_library()
+    names = dict.fromkeys(name for one in sets for name in (*one.names, *one.models))
+    rows = [[_plain(name), library[name].sentence] for name in names if name in library]
+    return [html_table(["name", "what it does"], rows)] if rows else []
 
 
 def _percent(shares: Sequence[float]) -> str:
