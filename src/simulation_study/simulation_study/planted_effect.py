@@ -17,18 +17,18 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
+from blind_rig.strength import STRENGTHS
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.fit.base_model import fit_base
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.spectrum import low_pass
 
-# Of the rms that the paper's model leaves of the trial, between 0.1 and 80 Hz: what it cannot
-# imitate of the planted torque.
-PLANTED_RMS = 0.5
-# The planted torque itself is no larger than this. A term that shows less then, such as a drift of
-# stiffness that mostly looks like slow torque, is no effect in this trial.
+# The planted torque is no larger than this, of the rms that the paper's model leaves of the trial.
+# A term that shows less then, such as a drift of stiffness that mostly looks like slow torque, is
+# no effect in this trial.
 MOST_PLANTED_RMS = 2.0
 # Magnitudes that are tried from the weakest to the strongest one, evenly on a logarithmic scale.
 # Some effects hide again when they grow: a threshold above all velocities is no reflex at all.
@@ -48,8 +48,8 @@ class Planted(NamedTuple):
     recording
         With the effect's torque.
     share
-        Variance that the effect adds beyond what the paper's model could imitate, of the torque's
-        variance [1]; both between 0.1 and 80 Hz.
+        Variance that the effect adds beyond what the paper's model could imitate and beyond slow
+        torque, of the torque's variance [1]; both between 0.1 and 80 Hz.
     magnitude
         Of the effect, in its own unit.
     """
@@ -94,16 +94,12 @@ class MeasuredTrial:
         slow = self.base.rows.slow(self.base.left, ACTIVATION_HZ)
         return float(np.mean(self.motion.torque)) + slow
 
-    @property
-    def left(self) -> float:
-        """Return the rms of what the paper's model leaves of the trial [N.m]."""
-        return float(np.std(self.base.plain[self.base.rows.used]))
-
     def unseen(self, added: np.ndarray) -> float:
-        """Return the rms of what the paper's model cannot imitate of an added torque [N.m].
+        """Return the rms of what the paper's model cannot imitate of an added torque [N.m], beyond
+        slow torque.
 
         Torque that looks like another stiffness or another reflex is no effect that anybody could
-        see.
+        see, nor is slow torque, which the subject of any trial makes.
 
         Parameters
         ----------
@@ -112,7 +108,9 @@ class MeasuredTrial:
         """
         explained = self.motion.torque - self.base.rows.torque(self.base.left)
         alone = fit_base(Fitter.of(replace(self.motion, torque=explained + added)))
-        return float(np.std(alone.plain[self.base.rows.used]))
+        rows = alone.rows
+        faster = rows.band * (1.0 - low_pass(rows.frequency, ACTIVATION_HZ, 4))
+        return float(np.std(rows.filtered(alone.left, faster)[rows.used]))
 
     def _rms(self, torque: np.ndarray) -> float:
         """Return the rms of a torque between 0.1 and 80 Hz [N.m]."""
@@ -120,9 +118,9 @@ class MeasuredTrial:
         return float(np.std(rows.plain(rows.spectrum(torque))[rows.used]))
 
     def planted(self, name: str, added: AddedTorque, weak: float, strong: float) -> Planted:
-        """Return the trial with the torque of an effect whose magnitude is such that what the
-        paper's model cannot imitate of it is `PLANTED_RMS` of what that model leaves of the trial,
-        or its torque `MOST_PLANTED_RMS` of it; of the magnitude that comes nearest where none does.
+        """Return the trial with the torque of an effect, whose magnitude is such that its share is
+        that of a moderate effect of the independent rig, or its torque `MOST_PLANTED_RMS` of what
+        the paper's model leaves; of the magnitude that comes nearest where none does.
 
         Parameters
         ----------
@@ -138,7 +136,9 @@ class MeasuredTrial:
         DiagnosisError
             The effect changes no torque on this movement.
         """
-        wanted, largest = PLANTED_RMS * self.left, MOST_PLANTED_RMS * self.left
+        whole = self._rms(self.motion.torque)
+        wanted = math.sqrt(STRENGTHS["moderate"]) * whole
+        largest = MOST_PLANTED_RMS * float(np.std(self.base.plain[self.base.rows.used]))
 
         def strength(magnitude: float) -> float:
             torque = added(magnitude)
@@ -156,7 +156,7 @@ class MeasuredTrial:
             recording.torque + CubicSpline(self.motion.time, torque - np.mean(torque))(time),
             name=f"{recording.name} + {name}",
         )
-        share = (self.unseen(torque) / self._rms(self.motion.torque)) ** 2
+        share = (self.unseen(torque) / whole) ** 2
         return Planted(planted, share, magnitude)
 
 

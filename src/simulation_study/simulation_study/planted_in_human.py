@@ -3,10 +3,10 @@ RECORDINGS --out FOLDER``.
 
 For every trial and term: the paper's model is fitted to the trial and run in the time domain on its
 measured movement, with and without the term. The difference is added to the recorded torque. The
-term's own magnitude is searched for with which what the paper's model cannot imitate of it has half
-the rms of what that model leaves of the trial. A name counts only where the trial as it was
-recorded does not show it already. Results are appended to ``results.jsonl``; an interrupted run
-goes on where it stopped.
+term's own magnitude is searched for with which it adds as much as a moderate effect of the
+independent rig, beyond what the paper's model could imitate. It acts about the trial's mean angle
+and mean torque. A name counts only where the trial as it was recorded does not show it already.
+Results are appended to ``results.jsonl``; an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ankle_physics.model import PAPER_TERMS, Model
 from ankle_physics.term import Place, term_library
 from blind_rig.strength import LARGEST_COMPENSATION
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.fit.columns import Columns
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.recording.recording import Recording
@@ -107,10 +108,11 @@ def plant(recording: Recording, name: str) -> Planted:
         if term in trial.base.values and term != "voluntary_torque"
     }
     without = _torque(paper, motion)
+    acts_about = Columns(motion, trial.base.rows).convention(name)
 
     def added(magnitude: float) -> np.ndarray:
         """Return the torque that the term adds to the fitted paper model."""
-        values = {**paper, name: term_values(name, magnitude)}
+        values = {**paper, name: acts_about | term_values(name, magnitude)}
         if name in MAGNITUDES and MAGNITUDES[name].keeps_reflex:
             values[_REFLEX] = _as_large(values, paper, motion)
         return _torque(values, motion) - without

@@ -1,12 +1,14 @@
 """An effect that is planted in a recording has a magnitude of its own, and the torque of it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ankle_physics.term import term_library
 from model_discrepancy.errors import DiagnosisError
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import side_by_side
 from model_discrepancy.recording.motion import motion_of
@@ -75,6 +77,11 @@ def test_every_term_has_magnitudes_within_its_range():
                 assert parameter.lower - span <= value <= parameter.upper + span, (name, symbol)
 
 
+def _left(fit: Fit) -> float:
+    """Return the rms of what a model leaves [N.m]."""
+    return float(np.std(fit.plain[fit.rows.used]))
+
+
 def test_what_is_planted_is_the_term_itself_and_no_multiple_of_it(recording):
     planted = plant(recording, "reflex_threshold")
     motion = motion_of(planted.recording)
@@ -86,9 +93,9 @@ def test_what_is_planted_is_the_term_itself_and_no_multiple_of_it(recording):
         evaluations=40,
     )
     assert found.values["reflex_threshold"]["vt"] == pytest.approx(planted.magnitude, rel=0.25)
-    left = float(np.std(found.plain[found.rows.used]))
-    assert left < 1.05 * MeasuredTrial(recording).left
-    assert float(np.std(base.plain[base.rows.used])) > 1.05 * left
+    left = _left(found)
+    assert left < 1.05 * _left(MeasuredTrial(recording).base)
+    assert _left(base) > 1.05 * left
 
 
 def test_a_reflex_that_is_changed_keeps_its_size(recording):
@@ -103,6 +110,22 @@ def test_a_term_that_hardly_shows_is_planted_no_larger_than_its_bound(recording)
     planted = measured.planted("gentle", lambda m: m * gentle, 0.1, 2.0)
     assert planted.magnitude == pytest.approx(2.0)
     assert planted.share < 1e-4
+
+
+def test_slow_torque_is_no_strength(recording):
+    measured = MeasuredTrial(recording)
+    time = measured.motion.time
+    slow, fast = (np.sin(2.0 * np.pi * hz * time) for hz in (0.2, 6.3))
+    assert measured.unseen(slow) < 0.02
+    assert measured.unseen(fast) == pytest.approx(math.sqrt(0.5), rel=0.1)
+
+
+def test_a_rhythm_of_stiffness_acts_about_the_angle_at_which_the_trial_was_recorded(recording):
+    away = replace(recording, position=recording.position + 0.15)
+    here, there = (plant(one, "cyclic_stiffness") for one in (recording, away))
+    assert there.magnitude == pytest.approx(here.magnitude, rel=0.02)
+    added = [p.recording.torque - recording.torque for p in (here, there)]
+    assert added[1] == pytest.approx(added[0], abs=0.05 * np.std(added[0]))
 
 
 def test_an_effect_without_torque_is_refused(recording):
