@@ -176,7 +176,8 @@ def read_metadata(folder: Path) -> Contents:
     Raises
     ------
     BagError
-        It is not readable, not YAML, of another storage, or misses an entry.
+        It is not readable, not YAML, of another storage, misses an entry, or holds no number where
+        one belongs.
     """
     path = folder / METADATA_FILE
     try:
@@ -203,11 +204,11 @@ def read_metadata(folder: Path) -> Contents:
                     profiles,
                     about.get("type_description_hash", ""),
                     "",
-                    int(entry["message_count"]),
+                    _whole_number(entry, "message_count", path),
                 )
             )
-        start = int(info["starting_time"]["nanoseconds_since_epoch"])
-        end = start + int(info["duration"]["nanoseconds"])
+        start = _whole_number(info["starting_time"], "nanoseconds_since_epoch", path)
+        end = start + _whole_number(info["duration"], "nanoseconds", path)
         custom = {str(key): str(value) for key, value in (info.get("custom_data") or {}).items()}
         return Contents(
             [Path(file).name for file in info["relative_file_paths"]], topics, start, end, custom
@@ -219,4 +220,14 @@ def read_metadata(folder: Path) -> Contents:
     except (KeyError, TypeError, AttributeError) as error:
         raise BagError(
             f"{path} is not a rosbag2 description: {error!r} is missing or of another kind"
+        ) from None
+
+
+def _whole_number(entry: Mapping[str, Any], name: str, path: Path) -> int:
+    """Return a count, a time or a duration of a bag's description."""
+    try:
+        return int(entry[name])
+    except (ValueError, OverflowError):
+        raise BagError(
+            f"{path} is not a rosbag2 description: '{name}' is '{entry[name]}' and no whole number"
         ) from None

@@ -4,6 +4,7 @@ else. The default run has over a thousand cases, the slow one a million.
 
 import csv
 import json
+import re
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ from scipy.io import savemat
 
 from ankle_interfaces.block import Block, pack
 from ankle_interfaces.errors import BlockError
+from session_recorder.bag_metadata import read_metadata
 from session_recorder.bag_reader import BagReader
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError, ImportRefused
@@ -217,3 +219,17 @@ def test_a_type_that_the_metadata_state_wrongly_is_reported_and_read_by_the_file
     account = account_of_bag(BagReader(tmp_path / "bag"))
     assert account.topics["/ankle/samples"].samples == 32
     assert any("which counts" in sentence for sentence in account.sentences())
+
+
+@pytest.mark.parametrize("damaged", ["Z1000000", ".inf"])
+@pytest.mark.parametrize("entry", ["nanoseconds_since_epoch", "nanoseconds", "message_count"])
+def test_a_number_that_is_none_is_named_where_the_metadata_state_it(tmp_path, entry, damaged):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/ankle/samples")
+        time = 1e9 + np.arange(32) / 1000
+        block = Block(("t[s]", "torque[N.m]"), np.column_stack([time, time]))
+        writer.write_block("/ankle/samples", block)
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    metadata.write_text(re.sub(rf"\b{entry}: \d+", f"{entry}: {damaged}", metadata.read_text()))
+    with pytest.raises(BagError, match=f"'{entry}' is '.+' and no whole number"):
+        read_metadata(tmp_path / "bag")
