@@ -26,12 +26,11 @@ from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.hypothesis import Hypothesis
 from model_discrepancy.search.shared_families import bare_of
 
+# Families of what carries the load between joint and sensor, or swings beside it.
+LOAD_PATH = ("resonance in the load path", "resonance beside the load path")
 # Families whose terms stand in for each other and take off most, so that a wrong one bends the
 # others. The path of the load comes first: what the joint does is seen through it.
-KINDS = (
-    ("resonance in the load path", "resonance beside the load path"),
-    ("intrinsic memory", "nonlinear damping"),
-)
+KINDS = (LOAD_PATH, ("intrinsic memory", "nonlinear damping"))
 # Evaluations of a term that is begun anew, beside the others as they were.
 EVALUATIONS = 25
 # The same of the model without any term of a kind: it only tells where the others may begin.

@@ -355,6 +355,20 @@ def harms(fitter: Fitter, final: Fit, other: Fit) -> bool:
     show, and that the other half does not continue.
     """
     now, then = in_parallel(lambda fit: held_out(fitter, fit).vaf, [final, other])
+    return predicts_worse(final, now, other, then)
+
+
+def predicts_worse(final: Fit, now: float, other: Fit, then: float) -> bool:
+    """Say whether what another model leaves of unseen plain torque is more by a larger factor than
+    it lowers the whitened error.
+
+    Parameters
+    ----------
+    final, now
+        The present model and its VAF on unseen data [%].
+    other, then
+        The other model and its VAF there.
+    """
     harm = (100.0 - then) / max(100.0 - now, 1e-9)
     return harm > max(LEAST_HARM, final.score / other.score)
 

@@ -299,3 +299,9 @@ def follows_beyond_chance(gain: float, preceding_gain: float | None, by_chance: 
 def place_of(name: str) -> Place:
     """Return where in the signal path a term acts."""
     return term_library()[name].place
+
+
+def is_usual(name: str) -> bool:
+    """Say whether a term, or a special case that it holds, is what every rig has."""
+    library = term_library()
+    return any(library[one].usual for one in (name, *library[name].generalises))

@@ -20,7 +20,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import Candidates
-from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial
+from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, is_usual
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypothesis import Fork, Hypothesis
 from model_discrepancy.search.null import Null
@@ -93,12 +93,22 @@ class Hypotheses:
         # Those that began with the base model, by their first term.
         self._followed_from: dict[str, Hypothesis] = {}
 
-    def followed(self, found: Found) -> Hypothesis:
+    def followed(self, found: Found, alone: str = "") -> Hypothesis:
         """Return what was found with as many further terms as are worth it, and the near misses
         beside these.
+
+        Parameters
+        ----------
+        found
+            With the final model.
+        alone
+            What its lines of progress begin with, where others are followed at the same time; it
+            learns on its own then.
         """
         effects = [*found.effects, *found.refinements]
         further = self._begun(replace(found, effects=effects, refinements=[]), found.final)
+        if alone:
+            self._set_apart(further, alone)
         self._follow(further)
         return further
 
@@ -172,13 +182,17 @@ class Hypotheses:
         name = fork.trial.name
         self._progress(f"another hypothesis: {name} first")
         other = self._begun(Found(self._base, self._base, effects=list(fork.effects)), fork.current)
-        other.progress = lambda step: self._progress(f"{name} first: {step}")
-        other.candidates = self._candidates.alone(other.progress)
+        self._set_apart(other, name)
         self._add(other, fork.trial)
         other.begun = other.count
         if not fork.effects:
             self._followed_from[name] = other
         return other
+
+    def _set_apart(self, hypothesis: Hypothesis, name: str) -> None:
+        """Let a hypothesis that is followed beside others learn, and say what it does, alone."""
+        hypothesis.progress = lambda step: self._progress(f"{name} first: {step}")
+        hypothesis.candidates = self._candidates.alone(hypothesis.progress)
 
     def _again(self, before: Found) -> Hypothesis:
         """Return the hypothesis of the terms that another search found, as far as they are worth
@@ -215,7 +229,7 @@ class Hypotheses:
         """
         library, effects = term_library(), best.found.effects
         usual = [t for t in first if library[t.name].usual and not _needless(t, first)]
-        if len(effects) < 2 or any(_is_usual(e.trial.name) for e in effects) or not usual:
+        if len(effects) < 2 or any(is_usual(e.trial.name) for e in effects) or not usual:
             return best
         trial = min(usual, key=lambda trial: trial.fit.score)
         self._progress(f"a hypothesis that begins with what is usual: {trial.name}")
@@ -360,12 +374,6 @@ def _equal(good: Sequence[Trial]) -> list[Trial]:
     largest = max(min(t.held_out) for t in good)
     equal = [t for t in good if min(t.held_out) >= RIVAL_GAIN_RATIO * largest]
     return [t for t in equal if not t.at_bound] or equal
-
-
-def _is_usual(name: str) -> bool:
-    """Say whether a term, or a special case that it holds, is usual."""
-    library = term_library()
-    return any(library[one].usual for one in (name, *library[name].generalises))
 
 
 def _needless(general: Trial, good: Sequence[Trial]) -> bool:

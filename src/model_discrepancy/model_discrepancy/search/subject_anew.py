@@ -1,0 +1,92 @@
+"""What belongs to the subject is found anew, beside what belongs to the rig and a kind of straps.
+
+A search sees the joint through the straps. Where it took wrong ones first, or a mode of the sensor
+in their place, all that it found of the joint and its reflexes fits what is wrong there. No
+exchange of one term, or of one kind of terms, finds back from that: in a recording of a person the
+last digits of its numbers decided which way a search took. What belongs to the rig depends on the
+straps least. So it stays, and a search for all others begins anew from each kind of straps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ankle_physics.term import Owner, term_library
+from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.fitter import Fitter
+from model_discrepancy.fit.parallel import in_parallel
+from model_discrepancy.search.candidates import begun_anew
+from model_discrepancy.search.chosen_anew import LOAD_PATH
+from model_discrepancy.search.found import Effect, Found, Progress, is_usual
+from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.hypotheses import Hypotheses
+from model_discrepancy.search.hypothesis import Hypothesis
+from model_discrepancy.search.shared_families import bare_of
+
+# Evaluations of straps that are begun anew, beside what belongs to the rig.
+EVALUATIONS = 25
+# The same of the model without any of the subject: it only tells where the straps may begin.
+BARE_EVALUATIONS = 10
+
+
+def subject_anew(
+    hypotheses: Hypotheses,
+    fitter: Fitter,
+    found: Found,
+    grids: Grids,
+    progress: Progress,
+) -> Hypothesis | None:
+    """Return the hypothesis of the least BIC that begins with what was found of the rig and one
+    kind of straps; None where none of them holds other terms and has a lesser BIC than what was
+    found, or nothing was found of the subject.
+
+    Parameters
+    ----------
+    hypotheses
+        Adds terms.
+    fitter
+        Whitened by the recording's noise.
+    found
+        With the final model.
+    grids
+        Of the library that may be named.
+    progress
+        Called with one line for each kind of straps.
+    """
+    final, effects = found.final, [*found.effects, *found.refinements]
+    kept = [effect for effect in effects if _is_of_the_rig(effect.trial.name)]
+    gone = [effect for effect in effects if effect not in kept]
+    if not gone:
+        return None
+    bare = bare_of(fitter, final, [effect.trial.name for effect in gone], BARE_EVALUATIONS)
+    beside = {term: final.values[term] for term in bare.terms}
+
+    def followed(name: str) -> Hypothesis:
+        progress(f"{name} anew, and all of the subject beside it")
+        trial = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, beside)
+        straps = Effect(trial, gone[0].errors)
+        return hypotheses.followed(Found(found.base, trial.fit, [*kept, straps]), alone=name)
+
+    names = [name for name in _straps(grids) if name not in bare.terms]
+    others = [
+        other
+        for other in in_parallel(followed, names)
+        if other.plausible and set(other.current.terms) != set(final.terms)
+    ]
+    changes = [bic_change(fitter, final, other.current) for other in others]
+    return others[int(np.argmin(changes))] if changes and min(changes) < 0.0 else None
+
+
+def _is_of_the_rig(name: str) -> bool:
+    """Say whether a term belongs to the rig and stands in for no straps."""
+    term = term_library()[name]
+    return term.belongs_to is Owner.RIG and term.family not in LOAD_PATH
+
+
+def _straps(grids: Grids) -> list[str]:
+    """Return the kinds of straps that may be begun: what is usual between plate and foot."""
+    return [
+        name
+        for name, term in term_library().items()
+        if is_usual(name) and term.family in LOAD_PATH and grids.allows(name)
+    ]
