@@ -64,12 +64,15 @@ def test_all_of_the_subject_is_found_where_a_mode_of_the_sensor_stood_for_the_st
     problem, null = searched
     found, grids = found_with(problem, MODE | SKEW), Grids(ALLOWED, SECONDS)
     other = subject_anew(hypotheses_of(problem, null, grids), problem.fitter, found, grids, print)
-    # What belongs to the rig comes first, as it was found, and then the straps.
-    assert names_of(other)[:2] == [*SKEW, *STRAPS]
+    # The straps take the first place of what was found of the subject.
+    assert names_of(other)[:2] == [*STRAPS, *SKEW]
     assert set(MEMORY) <= set(names_of(other))
     assert other.current.values["fixation_compliance"]["k_s"] == pytest.approx(900.0, rel=0.1)
     assert other.current.values["channel_skew"]["skew"] == pytest.approx(0.002, rel=0.1)
     assert other.current.score < 0.9 * found.final.score
+    # Each effect is measured beside those before it, whatever was left before.
+    errors = [effect.errors for effect in other.found.effects]
+    assert np.all(np.diff(errors, axis=0)[:, 0] < 0.0)
 
 
 def test_what_is_right_is_not_found_a_second_time(searched):

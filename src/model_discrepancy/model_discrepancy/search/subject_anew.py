@@ -9,24 +9,31 @@ straps least. So it stays, and a search for all others begins anew from each kin
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ankle_physics.term import Owner, term_library
 from model_discrepancy.fit.base_model import bic_change
+from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import begun_anew
 from model_discrepancy.search.chosen_anew import LOAD_PATH
-from model_discrepancy.search.found import Effect, Found, Progress, is_usual
+from model_discrepancy.search.found import Effect, Found, Progress, Trial, is_usual
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.hypothesis import Hypothesis
+from model_discrepancy.search.screening import with_term
 from model_discrepancy.search.shared_families import bare_of
+from model_discrepancy.search.trials import fixed_errors
 
 # Evaluations of straps that are begun anew, beside what belongs to the rig.
 EVALUATIONS = 25
 # The same of the model without any of the subject: it only tells where the straps may begin.
 BARE_EVALUATIONS = 10
+# The same of each model that tells what an effect takes off beside those before it.
+ORDER_EVALUATIONS = 15
 
 
 def subject_anew(
@@ -61,11 +68,15 @@ def subject_anew(
     bare = bare_of(fitter, final, [effect.trial.name for effect in gone], BARE_EVALUATIONS)
     beside = {term: final.values[term] for term in bare.terms}
 
+    place = effects.index(gone[0])
+
     def followed(name: str) -> Hypothesis:
         progress(f"{name} anew, and all of the subject beside it")
         trial = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, beside)
-        straps = Effect(trial, gone[0].errors)
-        return hypotheses.followed(Found(found.base, trial.fit, [*kept, straps]), alone=name)
+        trials = [effect.trial for effect in kept]
+        trials.insert(place, trial)
+        begun = Found(found.base, trial.fit, _in_order(fitter, found.base, trial.fit, trials))
+        return hypotheses.followed(begun, alone=name)
 
     names = [name for name in _straps(grids) if name not in bare.terms]
     others = [
@@ -75,6 +86,17 @@ def subject_anew(
     ]
     changes = [bic_change(fitter, final, other.current) for other in others]
     return others[int(np.argmin(changes))] if changes and min(changes) < 0.0 else None
+
+
+def _in_order(fitter: Fitter, base: Fit, current: Fit, trials: Sequence[Trial]) -> list[Effect]:
+    """Return effects with the errors that are left when each is added beside those before it."""
+    yardstick, effects = fitter.rows.gain(), []
+    terms: Sequence[str] = base.terms
+    for trial in trials:
+        terms = with_term(terms, trial.name)
+        fit = fitter.fit(terms, current.values, evaluations=ORDER_EVALUATIONS)
+        effects.append(Effect(trial, fixed_errors(fit, yardstick)))
+    return effects
 
 
 def _is_of_the_rig(name: str) -> bool:
