@@ -33,7 +33,7 @@ LOAD_PATH = ("resonance in the load path", "resonance beside the load path")
 KINDS = (LOAD_PATH, ("intrinsic memory", "nonlinear damping"))
 # Evaluations of a term that is begun anew, beside the others as they were.
 EVALUATIONS = 25
-# The same of the model without any term of a kind: it only tells where the others may begin.
+# The same of the model without what is chosen anew: it only tells where the others may begin.
 BARE_EVALUATIONS = 10
 # A term that leaves more than this ratio of the error, before others are added, is given up. In
 # three recordings of people those that led to a better model left 1.02 to 1.31 of it.

@@ -19,7 +19,7 @@ from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import begun_anew
-from model_discrepancy.search.chosen_anew import LOAD_PATH
+from model_discrepancy.search.chosen_anew import BARE_EVALUATIONS, EVALUATIONS, LOAD_PATH
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, is_usual
 from model_discrepancy.search.grids import Grids
 from model_discrepancy.search.hypotheses import Hypotheses
@@ -28,11 +28,7 @@ from model_discrepancy.search.screening import with_term
 from model_discrepancy.search.shared_families import bare_of
 from model_discrepancy.search.trials import fixed_errors
 
-# Evaluations of straps that are begun anew, beside what belongs to the rig.
-EVALUATIONS = 25
-# The same of the model without any of the subject: it only tells where the straps may begin.
-BARE_EVALUATIONS = 10
-# The same of each model that tells what an effect takes off beside those before it.
+# Evaluations of each model that tells what an effect takes off beside those before it.
 ORDER_EVALUATIONS = 15
 
 
@@ -67,7 +63,7 @@ def subject_anew(
         return None
     bare = bare_of(fitter, final, [effect.trial.name for effect in gone], BARE_EVALUATIONS)
     beside = {term: final.values[term] for term in bare.terms}
-
+    # What was first found of the subject stood for the straps, or for what is seen through them.
     place = effects.index(gone[0])
 
     def followed(name: str) -> Hypothesis:
