@@ -9,6 +9,7 @@ from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.tools.candidate_movements import candidates_for
 from simulation_study.independent_conduct import IndependentConduct
+from simulation_study.planted_in_human import plant
 from simulation_study.planted_trials import simulate_trial
 from simulation_study.verdict_cases import Plan, made, trial_of
 
@@ -170,3 +171,11 @@ def test_a_slow_movement_that_does_not_show_the_inertia_is_no_wrong_unit():
     recording = IndependentConduct(plan, trial)(slow, 60.0, 2)
     assert faults(recording) == []
     assert "wrong unit" in faults(replace(recording, torque=1000.0 * recording.torque))[0]
+
+
+def test_a_slow_torque_channel_that_hides_the_inertia_is_no_wrong_unit(real_recording):
+    """It takes its lag times the viscosity from the inertia: all of it in one of the trials."""
+    slow = plant(real_recording, "torque_sensor_lag").recording
+    assert faults(slow) == []
+    milli = replace(real_recording, torque=0.001 * real_recording.torque)
+    assert "wrong unit" in faults(milli)[0]

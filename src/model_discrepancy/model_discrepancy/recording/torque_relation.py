@@ -62,6 +62,7 @@ def relation_faults(recording: Recording) -> list[str]:
     inner = slice(int(0.5 * rate), -int(0.5 * rate), step)
     vafs, models = [], []
     columns = np.column_stack([a, v, x])
+    lagging_vaf, lagging_inertia = _lagging(columns, t, inner, rate)
     for shift in SHIFTS_S:
         moved = np.roll(t, -round(shift * rate))[inner]
         model, *_ = np.linalg.lstsq(columns[inner], moved, rcond=None)
@@ -80,7 +81,7 @@ def relation_faults(recording: Recording) -> list[str]:
         ]
     if (
         not near[best]
-        and vafs[best] > max(vafs[inside], _lagging_vaf(columns, t, inner, rate)) + 0.05
+        and vafs[best] > max(vafs[inside], lagging_vaf) + 0.05
         and _ringing_vaf(columns, t, inner, rate, SHIFTS_S[best])
         > _ringing_vaf(columns, t, inner, rate, SHIFTS_S[inside]) + 0.05
     ):
@@ -110,10 +111,12 @@ def relation_faults(recording: Recording) -> list[str]:
     inertia = models[inside][0]
     # Compliance between sensor and foot may hide the inertia in this band, down to a negative one.
     # Slow movements leave inertia to reflexes and chance: only where all models agree it tells the
-    # unit. A late reflex looks like a skew, so that the recording as it stands counts, too.
+    # unit. A late reflex looks like a skew, so that the recording as it stands counts, too. A slow
+    # channel takes its lag times the viscosity from the inertia.
     resisting = np.hstack([columns, _reflexes(recording)])[inner]
     inertias = [
         inertia,
+        lagging_inertia,
         _viscoelastic_inertia(columns, moved, inner, rate),
         *(np.linalg.lstsq(resisting, torque, rcond=None)[0][0] for torque in (moved, t[inner])),
     ]
@@ -188,14 +191,19 @@ def _passive_vaf(
     return 1.0 - float(nnls(scaled, moved)[1] ** 2 / (moved @ moved))
 
 
-def _lagging_vaf(columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float) -> float:
-    """Return the best VAF of inertia, viscosity and stiffness behind a first-order filter."""
-    vafs = []
+def _lagging(
+    columns: np.ndarray, torque: np.ndarray, inner: slice, rate: float
+) -> tuple[float, float]:
+    """Return the best VAF of inertia, viscosity and stiffness behind a first-order filter, and the
+    inertia of that model [kg.m^2].
+    """
+    tried = []
     for lag in _LAGS_S:
         lagging = _relaxed(columns, lag, rate)[inner]
         model, *_ = np.linalg.lstsq(lagging, torque[inner], rcond=None)
-        vafs.append(1.0 - np.var(torque[inner] - lagging @ model) / np.var(torque[inner]))
-    return float(max(vafs))
+        vaf = 1.0 - np.var(torque[inner] - lagging @ model) / np.var(torque[inner])
+        tried.append((float(vaf), float(model[0])))
+    return max(tried)
 
 
 def _ringing_vaf(
