@@ -173,8 +173,9 @@ def test_a_slow_movement_that_does_not_show_the_inertia_is_no_wrong_unit():
     assert "wrong unit" in faults(replace(recording, torque=1000.0 * recording.torque))[0]
 
 
+@pytest.mark.parametrize("real_recording", [1], indirect=True)
 def test_a_slow_torque_channel_that_hides_the_inertia_is_no_wrong_unit(real_recording):
-    """It takes its lag times the viscosity from the inertia: all of it in one of the trials."""
+    """It takes its lag times the viscosity from the inertia, here all of it."""
     slow = plant(real_recording, "torque_sensor_lag").recording
     assert faults(slow) == []
     milli = replace(real_recording, torque=0.001 * real_recording.torque)
