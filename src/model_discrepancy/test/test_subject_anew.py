@@ -90,6 +90,28 @@ def test_what_belongs_to_the_rig_alone_is_left_as_it_is(searched, monkeypatch):
     assert subject_anew(begun, problem.fitter, found, grids, print) is None
 
 
+def test_straps_that_are_behind_from_the_first_are_not_followed(searched, monkeypatch):
+    problem, _ = searched
+    scores = {"fixation_compliance": 106.0, "fixation_stops": 104.0, "stiffening_fixation": 100.0}
+    followed = []
+    monkeypatch.setattr(
+        stage,
+        "begun_anew",
+        lambda fitter, bare, name, *_: Trial(
+            name, SimpleNamespace(score=scores[name]), 0.5, (0.5, 0.5), -100.0
+        ),
+    )
+    monkeypatch.setattr(stage, "_in_order", lambda *_: [])
+    monkeypatch.setattr(stage, "in_parallel", lambda function, items: [*map(function, items)])
+    hypotheses = SimpleNamespace(
+        followed=lambda begun, alone: followed.append(alone) or SimpleNamespace(plausible=False)
+    )
+    grids = Grids([*ALLOWED, *scores], SECONDS)
+    found = found_with(problem, MODE | SKEW)
+    assert subject_anew(hypotheses, problem.fitter, found, grids, print) is None
+    assert sorted(followed) == ["fixation_stops", "stiffening_fixation"]
+
+
 def test_only_straps_that_may_be_named_are_begun(searched):
     problem, null = searched
     grids = Grids([*MODE, *MEMORY, *SKEW], SECONDS)

@@ -22,7 +22,7 @@ from model_discrepancy.search.candidates import begun_anew
 from model_discrepancy.search.chosen_anew import BARE_EVALUATIONS, EVALUATIONS, LOAD_PATH
 from model_discrepancy.search.found import Effect, Found, Progress, Trial, is_usual
 from model_discrepancy.search.grids import Grids
-from model_discrepancy.search.hypotheses import Hypotheses
+from model_discrepancy.search.hypotheses import BEHIND_RATIO, Hypotheses
 from model_discrepancy.search.hypothesis import Hypothesis
 from model_discrepancy.search.screening import with_term
 from model_discrepancy.search.shared_families import bare_of
@@ -42,6 +42,8 @@ def subject_anew(
     """Return the hypothesis of the least BIC that begins with what was found of the rig and one
     kind of straps; None where none of them holds other terms and has a lesser BIC than what was
     found, or nothing was found of the subject.
+
+    Straps that are well behind other ones from the first are not followed.
 
     Parameters
     ----------
@@ -66,18 +68,21 @@ def subject_anew(
     # What was first found of the subject stood for the straps, or for what is seen through them.
     place = effects.index(gone[0])
 
-    def followed(name: str) -> Hypothesis:
-        progress(f"{name} anew, and all of the subject beside it")
-        trial = begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, beside)
-        trials = [effect.trial for effect in kept]
-        trials.insert(place, trial)
-        begun = Found(found.base, trial.fit, _in_order(fitter, found.base, trial.fit, trials))
-        return hypotheses.followed(begun, alone=name)
+    def begun(name: str) -> Trial:
+        progress(f"{name} anew, in the place of all of the subject")
+        return begun_anew(fitter, bare, name, grids.whole(name), EVALUATIONS, beside)
 
-    names = [name for name in _straps(grids) if name not in bare.terms]
+    def followed(straps: Trial) -> Hypothesis:
+        trials = [effect.trial for effect in kept]
+        trials.insert(place, straps)
+        ordered = _in_order(fitter, found.base, straps.fit, trials)
+        return hypotheses.followed(Found(found.base, straps.fit, ordered), alone=straps.name)
+
+    tried = in_parallel(begun, [name for name in _straps(grids) if name not in bare.terms])
+    limit = BEHIND_RATIO * min((straps.fit.score for straps in tried), default=0.0)
     others = [
         other
-        for other in in_parallel(followed, names)
+        for other in in_parallel(followed, [one for one in tried if one.fit.score < limit])
         if other.plausible and set(other.current.terms) != set(final.terms)
     ]
     changes = [bic_change(fitter, final, other.current) for other in others]
