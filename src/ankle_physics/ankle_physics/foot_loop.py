@@ -44,6 +44,9 @@ LONGEST_WINDOW = 0.1  # s
 # A window of the paper's model converges in four to eight rounds, one with springs that yield in
 # about 25, whatever its length; one that needs far more is cheaper in halves.
 MOST_ROUNDS = 40
+# A single sample whose change falls by less in a round would take more than `MOST_ROUNDS` of them;
+# it is solved at once. In a longer window changes may rise before they fall.
+LEAST_FALL = 0.5
 # Of the torque, or of 1 N.m where the torque is smaller; far below any sensor's resolution, so that
 # blocks of any size give the same torque.
 TOLERANCE = 1e-11
@@ -211,16 +214,16 @@ class FootLoop:
         """Return torques on the foot and the rounds it took; None where a window does not
         converge.
         """
-        other = np.full(len(given), self._other)
+        other, before = np.full(len(given), self._other), math.inf
         for rounds in range(1, MOST_ROUNDS + 1):
             tried = self._answer(other, window, drive, given, values)
             change = float(np.abs(tried.other - other).max())
             if change <= self._tolerance * tried.scale:
                 self._keep(tried)
                 return tried.parts, rounds
-            if not np.isfinite(change):
+            if not np.isfinite(change) or (len(given) == 1 and change > LEAST_FALL * before):
                 break
-            other = tried.other
+            other, before = tried.other, change
         if len(given) > 1:
             return None, MOST_ROUNDS
         return self._solve_sample(window, drive, given, values), MOST_ROUNDS
