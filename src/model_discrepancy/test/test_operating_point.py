@@ -191,6 +191,8 @@ MASSLESS_FOOT = {
 }
 
 
+# Each sample is solved by itself: half a minute of one core.
+@pytest.mark.slow
 def test_a_foot_that_is_next_to_massless_is_springs_in_series():
     fit = SimpleNamespace(values=MASSLESS_FOOT, draws={})
     stated = stated_impedance(fit, OperatingPoint())
