@@ -8,9 +8,9 @@ import pytest
 from model_discrepancy.problem import prepare
 from model_discrepancy.search import subject_anew as stage
 from model_discrepancy.search import term_search
-from model_discrepancy.search.exchange import LEAST_HARM, predicts_worse
 from model_discrepancy.search.found import Effect, Found, Trial, is_usual
 from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.harm import LEAST_HARM, predicts_worse
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term

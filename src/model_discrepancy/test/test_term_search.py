@@ -11,7 +11,7 @@ from model_discrepancy.problem import prepare
 from model_discrepancy.report.effect_size import Size
 from model_discrepancy.report.verdict import CERTAINTY, Standing, effect_entry
 from model_discrepancy.search import exchange as exchanging
-from model_discrepancy.search import term_search
+from model_discrepancy.search import harm, term_search
 from model_discrepancy.search.candidates import _near_best, special_cases
 from model_discrepancy.search.exchange import (
     better_rivals,
@@ -243,10 +243,10 @@ def test_a_rival_that_predicts_unseen_torque_worse_than_it_helps_does_harm(
     """A drift, say, that a half of the recording shows, and that the other does not continue."""
     unseen = {100.0: 93.0, score: vaf}
     monkeypatch.setattr(
-        exchanging, "held_out", lambda fitter, fit: SimpleNamespace(vaf=unseen[fit.score])
+        harm, "held_out", lambda fitter, fit: SimpleNamespace(vaf=unseen[fit.score])
     )
     final, other = SimpleNamespace(score=100.0), SimpleNamespace(score=score)
-    assert exchanging.harms(None, final, other) == harms
+    assert harm.harms(None, final, other) == harms
 
 
 def test_a_lag_takes_the_place_of_a_resonance_beside_a_much_larger_effect():

@@ -208,13 +208,18 @@ def test_a_matlab_file_that_crashes_its_library_is_refused(tmp_path, monkeypatch
         read_table(path)
 
 
-def test_a_type_that_the_metadata_state_wrongly_is_reported_and_read_by_the_file(tmp_path):
-    with BagWriter(tmp_path / "bag") as writer:
+def metadata_of_a_bag(folder):
+    """Write a bag with one block of 32 samples, and return the path of its description."""
+    with BagWriter(folder) as writer:
         writer.add_topic("/ankle/samples")
         time = 1e9 + np.arange(32) / 1000
         block = Block(("t[s]", "torque[N.m]"), np.column_stack([time, time]))
         writer.write_block("/ankle/samples", block)
-    metadata = tmp_path / "bag" / "metadata.yaml"
+    return folder / "metadata.yaml"
+
+
+def test_a_type_that_the_metadata_state_wrongly_is_reported_and_read_by_the_file(tmp_path):
+    metadata = metadata_of_a_bag(tmp_path / "bag")
     metadata.write_text(metadata.read_text().replace("std_msgs/msg/Float64M", "std_msgs/msg/M"))
     account = account_of_bag(BagReader(tmp_path / "bag"))
     assert account.topics["/ankle/samples"].samples == 32
@@ -224,12 +229,7 @@ def test_a_type_that_the_metadata_state_wrongly_is_reported_and_read_by_the_file
 @pytest.mark.parametrize("damaged", ["Z1000000", ".inf"])
 @pytest.mark.parametrize("entry", ["nanoseconds_since_epoch", "nanoseconds", "message_count"])
 def test_a_number_that_is_none_is_named_where_the_metadata_state_it(tmp_path, entry, damaged):
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/ankle/samples")
-        time = 1e9 + np.arange(32) / 1000
-        block = Block(("t[s]", "torque[N.m]"), np.column_stack([time, time]))
-        writer.write_block("/ankle/samples", block)
-    metadata = tmp_path / "bag" / "metadata.yaml"
+    metadata = metadata_of_a_bag(tmp_path / "bag")
     metadata.write_text(re.sub(rf"\b{entry}: \d+", f"{entry}: {damaged}", metadata.read_text()))
     with pytest.raises(BagError, match=f"'{entry}' is '.+' and no whole number"):
         read_metadata(tmp_path / "bag")

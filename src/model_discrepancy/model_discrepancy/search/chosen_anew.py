@@ -19,9 +19,9 @@ from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.search.candidates import begun_anew
-from model_discrepancy.search.exchange import harms
 from model_discrepancy.search.found import Effect, Found, Progress
 from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.harm import harms
 from model_discrepancy.search.hypotheses import Hypotheses
 from model_discrepancy.search.hypothesis import Hypothesis
 from model_discrepancy.search.shared_families import bare_of

@@ -12,10 +12,10 @@ from ankle_physics.term import term_library
 from model_discrepancy.fit.base_model import bic_change
 from model_discrepancy.fit.fit_result import Fit
 from model_discrepancy.fit.fitter import MATERIAL_SHARE, Fitter
-from model_discrepancy.fit.held_out import held_out
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.harm import harms
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import Screened, screen, without_term
 from model_discrepancy.search.trials import (
@@ -44,9 +44,6 @@ SWAP_GAIN = 0.005
 # and what only corrected a shape took off at most so much (see `SECOND_EFFECT_GAIN`).
 LARGER_SWAP_GAIN = 0.1
 MOST_SWAPS = 3
-# Unseen plain torque that is left unexplained grows by this factor at least where a rival does
-# harm; both models predict it alike otherwise, within some per cent of voluntary torque.
-LEAST_HARM = 1.05
 # Share of the whitened error that the others leave, fitted and on unseen rows. A refinement of a
 # model is an effect of its own where it alone takes off so much, changes torque that matters and
 # has no value at a bound. Of 32 development recordings on the independent rig the second of two
@@ -347,30 +344,6 @@ def better_rivals(found: Found) -> list[tuple[Effect, Trial]]:
         and rival.fit.score < (1.0 - _least_gain(rival, final)) * final.score
     ]
     return sorted(options, key=lambda option: option[1].fit.score)
-
-
-def harms(fitter: Fitter, final: Fit, other: Fit) -> bool:
-    """Say whether another model predicts unseen plain torque worse than the final one by a larger
-    factor than it lowers the whitened error: one with a drift that a half of the recording seems to
-    show, and that the other half does not continue.
-    """
-    now, then = in_parallel(lambda fit: held_out(fitter, fit).vaf, [final, other])
-    return predicts_worse(final, now, other, then)
-
-
-def predicts_worse(final: Fit, now: float, other: Fit, then: float) -> bool:
-    """Say whether what another model leaves of unseen plain torque is more by a larger factor than
-    it lowers the whitened error.
-
-    Parameters
-    ----------
-    final, now
-        The present model and its VAF on unseen data [%].
-    other, then
-        The other model and its VAF there.
-    """
-    harm = (100.0 - then) / max(100.0 - now, 1e-9)
-    return harm > max(LEAST_HARM, final.score / other.score)
 
 
 def _least_gain(rival: Trial, final: Fit) -> float:

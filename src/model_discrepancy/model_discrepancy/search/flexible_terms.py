@@ -19,9 +19,9 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.fit.least_squares import orthonormal
 from model_discrepancy.fit.parallel import in_parallel
 from model_discrepancy.search.candidates import Candidates
-from model_discrepancy.search.exchange import harms
 from model_discrepancy.search.found import Effect, Found, Progress, Trial
 from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.harm import harms
 from model_discrepancy.search.null import Null, exceeded_by_chance
 from model_discrepancy.search.screening import with_term, without_term
 from model_discrepancy.search.trials import fixed_errors, judged

@@ -31,13 +31,13 @@ from model_discrepancy.search.exchange import (
     ends_at_bound,
     exchange,
     name_second_effect,
-    predicts_worse,
     specialise,
     try_without,
 )
 from model_discrepancy.search.flexible_terms import add_flexible, add_further
 from model_discrepancy.search.found import REFINEMENT, Effect, Found, Progress, Trial, place_of
 from model_discrepancy.search.grids import Grids
+from model_discrepancy.search.harm import predicts_worse
 from model_discrepancy.search.hypotheses import BEHIND_RATIO, Hypotheses, Hypothesis
 from model_discrepancy.search.null import Null
 from model_discrepancy.search.screening import with_term, without_term
