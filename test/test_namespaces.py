@@ -86,6 +86,8 @@ def test_two_laboratories_keep_apart_and_a_second_source_is_named(tmp_path):
     ):
         ear = Ear(node)
         ear.until(lambda: all(len(ear.torque[side]) > 30 for side in STIFFNESS), "torque of both")
+        rigs = [f"/{side}/ankle_sim" for side in STIFFNESS]
+        ear.until(lambda: all(rig in ear.status for rig in rigs), "status of both rigs")
         assert ear.truth == {side: {K} for side, K in STIFFNESS.items()}
         for side in STIFFNESS:
             topic = f"/{side}/{ANKLE_SAMPLES.name}"
