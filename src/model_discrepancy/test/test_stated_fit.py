@@ -1,5 +1,7 @@
 """A model that lacks physics is stated by the torque that it can explain, a right one by all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,3 +57,12 @@ def test_a_model_with_a_flexible_term_is_stated_by_the_plain_torque(lacking):
     stated = stated_fit(fitter, final, little)
     used = fitter.rows.used
     assert np.var(stated.plain[used]) < 0.95 * np.var(final.plain[used])
+
+
+def test_what_is_predicted_in_a_loop_is_not_called_missing_physics():
+    remainder = Remainder(0.3, 0.2, {}, 0.3, torque_share=0.01, by_chance=0.05)
+    assert remainder.significant
+    in_a_loop = replace(remainder, judged=False)
+    assert in_a_loop.exceeds_chance
+    assert not in_a_loop.significant
+    assert not replace(remainder, by_chance=0.4).exceeds_chance
