@@ -30,7 +30,7 @@ def test_straps_on_a_servo_that_gives_way_are_found_as_they_are():
             "voluntary_torque": {},
         }
     )
-    reference = PulseStep(Settings(rate=RATE, seed=4)).next(int(40 * RATE))
+    reference = PulseStep(Settings(rate=RATE, seed=4)).next(int(28 * RATE))
     made = simulate(reference, RATE, model, seed=4)
     recording = Recording(
         RATE, made.position, made.torque, made.velocity, reference[:, 0], name="straps"
@@ -92,7 +92,7 @@ def test_only_a_soft_servo_gives_way_so_far_that_it_matters(stiffness: float, mo
             "voluntary_torque": {},
         }
     )
-    reference = PulseStep(Settings(rate=RATE, seed=5)).next(int(40 * RATE))
+    reference = PulseStep(Settings(rate=RATE, seed=5)).next(int(24 * RATE))
     made = simulate(reference, RATE, model, seed=5)
     problem = prepare(Recording(RATE, made.position, made.torque, name="servo"))
     assert problem.compliance is not None

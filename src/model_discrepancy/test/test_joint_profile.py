@@ -35,6 +35,7 @@ terms: [inertia, viscosity]
 """
 # Inertia, viscosity and stiffness of each.
 JOINTS = {"wrist": (0.002, 0.03, 3.0), "knee": (0.35, 4.0, 120.0), "axis": (12.0, 60.0, 0.0)}
+FEW = ("torque_sensor_lag", "maxwell_relaxation", "hardening_stiffness", "reflex_threshold")
 
 
 @pytest.fixture
@@ -132,10 +133,12 @@ def test_a_bag_in_metres_and_newtons_is_read_by_its_profile_only(tmp_path, axis_
 
 
 @pytest.mark.parametrize(
-    "name", ["wrist", *(pytest.param(n, marks=pytest.mark.slow) for n in ("knee", "axis"))]
+    ("name", "library"),
+    [("wrist", FEW), *(pytest.param(n, None, marks=pytest.mark.slow) for n in JOINTS)],
 )
-def test_a_joint_without_mismatch_is_diagnosed_and_named_so(name, axis_file, tmp_path):
-    found = diagnose(recording(name, 60.0), tmp_path / "out", joint=profile(name, axis_file))
+def test_a_joint_without_mismatch_is_diagnosed_and_named_so(name, library, axis_file, tmp_path):
+    made, joint = recording(name, 60.0 if library is None else 30.0), profile(name, axis_file)
+    found = diagnose(made, tmp_path / "out", library=library, joint=joint)
     assert found.verdict.verdict == "no_mismatch"
     content = json.loads((tmp_path / "out" / "verdict.json").read_text())
     unit = "N/m" if name == "axis" else "N.m/rad"

@@ -9,6 +9,7 @@ another stage than the one before, which stands before the last stage that was r
 import ast
 import json
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,9 @@ import pytest
 import model_discrepancy
 from ankle_physics.model import Model
 from model_discrepancy.criticism import criticism
+from model_discrepancy.criticism.criticism import criticise
 from model_discrepancy.diagnose import diagnose
+from model_discrepancy.report.result_folder import write_results
 from model_discrepancy.search.term_search import search
 from model_discrepancy.tools.resimulation import resimulate
 from simulation_study.planted_trials import simulate_trial
@@ -90,28 +93,39 @@ def unexplained(tmp_path_factory):
     def note(frame, event, _):
         if event != "call" or frame.f_back is None:
             return
-        callee, caller = (f.f_globals.get("__name__", "") for f in (frame, frame.f_back))
+        caller = frame.f_back.f_globals.get("__name__", "")
         if caller in ("model_discrepancy.diagnose", "model_discrepancy.problem"):
+            callee = frame.f_globals.get("__name__", "")
             stage = stage_of(callee) if callee.startswith("model_discrepancy.") else None
             if stage is not None and callee != "model_discrepancy.problem":
                 way.append(stage)
 
-    def unwatched(*arguments):
-        """Run the search, which calls no stage but its own and those before, at full speed."""
-        sys.setprofile(None)
-        way.append(STAGES.index("search"))
-        try:
-            return search(*arguments)
-        finally:
-            sys.setprofile(note)
+    def watch(noting):
+        """Watch this thread and those that it starts: a diagnosis runs in one of its own."""
+        threading.setprofile(noting)
+        sys.setprofile(noting)
+
+    def unwatched(function):
+        """Note that a stage is called, and run it at full speed: what it calls does not count."""
+
+        def run(*arguments):
+            watch(None)
+            way.append(stage_of(function.__module__))
+            try:
+                return function(*arguments)
+            finally:
+                watch(note)
+
+        return run
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules[diagnose.__module__], "search", unwatched)
-        sys.setprofile(note)
+        for function in (search, criticise, write_results):
+            patch.setattr(sys.modules[diagnose.__module__], function.__name__, unwatched(function))
+        watch(note)
         try:
             verdict = diagnose(recording, folder, library=library).verdict
         finally:
-            sys.setprofile(None)
+            watch(None)
     assert verdict.verdict == "unexplained"
     return recording, folder, way
 

@@ -22,6 +22,13 @@ from simulation_study.planted_trials import INTERNAL_RATE, contraction, simulate
 
 SEED, DURATION_S, RATE = 11, 60.0, 1024.0
 PLANTED = {COCONTRACTION: {"kc": 25.0}}
+RIVALS = (
+    COCONTRACTION,
+    "stiffness_drift",
+    "settling_stiffness",
+    "activation_stiffness",
+    "position_dependent_stiffness",
+)
 
 
 @pytest.fixture(scope="module")
@@ -127,11 +134,12 @@ def test_a_recording_that_is_short_has_no_course():
     assert stiffness_course(fitter, base) is None
 
 
+@pytest.mark.parametrize("library", [RIVALS, pytest.param(None, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("planted", [PLANTED, {}])
-def test_a_contraction_is_named_where_there_is_one(planted, tmp_path):
+def test_a_contraction_is_named_where_there_is_one(planted, library, tmp_path):
     """K is the mean over the recording, and the simulation makes more of the torque with it."""
     recording = simulate_trial(planted, seed=SEED, duration=DURATION_S, rate=RATE)
-    diagnosis = diagnose(recording, out=tmp_path)
+    diagnosis = diagnose(recording, out=tmp_path, library=library)
     drawn = "The stiffness in the course of the recording" in (tmp_path / "report.html").read_text()
     assert drawn == bool(planted)
     names = [effect.trial.name for effect in diagnosis.found.effects]

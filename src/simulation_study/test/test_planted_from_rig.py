@@ -8,10 +8,18 @@ from blind_rig.subjects import draw_subject
 from blind_rig.trial import Trial, run, simulation_rate
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.recording import Recording
+from simulation_study import planted_effect
 from simulation_study.planted_from_rig import QUIET, RIG_RATE, movement_of, plant_effect
 
-SECONDS = 12.0
+SECONDS = 7.0
 BEGUN = slice(round(RIG_RATE), None)
+
+
+@pytest.fixture(autouse=True)
+def rough_size(monkeypatch):
+    """Let few sizes of an effect be tried: any visible one will do."""
+    monkeypatch.setattr(planted_effect, "SCAN_POINTS", 3)
+    monkeypatch.setattr(planted_effect, "SEARCH_TOLERANCE", 0.5)
 
 
 @pytest.fixture(scope="module")

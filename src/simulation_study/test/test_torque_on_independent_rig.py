@@ -11,6 +11,7 @@ from blind_rig.trial import run
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.fit.held_torque import following
 from model_discrepancy.problem import prepare, with_better_course
+from simulation_study import verdict_cases
 from simulation_study.verdict_cases import plans, recorded, trial_of
 
 FOLLOWS = "stiffness_follows_torque"
@@ -35,7 +36,9 @@ def _correlation(course, done, rate):
     return np.corrcoef(course, true)[0, 1]
 
 
-def test_the_course_of_a_stiffness_that_follows_torque_is_found_on_the_independent_rig():
+def test_the_course_of_a_stiffness_that_follows_torque_is_found_on_the_independent_rig(monkeypatch):
+    # [s] Enough for a course below 0.7 Hz; the search for the effect's size runs the trial often.
+    monkeypatch.setattr(verdict_cases, "DURATION_S", 25.0)
     recording, done = _made("effect", 37, (FOLLOWS,))
     problem = prepare(recording)
     motion = problem.fitter.motion
