@@ -149,15 +149,20 @@ def respond_bag(
 
 
 def _lag_notes(processor: EmgProcessor) -> list[str]:
+    stood = (
+        f"{processor.motionless} commanded movements did not take place: the plate stood still, "
+        "and there is no response to them"
+    )
+    still = [stood] if processor.motionless else []
     if math.isnan(processor.lag):
-        return []
+        return still
     sentence = f"the plate moves {1e3 * processor.lag:.1f} ms after its command; windows start then"
     if processor.unconfirmed:
         sentence += (
             f"; of {processor.onsets} onsets {processor.unconfirmed} have no measured movement and "
             "that lag"
         )
-    return [sentence]
+    return [sentence, *still]
 
 
 def summary(found: OfflineResponses) -> list[list[str]]:

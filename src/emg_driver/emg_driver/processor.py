@@ -35,6 +35,9 @@ pulses turn round after 40 ms and more, in the other direction."""
 MAX_LEAD = 0.002
 """[s] Largest time by which a movement may seem to begin before its command: noise of the measured
 velocity crosses the limit of rest a few samples before."""
+LONGEST_UNSEEN = 0.005
+"""[s] Longest step between two samples of the motion between which a plate is said to stand still:
+the paper's fastest edges take longer."""
 SHOWN_LAGS = 200
 """Number of onsets whose median lag is reported: those of the last minute or two."""
 MEMORY = WINDOW + 2.0 * LARGEST_REFERENCE_DELAY + 1.0
@@ -85,6 +88,9 @@ class EmgProcessor:
     unconfirmed
         Commanded onsets without a measured movement; their windows start at the command, plus the
         median lag of the others.
+    motionless
+        Commanded onsets at which the measured plate stood still, as that of a rig that is stopped;
+        they have no response.
     """
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -92,6 +98,9 @@ class EmgProcessor:
         self.rate: float | None = None
         self.onsets = 0
         self.unconfirmed = 0
+        self.motionless = 0
+        # Times [s] of the measured motion, and whether the plate moved then.
+        self._moving: deque[tuple[np.ndarray, np.ndarray]] = deque()
         self._lags: deque[float] = deque(maxlen=SHOWN_LAGS)
         least = self.settings.onset_velocity
         self._reference = OnsetDetector(REFERENCE_REST, least)
@@ -129,6 +138,7 @@ class EmgProcessor:
             self._from_motion.extend(
                 (float(t), float(d)) for t, d in self._motion.from_velocity(time, velocity)
             )
+            self._keep_motion(time, velocity)
         return self._due()
 
     def feed_emg(self, time: np.ndarray, emg: np.ndarray) -> Responses:
@@ -255,6 +265,9 @@ class EmgProcessor:
         only the measured velocity shows.
         """
         end = self.settings.reflex_end + 1.0 / (self.rate or LOWEST_RATE)
+        while self._from_reference and self._stood_still(self._from_reference[0][0]):
+            self._from_reference.popleft()
+            self.motionless += 1
         onset = self._commanded_onset(known)
         if onset is not None:
             if onset[0] + end > known:
@@ -297,6 +310,28 @@ class EmgProcessor:
             return None
         lag = self.lag
         return commanded + (0.0 if math.isnan(lag) else lag), direction
+
+    def _keep_motion(self, time: np.ndarray, velocity: np.ndarray) -> None:
+        """Keep when the plate moved, as long as a reference may still come."""
+        if not len(time):
+            return
+        # A velocity that is not finite does not show that the plate stands still.
+        self._moving.append((time, ~(np.abs(velocity) <= self.settings.rest_velocity)))
+        while self._moving[0][0][-1] < time[-1] - MEMORY:
+            self._moving.popleft()
+
+    def _stood_still(self, commanded: float) -> bool:
+        """Say whether the measured plate stood still when it should have begun to move; not as long
+        as that is not measured.
+        """
+        start, end = commanded - MAX_LEAD, commanded + MAX_LAG
+        kept = [one for one in self._moving if one[0][-1] >= start and one[0][0] <= end]
+        if not kept:
+            return False
+        time, moving = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+        about = (time >= start) & (time <= end)
+        steps = np.diff(np.concatenate([[start], time[about], [end]]))
+        return bool(steps.max() <= LONGEST_UNSEEN) and not moving[about].any()
 
     def _respond(self, onset: float, direction: float, notes: list[str]) -> np.ndarray:
         assert self.rate is not None

@@ -147,6 +147,29 @@ def test_windows_start_when_the_plate_moves_and_the_lag_is_reported(recording):
     np.testing.assert_array_equal(fixed, commanded)
 
 
+def test_a_plate_that_stands_still_answers_no_command(recording):
+    """The rig is stopped in the second half, and the commands go on."""
+    time, position, emg, _ = recording
+    middle = START + 0.5 * (time[-1] - START)
+    velocity = np.gradient(np.interp(time - 0.007, time, position), 1 / RATE)
+    noise = 0.006 * np.random.default_rng(2).standard_normal(len(time))
+    every, _, _ = process(time, position, emg, velocity=velocity + noise)
+    still = np.where(time < middle, velocity, 0.0) + noise
+    rows, _, processor = process(time, position, emg, velocity=still)
+    assert rows[:, 0].max() < middle + 0.05
+    np.testing.assert_array_equal(rows, every[: len(rows)])
+    # The last command is too late for a window in either.
+    assert len(rows) + processor.motionless in (len(every), len(every) + 1)
+    for size in (32, 77):
+        split, _, _ = process(time, position, emg, velocity=still, size=size)
+        np.testing.assert_array_equal(split, rows)
+    # Where the motion was not measured, nothing says that the plate stood still.
+    lost = np.where(time < middle, still, np.nan)
+    unseen, _, processor = process(time, position, emg, velocity=lost)
+    assert len(unseen) == len(every)
+    assert processor.motionless == 0
+
+
 def test_a_servo_that_overshoots_makes_no_onset():
     time = np.arange(4000) / 2000.0
     position = 0.04 * (1 - np.exp(-130 * (time - 1)) * np.cos(60 * (time - 1))) * (time > 1)
