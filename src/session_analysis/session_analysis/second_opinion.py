@@ -8,6 +8,7 @@ linear intrinsic pathway and a reflex to rectified velocity can explain at all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,9 @@ MIN_STRETCHES = 3
 """Least number of stretches for a scatter, and so for a standard error."""
 SEGMENT = 4.0
 """[s] Length of a segment of the spectra; resolves 0.25 Hz, and 60 s give 29 overlapping ones."""
+MOVING_SHARE = 0.5
+"""Least share of a stretch's seconds in which the plate moves. In a break nothing tells K and G: one
+such stretch made the standard error of K eight times K."""
 MIN_MOVEMENT = 1e-3
 """[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
 below 1e-4, perturbations are above 5e-3."""
@@ -141,7 +145,7 @@ def second_opinion(recording: Recording) -> SecondOpinion:
         ).vaf
         for model, part in ((second, parts[0]), (first, parts[1]))
     )
-    errors = [_errors(fit, part, len(position), recording.rate) for part in (slice(None), *parts)]
+    errors = [_errors(fit, part, recording) for part in (slice(None), *parts)]
     response = _response(recording, whole)
     return SecondOpinion(
         (whole.stiffness, errors[0][0]),
@@ -153,18 +157,29 @@ def second_opinion(recording: Recording) -> SecondOpinion:
     )
 
 
-def _errors(fit, part: slice, count: int, rate: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
-    """Return the standard errors of K and G from the scatter of disjoint stretches."""
-    start, stop, _ = part.indices(count)
+def _errors(
+    fit: Callable[[slice], ParallelCascade], part: slice, recording: Recording
+) -> tuple[float, float]:
+    """Return the standard errors of K and G from the scatter of disjoint stretches in which the
+    plate moves.
+    """
+    position, rate = recording.position, recording.rate
+    start, stop, _ = part.indices(len(position))
     share = (stop - start) / rate / MIN_STRETCHES
     length = int(min(STRETCH, max(MIN_STRETCH, share)) * rate)
-    begins = range(start, stop - length + 1, length)
-    if len(begins) < MIN_STRETCHES:
+    stretches = [slice(begin, begin + length) for begin in range(start, stop - length + 1, length)]
+    moving = [one for one in stretches if _moves(position[one], rate)]
+    if len(moving) < MIN_STRETCHES:
         return float("nan"), float("nan")
-    fits = [fit(slice(begin, begin + length)) for begin in begins]
+    fits = [fit(one) for one in moving]
     values = np.array([(one.stiffness, one.gain) for one in fits])
     spread = values.std(axis=0, ddof=1) / np.sqrt(len(values))
     return float(spread[0]), float(spread[1])
+
+
+def _moves(position: np.ndarray, rate: float) -> bool:
+    """Say whether the plate moves in enough seconds of a stretch to tell K and G."""
+    return float(np.mean(movements(position, rate) >= MIN_MOVEMENT)) >= MOVING_SHARE
 
 
 def _response(recording: Recording, model: ParallelCascade) -> FrequencyResponse:

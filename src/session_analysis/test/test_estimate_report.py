@@ -230,3 +230,17 @@ def test_an_ankle_that_rests_has_no_second_opinion(tmp_path):
     data[:, 1] = 0.1 + 1e-5 * np.random.default_rng(3).normal(size=len(data))
     with pytest.raises(ValueError, match=r"moves by no more than 1(\.\d)?e-05 rad within a second"):
         second_opinion(Recording.from_bag(write_bag(tmp_path / "bag", data)))
+
+
+def test_a_break_widens_no_errors_of_the_second_opinion(tmp_path):
+    """Of 80 s the plate rests for 22, and the torque is voluntary then."""
+    data = ankle(80.0)
+    random, rest = np.random.default_rng(4), slice(round(29 * RATE), round(51 * RATE))
+    count = rest.stop - rest.start
+    whole = second_opinion(Recording.from_bag(write_bag(tmp_path / "whole", data)))
+    data[rest, 1] = 1e-5 * random.normal(size=count)
+    data[rest, 2] = np.cumsum(random.normal(size=count)) / RATE
+    opinion = second_opinion(Recording.from_bag(write_bag(tmp_path / "bag", data)))
+    assert opinion.K[0] == pytest.approx(whole.K[0], rel=0.05)
+    assert 0.0 < opinion.K[1] < 0.01 * K
+    assert 0.0 < opinion.G[1] < 5.0 * whole.G[1]
