@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ankle_bringup.errors import RunError
+from ankle_bringup.known_rig import KnownRig, known_rig
 from ankle_bringup.terminal import Out, Overwrite, OwnTerms, clear_folder, console, working
 
 
@@ -20,9 +21,7 @@ def verb(
         Path | None,
         typer.Option(help="A model file as the baseline, instead of the paper's model refitted."),
     ] = None,
-    rig: Annotated[
-        Path | None, typer.Option(help="The calibrated rig (rig.yaml), which is taken as known.")
-    ] = None,
+    rig: KnownRig = None,
     joint: Annotated[
         str, typer.Option(help="ankle, knee, elbow, wrist, or a joint's file (YAML).")
     ] = "ankle",
@@ -49,17 +48,20 @@ def verb(
     profile = JointProfile.load(joint)
     if model is not None and len(bags) > 1:
         raise RunError("--model is the baseline of one recording; several begin from the joint's")
+    with profile.in_force():
+        baseline = Model.load(model) if model is not None else None
+    known, carried = known_rig(rig, bags)
     clear_folder(out, overwrite, "verdict.json")
+    if carried:
+        console.print(carried, soft_wrap=True)
     with working("diagnosing") as step:
-        with profile.in_force():
-            baseline = Model.load(model) if model is not None else None
         if len(bags) > 1:
-            together = diagnose_together(bags, progress=step, joint=profile, rig=rig)
+            together = diagnose_together(bags, progress=step, joint=profile, rig=known)
             with profile.in_force():
                 together.save(out)
                 write_several(together, out / "report.html")
             return _findings(out, [e.sentence for e in together.named], together.verdict)
-        found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=rig)
+        found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=known)
     lines = [f"- {effect['sentence']}" for effect in found.verdict.effects]
     lines += [f"  {reason}" for reason in found.verdict.reasons]
     return _findings(out, [profile.in_units(line) for line in lines], found.verdict.verdict)

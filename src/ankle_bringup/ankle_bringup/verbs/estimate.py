@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ankle_bringup.errors import RunError
+from ankle_bringup.known_rig import KnownRig, known_rig
 from ankle_bringup.terminal import (
     Algorithm,
     Out,
@@ -36,9 +37,7 @@ def verb(
         Path | None,
         typer.Option(help="The subject's model (YAML); its terms run beside the regression."),
     ] = None,
-    rig: Annotated[
-        Path | None, typer.Option(help="The calibrated rig (rig.yaml) of the recording.")
-    ] = None,
+    rig: KnownRig = None,
     terms: OwnTerms = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
@@ -50,9 +49,10 @@ def verb(
     Example: ankle estimate session --out session_estimates --rig rig.yaml
     """
     from ankle_interfaces.quantity import quantities
+    from ankle_physics.model import Model
     from ankle_physics.own_terms import load_terms
     from impedance_estimator.algorithms import ALGORITHMS, DEFAULT
-    from impedance_estimator.known_physics import load_known_physics
+    from impedance_estimator.known_physics import KnownPhysics
     from impedance_estimator.offline.recorded_estimates import estimate_bag
     from impedance_estimator.stream import compile_estimator
     from session_analysis.estimate_answer import answer, require_start, require_valid
@@ -68,13 +68,16 @@ def verb(
         raise RunError(f"algorithm '{chosen}' has no --highpass; C, CE and O have")
     settings = own(**given)
     load_terms(terms or "")
-    known = load_known_physics(str(model or ""), str(rig or ""))
+    subject = Model.load(model) if model is not None else None
+    taken, carried = known_rig(rig, [bag])
+    known = None if subject is None and taken is None else KnownPhysics(taken, subject)
     require_start(bag)  # before an earlier result is removed
     clear_folder(out, overwrite, "metadata.yaml")
     with working(f"{chosen}: loading compiled code, or compiling it (up to two minutes, once)"):
         compile_estimator(chosen)
     with progress(f"estimating {bag}") as share:
         result = estimate_bag(bag, out, chosen, settings, known=known, progress=share)
+    result.notes.extend([carried] if carried else [])
     with steps() as step:
         stated = BagReader(out).custom_data.get("settings", "")
         found = answer(bag, result, chosen, stated, step)

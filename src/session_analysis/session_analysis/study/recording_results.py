@@ -9,12 +9,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ankle_interfaces.topics import ANKLE_SAMPLES
 from impedance_estimator.algorithms import DEFAULT
+from impedance_estimator.known_physics import KnownPhysics
 from impedance_estimator.offline.recorded_estimates import estimate_bag
 from session_analysis.errors import AnalysisError
 from session_analysis.estimate_answer import (
@@ -30,6 +31,10 @@ from session_analysis.visit_measures import measured_in_visit
 from session_recorder.bag_reader import BagReader
 from session_recorder.errors import ImportRefused
 from session_recorder.importing import import_recording, propose, read_table
+from session_recorder.rig_of_bag import rig_of_bags
+
+if TYPE_CHECKING:
+    from ankle_physics.rig_file import RigFile
 
 RESULTS_FILE = "results.json"
 PERCENT = 100.0
@@ -131,7 +136,11 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> tuple[list[Row], d
     if not bag.is_dir():
         bag, assumed = _import(entry, derived, stated)
     require_start(bag)
-    result = estimate_bag(bag, derived / "estimates", overwrite=True)
+    rig = rig_of_bags([bag])
+    known = None if rig is None else KnownPhysics(rig)
+    result = estimate_bag(bag, derived / "estimates", known=known, overwrite=True)
+    if rig is not None:
+        result.notes.append(f"the rig '{rig.title}', which the bag carries, is taken as known")
     settings = BagReader(derived / "estimates").custom_data.get("settings", "")
     found = answer(bag, result, DEFAULT, settings)
     write_estimates(found, derived)
@@ -140,7 +149,7 @@ def _compute(entry: Entry, derived: Path, diagnosed: bool) -> tuple[list[Row], d
     measured = measured_in_visit(bag)
     rows += _relative_rows(entry, found, {**measured, **stated}, bag)
     if diagnosed:
-        rows += _diagnosis_rows(entry, bag, derived / "diagnosis")
+        rows += _diagnosis_rows(entry, bag, derived / "diagnosis", rig)
     return rows, {"measured": measured, "assumed": assumed}
 
 
@@ -243,10 +252,11 @@ def _relative_rows(entry: Entry, found: Answer, stated: dict[str, Any], bag: Pat
     return rows
 
 
-def _diagnosis_rows(entry: Entry, bag: Path, out: Path) -> list[Row]:
+def _diagnosis_rows(entry: Entry, bag: Path, out: Path, rig: RigFile | None) -> list[Row]:
     from model_discrepancy.diagnose import diagnose
 
-    return verdict_rows(entry, json.loads(json.dumps(diagnose(bag, out).verdict, default=vars)))
+    verdict = diagnose(bag, out, rig=rig).verdict
+    return verdict_rows(entry, json.loads(json.dumps(verdict, default=vars)))
 
 
 def verdict_rows(entry: Entry, verdict: Mapping[str, Any]) -> list[Row]:
