@@ -1,6 +1,6 @@
 """The file ``rig.yaml`` holds a calibrated rig: delays, zeros, noise and the rig's terms.
 
-See the design document for an example. A value that was measured has a standard error::
+A value that was measured has a standard error. ``docs/calibration.md`` shows a whole file::
 
     rig: laboratory 2, plate B
     calibrated: 2026-11-20T14:02:11Z

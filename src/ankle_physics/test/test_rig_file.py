@@ -1,6 +1,8 @@
 """The file of a calibrated rig: what is written is read back, what is wrong is named."""
 
+import re
 from datetime import datetime, timedelta, timezone
+from pathlib import Path
 
 import pytest
 
@@ -82,3 +84,12 @@ def test_a_twin_has_the_terms_of_both_and_the_rigs_where_both_state_one():
 
 def test_the_age_is_in_days():
     assert rig().age(WHEN + timedelta(hours=36)) == pytest.approx(1.5)
+
+
+def test_the_file_of_the_documentation_is_one():
+    page = Path(__file__).parents[3] / "docs" / "calibration.md"
+    (text,) = re.findall(r"```yaml\n(rig: .*?)```", page.read_text(), re.DOTALL)
+    shown = RigFile.from_text(text)
+    named = {entry.term.name for entry in shown.model.entries}
+    assert named == {"footplate_inertia", "servo_compliance", "torque_sensor_mode"}
+    assert shown.torque_delay == Measured(0.00049, 0.00002)
