@@ -30,10 +30,11 @@ def verb(
 ) -> dict[str, Any]:
     """Find where the joint model fails on a recording, and which physics was left out.
 
-    Takes a minute or two for a minute of recording. Writes report.html, verdict.json and the
-    augmented model.yaml, which ankle_sim loads. Several
-    recordings are searched together: what belongs to the rig is the same in all of them, what
-    belongs to the subject is each recording's own, and each gets a model file of its own.
+    Takes a minute or two for a minute of a simulation, and ten for one of a person. Writes
+    report.html, verdict.json and the augmented model.yaml, which ankle_sim loads. A recording that
+    cannot be used gets a report, too, and fails. Several recordings are searched together: what
+    belongs to the rig is the same in all of them, what belongs to the subject is each recording's
+    own, and each gets a model file of its own.
 
     Example: ankle diagnose session --out session_diagnosis
     """
@@ -41,6 +42,7 @@ def verb(
     from ankle_physics.model import Model
     from ankle_physics.own_terms import load_terms
     from model_discrepancy.diagnose import diagnose
+    from model_discrepancy.errors import DiagnosisError
     from model_discrepancy.report.several_report import write_several
     from model_discrepancy.tools.several_recordings import diagnose_together
 
@@ -64,7 +66,10 @@ def verb(
         found = diagnose(bags[0], out, baseline, progress=step, joint=profile, rig=known)
     lines = [f"- {effect['sentence']}" for effect in found.verdict.effects]
     lines += [f"  {reason}" for reason in found.verdict.reasons]
-    return _findings(out, [profile.in_units(line) for line in lines], found.verdict.verdict)
+    answer = _findings(out, [profile.in_units(line) for line in lines], found.verdict.verdict)
+    if found.verdict.verdict == "bad_recording":
+        raise DiagnosisError(f"{bags[0]} cannot be used: {found.verdict.reasons[0]}")
+    return answer
 
 
 def _findings(out: Path, lines: list[str], verdict: str) -> dict[str, Any]:
