@@ -7,7 +7,9 @@ background and area are linear in the rectified EMG (van 't Veld et al. 2018, se
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from emg_driver.muscles import (
     STRETCHED_BY,
 )
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from session_analysis.holds import Excluded, Hold
 
 LEAST_VALID = 0.9
@@ -50,6 +53,11 @@ class HoldMeasures:
         Mean reflex of each muscle [V.s], shape (4,), likewise.
     responses
         Number of responses of each muscle to its own stretch, shape (4,).
+    doubtful
+        Share of the estimates behind K and G that are doubtful, 0 to 1; NaN where the estimator
+        states no doubt.
+    bag
+        The recording.
     """
 
     subject: str
@@ -59,6 +67,8 @@ class HoldMeasures:
     background: np.ndarray
     reflex: np.ndarray
     responses: np.ndarray
+    doubtful: float = math.nan
+    bag: Path = Path()
 
 
 def measure_hold(
@@ -114,7 +124,15 @@ def measure_hold(
         background[index], reflex[index] = before.mean(), after.mean()
     if not np.isfinite(reflex).any():
         return None, [Excluded(what, f"no muscle has {LEAST_RESPONSES} usable responses")]
-    return HoldMeasures(subject, hold, K, G, background, reflex, counts), excluded
+    doubtful = _doubtful_share(valid)
+    return HoldMeasures(subject, hold, K, G, background, reflex, counts, doubtful), excluded
+
+
+def _doubtful_share(valid: np.ndarray) -> float:
+    """Return the share of valid estimates that are doubtful; NaN where none states a doubt."""
+    doubt = valid[:, ESTIMATE_COLUMNS.index("doubt[1]")]
+    known = doubt[np.isfinite(doubt)]
+    return float(np.mean(known >= DOUBT_THRESHOLD)) if len(known) else math.nan
 
 
 def _column(rows: np.ndarray, name: str, direction: int) -> np.ndarray:

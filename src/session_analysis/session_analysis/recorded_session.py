@@ -4,15 +4,17 @@ where the bag lacks them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ankle_interfaces.block import Block, unpack
 from ankle_interfaces.errors import BlockError
-from ankle_interfaces.topics import ANKLE_SAMPLES
+from ankle_interfaces.topics import ANKLE_SAMPLES, DIAGNOSTICS
 from ankle_node.session_event import TOPIC as EVENT_TOPIC
 from ankle_node.session_event import SessionEvent, SessionEventError, parse
 from emg_driver.muscles import RESPONSE_COLUMNS, RESPONSE_TOPIC
@@ -21,7 +23,14 @@ from impedance_estimator.algorithms import DEFAULT
 from impedance_estimator.estimator import ESTIMATE_COLUMNS, ESTIMATE_TOPIC
 from impedance_estimator.offline.recorded_estimates import PROVENANCE_TOPIC, estimate_bag
 from session_analysis.errors import AnalysisError
+from session_analysis.estimate_origin import KEYS, Origin, in_force
 from session_analysis.holds import Excluded, Hold, find_holds
+from session_analysis.known_of_session import (
+    NOTHING_GIVEN,
+    GivenPhysics,
+    differences,
+    known_of_session,
+)
 from session_recorder.bag_reader import BagReader
 from session_recorder.loss import LossAccount, account_of_bag
 from session_recorder.message_definitions import typestore
@@ -32,6 +41,8 @@ COMPUTED_COLUMNS = {ESTIMATE_TOPIC: ESTIMATE_COLUMNS, RESPONSE_TOPIC: RESPONSE_C
 """Columns of each topic that is computed from the samples where a bag lacks it."""
 SUBJECT_KEY = "subject"
 """Key in a bag's custom data that says whose session it is."""
+LAG_KEY = "lag of the plate behind its command [ms]"
+"""Under this key of ``/diagnostics`` the EMG processing says what its windows reckon with."""
 
 
 def _with_doubt(block: Block) -> Block:
@@ -64,11 +75,18 @@ class RecordedSession:
         Shape (k, 10), columns `RESPONSE_COLUMNS`.
     notes
         What a reader should know, one sentence each.
-    provenances
-        What the estimates are made with, as `impedance_estimator.provenance` states it; more than
-        one where it changed during the recording, none where the bag does not say.
+    origins
+        What the estimates are made with, in the order of time; more than one where it changed
+        during the recording, none where the bag does not say.
     gaps
         Where samples of the ankle are missing.
+    made_anew
+        Whether the estimates come from the samples and not from the recording.
+    origin_notes
+        In what estimates that are made anew differ from the recorded ones, one sentence each.
+    lag
+        Median time from a command to the plate's movement, at which the windows of the EMG start
+        [s]; NaN where it is not known.
     """
 
     path: Path
@@ -78,8 +96,20 @@ class RecordedSession:
     estimates: np.ndarray
     responses: np.ndarray
     notes: list[str]
-    provenances: tuple[str, ...] = ()
+    origins: tuple[Origin, ...] = ()
     gaps: tuple[Gap, ...] = ()
+    made_anew: bool = False
+    origin_notes: tuple[str, ...] = ()
+    lag: float = math.nan
+
+    @property
+    def provenances(self) -> tuple[str, ...]:
+        """Return what the estimates are made with, as text, each statement once."""
+        return tuple(
+            dict.fromkeys(
+                "; ".join(f"{key}: {origin.shown(key)}" for key in KEYS) for origin in self.origins
+            )
+        )
 
 
 def read_session(
@@ -88,6 +118,7 @@ def read_session(
     recompute: bool = False,
     progress: Callable[[float], None] | None = None,
     algorithm: str = DEFAULT,
+    given: GivenPhysics = NOTHING_GIVEN,
 ) -> RecordedSession:
     """Read a bag.
 
@@ -103,13 +134,15 @@ def read_session(
         Called with the fraction done.
     algorithm
         Of estimates that come from the samples.
+    given
+        Model and rig of estimates that come from the samples.
 
     Raises
     ------
     BagError
         No such bag, or it lacks the samples that are needed.
     AnalysisError
-        It holds no events.
+        It holds no events; or a model or rig is given and its estimates are used as recorded.
     """
     bag = BagReader(path)
     if not _holds(bag, EVENT_TOPIC):
@@ -120,21 +153,33 @@ def read_session(
     bag_name = Path(path).resolve().name
     notes = [f"{bag_name}: {sentence.removeprefix(f'{path}: ')}" for sentence in losses.sentences()]
     recorded = [] if recompute else [topic for topic in COMPUTED_COLUMNS if _holds(bag, topic)]
+    if ESTIMATE_TOPIC in recorded and not given.is_empty:
+        raise AnalysisError(
+            f"{path}: its estimates are used as recorded, and --model and --rig would change "
+            "nothing; --recompute makes them anew"
+        )
     content = _content(bag, recorded, progress)
     notes += [f"{bag_name}: {note}" for note in content.notes]
     holds, excluded = find_holds(content.events)
-    provenances = content.provenances
+    origins, origin_notes = _origins(content, bag.path), list[str]()
     if ESTIMATE_TOPIC in recorded:
         estimates = np.concatenate(content.rows[ESTIMATE_TOPIC])
     else:
-        computed = estimate_bag(path, algorithm=algorithm, progress=progress)
-        estimates, provenances = computed.rows, [computed.provenance]
+        stated = in_force(origins, max((hold.end for hold in holds), default=math.inf))
+        known = known_of_session(bag, stated, given)
+        computed = estimate_bag(path, algorithm=algorithm, known=known, progress=progress)
+        estimates = computed.rows
+        origins = [Origin.from_text(computed.provenance, -math.inf, bag.path)]
         notes += [f"{bag_name}: {note}" for note in computed.notes]
+        if stated is not None:
+            about = differences(stated, origins[0], bag, given)
+            origin_notes = [f"{bag_name}: {note}" for note in about]
     if RESPONSE_TOPIC in recorded:
         responses = np.concatenate(content.rows[RESPONSE_TOPIC])
+        lag = _median_lag(content, holds)
     else:
         found = respond_bag(path, progress=progress)
-        responses = found.rows
+        responses, lag = found.rows, found.lag
         notes += [f"{bag_name}: {note}" for note in found.notes]
     name = subject or bag.custom_data.get(SUBJECT_KEY, "") or bag_name
     return RecordedSession(
@@ -145,19 +190,35 @@ def read_session(
         estimates,
         responses,
         notes,
-        tuple(dict.fromkeys(provenances)),
+        tuple(origins),
         _gaps(losses),
+        ESTIMATE_TOPIC not in recorded,
+        tuple(origin_notes),
+        lag,
     )
 
 
 @dataclass
 class _Content:
-    """Holds what was recorded of a session beside its samples."""
+    """Holds what was recorded of a session beside its samples.
 
-    events: list[SessionEvent]
-    provenances: list[str]
+    `provenances` and `lags` [s] have the time [s] at which they were recorded, `delays` [s] are
+    from the time that an event states to that of its recording.
+    """
+
     rows: dict[str, list[np.ndarray]]
-    notes: list[str]
+    events: list[SessionEvent] = field(default_factory=list)
+    provenances: list[tuple[float, str]] = field(default_factory=list)
+    lags: list[tuple[float, float]] = field(default_factory=list)
+    delays: list[float] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def delay(self) -> float:
+        """Return how much later than its own time the session was recorded [s]: next to nothing,
+        or the age of a session whose replay was recorded.
+        """
+        return float(np.median(self.delays)) if self.delays else 0.0
 
 
 def _holds(bag: BagReader, topic: str) -> bool:
@@ -167,25 +228,51 @@ def _holds(bag: BagReader, topic: str) -> bool:
 def _content(
     bag: BagReader, recorded: list[str], progress: Callable[[float], None] | None
 ) -> _Content:
-    """Read events, and of the recorded topics the rows with what they were made with."""
-    content = _Content([], [], {topic: [] for topic in recorded}, [])
-    topics = [EVENT_TOPIC, *recorded]
-    if ESTIMATE_TOPIC in recorded and PROVENANCE_TOPIC in bag.topics:
-        topics.append(PROVENANCE_TOPIC)
+    """Read events, what estimates were made with, and of the recorded topics the rows."""
+    content = _Content({topic: [] for topic in recorded})
+    further = [PROVENANCE_TOPIC, *([DIAGNOSTICS.name] if RESPONSE_TOPIC in recorded else [])]
+    topics = [EVENT_TOPIC, *recorded, *(topic for topic in further if topic in bag.topics)]
     store = typestore()
-    for topic, _, message in bag.messages(topics, progress):
+    for topic, log_time, message in bag.messages(topics, progress):
         try:
             if topic in recorded:
                 content.rows[topic].append(_rows(topic, unpack(message), bag.path))
                 continue
+            if topic == DIAGNOSTICS.name:
+                content.lags += [(1e-9 * log_time, lag) for lag in _lags(message)]
+                continue
             text = store.deserialize_cdr(message, "std_msgs/msg/String").data  # type: ignore[attr-defined]
             if topic == PROVENANCE_TOPIC:
-                content.provenances.append(text)
+                content.provenances.append((1e-9 * log_time, text))
             else:
                 content.events.append(parse(text))
+                content.delays.append(1e-9 * log_time - content.events[-1].time)
         except (SessionEventError, BlockError) as error:
             content.notes.append(f"{topic}: {error}")
     return content
+
+
+def _lags(message: bytes) -> list[float]:
+    """Return what a message of ``/diagnostics`` says of the lag of the plate [s]."""
+    if LAG_KEY.encode() not in message:
+        return []
+    array: Any = typestore().deserialize_cdr(message, DIAGNOSTICS.message)
+    texts = [pair.value for one in array.status for pair in one.values if pair.key == LAG_KEY]
+    return [1e-3 * float(text) for text in texts]
+
+
+def _origins(content: _Content, path: Path) -> list[Origin]:
+    """Return what the estimates were made with, since times of the session's own clock."""
+    return [
+        Origin.from_text(text, time - content.delay, path) for time, text in content.provenances
+    ]
+
+
+def _median_lag(content: _Content, holds: Sequence[Hold]) -> float:
+    """Return the median of the lags [s] that were stated during holds; NaN where none was."""
+    lags = [(time - content.delay, lag) for time, lag in content.lags]
+    during = [lag for time, lag in lags if any(hold.start <= time <= hold.end for hold in holds)]
+    return float(np.median(during)) if during else math.nan
 
 
 def _rows(topic: str, block: Block, path: Path) -> np.ndarray:

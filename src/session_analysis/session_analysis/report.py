@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ankle_interfaces.value_text import with_error
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from session_analysis.correlation import CONFIDENCE, LEAST_PAIRS, RESAMPLES
+from session_analysis.estimate_origin import NOT_STATED, SessionOrigin
 from session_analysis.figures import figure4, figure5, figure8, frequency_figure
-from session_analysis.hold_measures import LEAST_RESPONSES, LEAST_VALID
+from session_analysis.hold_measures import LEAST_RESPONSES, LEAST_VALID, HoldMeasures
 from session_analysis.hold_opinions import HoldOpinion
 from session_analysis.holds import SHORTEST_HOLD
 from session_analysis.html_page import bullets, heading, image, page, paragraph, table
@@ -62,6 +66,11 @@ _RULES = (
     f"over pairs with {RESAMPLES} resamples. "
     f"A dash stands where fewer than {LEAST_PAIRS} holds are left: they tell no correlation."
 )
+_SESSIONS = (
+    "What made K and G of each recording: the estimator, the subject's calibrated model and the "
+    "calibrated rig. The plate moves later than its command; windows of the EMG start when it "
+    "moves."
+)
 
 
 def write_report(validation: Validation, folder: Path, title: str) -> Path:
@@ -89,11 +98,19 @@ def write_report(validation: Validation, folder: Path, title: str) -> Path:
             f"Holds: {len(validation.measures)}. Subjects: {', '.join(subjects)}. Paper: "
             "van 't Veld et al., BIOROB 2018."
         ),
+        paragraph(
+            doubt_sentence(validation.measures),
+            "loss" if any(one.doubtful > 0.0 for one in validation.measures) else "",
+        ),
         paragraph(_QUESTION),
         heading("Correlation of impedance with EMG (the paper's table III)"),
         table(correlation_rows(validation)) if correlated else paragraph(_TOO_FEW_HOLDS),
         paragraph(_RULES),
     ]
+    if validation.sessions:
+        parts += [heading("Estimator and calibration"), paragraph(_SESSIONS)]
+        parts += [bullets(validation.origin_notes, "loss")] if validation.origin_notes else []
+        parts += [table(session_rows(validation.sessions))]
     for caption, picture in pictures:
         parts += [heading(caption), image(picture), paragraph(_CAPTIONS[picture.stem])]
     parts += [heading("Holds"), table(_hold_rows(validation))]
@@ -128,6 +145,52 @@ def correlation_rows(validation: Validation) -> list[list[str]]:
     return rows
 
 
+def doubt_sentence(measures: Sequence[HoldMeasures]) -> str:
+    """Return how many of the estimates behind the holds are doubtful, in one sentence.
+
+    Parameters
+    ----------
+    measures
+        Of the holds that are used.
+    """
+    known = [one.doubtful for one in measures if math.isfinite(one.doubtful)]
+    if not known:
+        return "No estimate states a doubt: this estimator does not judge itself."
+    some = sum(share > 0.0 for share in known)
+    unknown = len(measures) - len(known)
+    return (
+        f"Doubtful estimates, with a doubt of {DOUBT_THRESHOLD:g} and more: in {some} of "
+        f"{len(known)} holds; on average {100 * float(np.mean(known)):.0f} % of a hold's "
+        f"estimates, at most {100 * max(known):.0f} %."
+        + (f" The estimates of {unknown} holds state no doubt." if unknown else "")
+    )
+
+
+def session_rows(sessions: Sequence[SessionOrigin]) -> list[list[str]]:
+    """Return what made the numbers of each session, as text; the first row names the columns.
+
+    Parameters
+    ----------
+    sessions
+        In the order of the bags.
+    """
+    head = ["subject", "recording", "estimates", "estimator", "model", "rig", "lag of plate [ms]"]
+    rows = [head]
+    for one in sessions:
+        origin = one.origin
+        made = [origin.algorithm, origin.shown("model"), origin.shown("rig")] if origin else []
+        rows.append(
+            [
+                one.subject,
+                one.path.name,
+                "made anew" if one.made_anew else "recorded",
+                *(made or [NOT_STATED] * 3),
+                f"{1e3 * one.lag:.1f}" if math.isfinite(one.lag) else NOT_STATED,
+            ]
+        )
+    return rows
+
+
 def _hold_rows(validation: Validation) -> list[list[str]]:
     rows = [
         [
@@ -139,6 +202,7 @@ def _hold_rows(validation: Validation) -> list[list[str]]:
             "background SOL, TA, GL, GM [µV]",
             "reflex SOL, TA, GL, GM [µV·s]",
             "responses",
+            "doubtful [%]",
         ]
     ]
     for one in validation.measures:
@@ -155,6 +219,7 @@ def _hold_rows(validation: Validation) -> list[list[str]]:
                 background,
                 reflex,
                 counts,
+                f"{100 * one.doubtful:.0f}" if math.isfinite(one.doubtful) else NOT_STATED,
             ]
         )
     return rows

@@ -27,8 +27,8 @@ MIN_STRETCHES = 3
 SEGMENT = 4.0
 """[s] Length of a segment of the spectra; resolves 0.25 Hz, and 60 s give 29 overlapping ones."""
 MOVING_SHARE = 0.5
-"""Least share of a stretch's seconds in which the plate moves. In a break nothing tells K and G: one
-such stretch made the standard error of K eight times K."""
+"""Least share of a stretch's seconds in which the plate moves. In a break nothing tells K and G:
+one such stretch made the standard error of K eight times K."""
 MIN_MOVEMENT = 1e-3
 """[rad] Standard deviation of the position about its mean of a second; sensor noise of a rig is
 below 1e-4, perturbations are above 5e-3."""

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
-import yaml
-
-from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from emg_driver.muscles import BACKGROUND, MUSCLES, REFLEX
 from impedance_estimator.algorithms import DEFAULT
 from session_analysis.errors import AnalysisError
+from session_analysis.estimate_origin import (
+    NONE,
+    NOT_STATED,
+    SessionOrigin,
+    changes_between_visits,
+    in_force,
+    origin_of_holds,
+    require_one_estimator,
+)
 from session_analysis.excerpts import Excerpt, read_excerpt
 from session_analysis.hold_measures import HoldMeasures, measure_hold
 from session_analysis.hold_opinions import HoldOpinion, hold_opinions
-from session_analysis.holds import Excluded
+from session_analysis.holds import Excluded, Hold
+from session_analysis.known_of_session import NOTHING_GIVEN, GivenPhysics
 from session_analysis.recorded_session import RecordedSession, read_session
 from session_analysis.table3 import Cell, table3
 
@@ -43,6 +50,11 @@ class Validation:
         Signals about two holds, for figures 4 and 8; None where a bag has no samples.
     opinions
         Online and offline values of every complete hold, also of one that is left out.
+    sessions
+        How the numbers of each session were made, in the order of the bags.
+    origin_notes
+        Where model, rig or estimator differ from those of the recording or between the recordings
+        of a subject, one sentence each; they are among the notes, too.
     """
 
     measures: list[HoldMeasures]
@@ -51,6 +63,8 @@ class Validation:
     notes: list[str]
     excerpt: Excerpt | None
     opinions: list[HoldOpinion] = field(default_factory=list)
+    sessions: list[SessionOrigin] = field(default_factory=list)
+    origin_notes: list[str] = field(default_factory=list)
 
 
 def validate(
@@ -61,6 +75,7 @@ def validate(
     recompute: bool = False,
     progress: Progress | None = None,
     algorithm: str = DEFAULT,
+    given: Sequence[GivenPhysics] = (),
 ) -> Validation:
     """Correlate impedance estimates with EMG over the holds of all sessions.
 
@@ -78,37 +93,49 @@ def validate(
         Called with what is done and the fraction.
     algorithm
         Of estimates that come from the samples.
+    given
+        Model and rig of estimates that come from the samples, one for each bag; empty takes those
+        of the recordings.
 
     Raises
     ------
     BagError
         A bag that cannot be read, or lacks the samples that are needed.
     AnalysisError
-        A bag without events, or no hold that can be used.
+        A bag without events, estimates of different origin, or no hold that can be used.
     """
     measures: list[HoldMeasures] = []
     excluded: list[Excluded] = []
     notes: list[str] = []
     sessions: list[RecordedSession] = []
+    origins: list[SessionOrigin] = []
+    used_origins: list[SessionOrigin] = []
     opinions: list[HoldOpinion] = []
     for number, bag in enumerate(bags):
         subject = subjects[number] if subjects else ""
+        own = given[number] if given else NOTHING_GIVEN
         session = read_session(
-            bag, subject, recompute, _named(progress, f"reading {bag}"), algorithm
+            bag, subject, recompute, _named(progress, f"reading {bag}"), algorithm, own
         )
         sessions.append(session)
         notes += session.notes
         excluded += [
             Excluded(f"{session.subject}, {one.what}", one.reason) for one in session.excluded
         ]
+        used = []
         for hold in session.holds:
             found, left_out = measure_hold(
                 session.subject, hold, session.estimates, session.responses
             )
             excluded += left_out
             if found is not None:
-                measures.append(found)
-    _require_one_origin(sessions)
+                used.append(replace(found, bag=session.path))
+        measures += used
+        origins.append(_origin_of(session, [one.hold for one in used]))
+        used_origins += origins[-1:] if used else []
+    require_one_estimator(used_origins)
+    origin_notes = [note for session in sessions for note in session.origin_notes]
+    origin_notes += changes_between_visits(used_origins)
     for session in sessions:
         opinions += hold_opinions(session, _named(progress, f"second opinion on {session.path}"))
     if not measures:
@@ -117,7 +144,8 @@ def validate(
         progress("bootstrap", 0.0)
     cells = table3(measures, seed)
     excerpt = _excerpt(sessions, measures, _named(progress, "figures"))
-    return Validation(measures, excluded, cells, notes, excerpt, opinions)
+    notes = [*origin_notes, *notes]
+    return Validation(measures, excluded, cells, notes, excerpt, opinions, origins, origin_notes)
 
 
 def _why_no_hold(excluded: Sequence[Excluded]) -> str:
@@ -140,35 +168,13 @@ def _excerpt(
     return read_excerpt(session, shown[0], shown[1], progress)
 
 
-def _require_one_origin(sessions: Sequence[RecordedSession]) -> None:
-    """Refuse estimates that were not all made with one estimator, its settings, model and rig.
-
-    Model and rig may differ between subjects, whose own they are, and not within one.
-    """
-    first: dict[tuple[str, str], tuple[str, Path]] = {}
-    for session in sessions:
-        for line in session.provenances:
-            stated = _stated(line, session.path)
-            for key in ("algorithm", "settings", "model", "rig"):
-                whose = "" if key in ("algorithm", "settings") else session.subject
-                value = yaml.safe_dump(stated[key], default_flow_style=True).splitlines()[0]
-                known, path = first.setdefault((whose, key), (value, session.path))
-                if value != known:
-                    raise AnalysisError(
-                        f"estimates of different origin are not mixed: {key} is {known} in {path} "
-                        f"and {value} in {session.path}; --recompute makes all of them anew"
-                    )
-
-
-def _stated(provenance: str, path: Path) -> dict[str, Any]:
-    """Return what the estimates of a bag were made with, by its key."""
-    try:
-        stated = parse_yaml(provenance)
-    except YamlError as error:
-        raise AnalysisError(f"{path}: the origin of its estimates is {error}") from None
-    if not isinstance(stated, dict):
-        raise AnalysisError(f"{path}: the origin of its estimates is no table: {provenance!r}")
-    return stated
+def _origin_of(session: RecordedSession, holds: Sequence[Hold]) -> SessionOrigin:
+    """Return how the numbers of a session were made, of which these holds are used."""
+    if holds:
+        origin = origin_of_holds(session.origins, holds, session.path)
+    else:
+        origin = in_force(session.origins, math.inf)
+    return SessionOrigin(session.path, session.subject, origin, session.made_anew, session.lag)
 
 
 def write_table(validation: Validation, path: Path) -> None:
@@ -190,7 +196,11 @@ def write_table(validation: Validation, path: Path) -> None:
 
 
 def write_holds(validation: Validation, path: Path) -> None:
-    """Write every hold's paired data as CSV, in SI units."""
+    """Write every hold's paired data as CSV, in SI units, with what its estimates were made with.
+
+    A field is empty where a number is not known.
+    """
+    origins = {one.path: one for one in validation.sessions}
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
         counts = [f"responses_{muscle}" for muscle in MUSCLES]
@@ -206,6 +216,14 @@ def write_holds(validation: Validation, path: Path) -> None:
                 *BACKGROUND,
                 *REFLEX,
                 *counts,
+                "doubtful[1]",
+                "recording",
+                "algorithm",
+                "model",
+                "model_sha256",
+                "rig",
+                "rig_sha256",
+                "plate_lag[s]",
             ]
         )
         for one in validation.measures:
@@ -219,8 +237,32 @@ def write_holds(validation: Validation, path: Path) -> None:
                     *times,
                     *values,
                     *one.responses,
+                    _number(one.doubtful),
+                    one.bag.name,
+                    *_origin_fields(origins.get(one.bag)),
                 ]
             )
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if math.isfinite(value) else ""
+
+
+def _origin_fields(session: SessionOrigin | None) -> list[str]:
+    """Return algorithm, title and SHA-256 of model and of rig, and the plate's lag [s]."""
+    if session is None or session.origin is None:
+        return [NOT_STATED, *[NOT_STATED, ""] * 2, _number(session.lag if session else math.nan)]
+    origin = session.origin
+    return [
+        origin.algorithm,
+        *_title_and_sum(origin.model),
+        *_title_and_sum(origin.rig),
+        _number(session.lag),
+    ]
+
+
+def _title_and_sum(stated: Mapping[str, str] | None) -> list[str]:
+    return [NONE, ""] if stated is None else [stated["title"], stated["sha256"]]
 
 
 def _named(progress: Progress | None, what: str) -> Callable[[float], None] | None:

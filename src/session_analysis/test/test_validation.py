@@ -1,7 +1,5 @@
 """Holds, measures, correlation and the whole way from bags of simulated subjects to the report."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,10 +15,10 @@ from session_analysis.coverage import coverage
 from session_analysis.errors import AnalysisError
 from session_analysis.hold_measures import HoldMeasures, measure_hold
 from session_analysis.holds import Hold, find_holds
-from session_analysis.recorded_session import RecordedSession, read_session
+from session_analysis.recorded_session import read_session
 from session_analysis.report import write_report
 from session_analysis.table3 import PAPER, as_text, table3
-from session_analysis.validation import _require_one_origin, validate
+from session_analysis.validation import validate
 from session_analysis.virtual_study import VirtualSession, record_session, record_study
 from session_recorder.bag_writer import BagWriter
 from session_recorder.errors import BagError
@@ -238,21 +236,3 @@ def test_samples_missing_from_a_bag_are_reported_by_every_reader(tmp_path):
     session = read_session(tmp_path / "bag", algorithm="CE")
     assert any(lost in note for note in session.notes)
     assert lost in Recording.from_bag(tmp_path / "bag").notes
-
-
-def test_estimates_of_different_origin_are_not_mixed():
-    def session(name, subject, line):
-        return RecordedSession(
-            Path(name), subject, [], [], np.empty((0, 13)), np.empty((0, 10)), [], (line,)
-        )
-
-    default = "{algorithm: simultaneous, model: null, rig: null, settings: {memory: 20.0}}"
-    another = default.replace("20.0", "10.0")
-    own_rig = default.replace("rig: null", "rig: {title: B, sha256: 00}")
-    _require_one_origin([session("a", "1", default), session("b", "2", default)])
-    with pytest.raises(AnalysisError, match=r"settings is \{memory: 20.0\} in a and .* in b"):
-        _require_one_origin([session("a", "1", default), session("b", "2", another)])
-    # Each subject may have a rig of their own, but only one.
-    _require_one_origin([session("a", "1", default), session("b", "2", own_rig)])
-    with pytest.raises(AnalysisError, match="rig is null in a"):
-        _require_one_origin([session("a", "1", default), session("b", "1", own_rig)])

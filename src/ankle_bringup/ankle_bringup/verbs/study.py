@@ -76,17 +76,19 @@ def add(
         Path | None, typer.Option(help="A JSON file with posture, side, body mass, ...")
     ] = None,
 ) -> None:
-    """Copy a recording to its place in a study.
+    """Copy a recording to its place in a study; one that the study holds already is refused.
 
     Example: ankle study add my_study trial.csv --subject S07 --visit 3
     """
     from dataclasses import replace
 
+    from session_analysis.study.held_recordings import require_new
     from session_analysis.study.layout import Study, check_recording, read_stated
 
     check_recording(recording)
     stated = read_stated(sidecar) if sidecar else {}
     study = Study(folder)
+    require_new(study, recording)
     entry = study.next_entry(subject, visit)
     if recording.is_file():
         source = entry.source.with_name(f"{entry.name}{recording.suffix.lower()}")
