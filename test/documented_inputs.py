@@ -104,7 +104,6 @@ class Inputs:
             "laboratory 2",
             datetime(2026, 1, 1, tzinfo=timezone.utc),
             torque_delay=Measured(0.0007),
-            velocity_delay=Measured(0.0004),
             zero_position=0.0,
             zero_torque=0.0,
             noise={"position[rad]": 4.5e-5, "velocity[rad/s]": 6.5e-3, "torque[N.m]": 0.14},
@@ -116,7 +115,7 @@ class Inputs:
     def plate_bag(self, place):
         """Record the movements of a rig's calibration."""
         hidden = self.made("rig")
-        words = ("--simulated", hidden, "--spring", 110, "--bag", place, "--out", "found.yaml")
+        words = ("--simulated", hidden, "--bag", place, "--out", "found.yaml")
         ankle("calibrate", "rig", *words, cwd=self.folder)
 
     def course_record(self, place):

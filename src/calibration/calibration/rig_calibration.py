@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -15,8 +15,10 @@ from ankle_interfaces.block import Block
 from ankle_interfaces.continuity import sampling_rate
 from ankle_interfaces.topics import ANKLE_SAMPLES, PERTURBATION_REFERENCE
 from ankle_physics.model import Model
+from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.term import term_library
+from ankle_physics.terms.footplate_gravity import FootplateGravity
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found
 from calibration.rig_identification import IdentifiedRig, identify_rig
@@ -29,6 +31,12 @@ POSITION, VELOCITY, TORQUE = "position[rad]", "velocity[rad/s]", "torque[N.m]"
 MIN_SIGNIFICANCE = 3.0
 # A calibration shorter than this has too few edges for the accuracies that are stated.
 MIN_DURATION = 20.0  # s
+# Moves a servo of a few thousand N.m/rad by some per cent of the movement, within the torque of a
+# rig.
+USUAL_SPRINGS = "a spring of 50 to 200 N.m/rad"
+# A spring shows where at least this share of its stiffness is found. No plate's weight takes away
+# half of a spring of 50 N.m/rad and more.
+MIN_SPRING_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -69,11 +77,14 @@ class Calibrated:
         Every number that was found.
     remarks
         Sentences: what was not found, and what would show it.
+    beside
+        The file of the same rig that was completed; None: all was found in this recording.
     """
 
     rig: RigFile
     identified: IdentifiedRig
     remarks: tuple[str, ...]
+    beside: RigFile | None = None
 
 
 def calibrate_rig(
@@ -81,6 +92,7 @@ def calibrate_rig(
     title: str = "",
     load: KnownLoad | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    beside: RigFile | None = None,
 ) -> Calibrated:
     """Calibrate a rig from a bag.
 
@@ -95,28 +107,92 @@ def calibrate_rig(
         What is mounted on the plate; None: nothing.
     progress
         Called with the present step.
+    beside
+        The file of the same rig, calibrated with its plate empty. Everything in it is kept, and the
+        compliance of the servo, which a spring shows, is added. None: everything is found in this
+        recording.
 
     Raises
     ------
     CalibrationError
-        The recording is too short, lacks the reference, or its torque does not follow the plate.
+        The recording is too short, lacks the reference, its torque does not follow the plate, the
+        load is not the known one, or the recording contradicts `beside`.
     session_recorder.errors.BagError
         No such bag or topic.
     """
+    load = load or KnownLoad()
+    if beside is not None and load.spring == 0.0:
+        raise CalibrationError(
+            "a spring on the plate shows how far the servo gives way, which is added to the rig "
+            "file: name its stiffness (--spring)"
+        )
     path = Path(bag)
     progress("reading")
     signals = read_signals(path)
     progress("identifying the rig")
     identified = identify_rig(signals)
+    if beside is not None:
+        completed = with_compliance(beside, identified, load, signals)
+        return Calibrated(replace(completed, title=title or beside.title), identified, (), beside)
     rig, remarks = rig_file(
         identified,
         title or path.name,
-        load or KnownLoad(),
+        load,
         bag=path.resolve().name,
         bag_sha256=fingerprint(path),
         angle=float(np.mean(signals.position)),
     )
     return Calibrated(rig, identified, remarks)
+
+
+def with_compliance(
+    beside: RigFile, found: IdentifiedRig, load: KnownLoad, signals: Signals
+) -> RigFile:
+    """Return a rig file with the compliance of the servo that a spring on the plate shows.
+
+    The torque of a spring covers that of the plate's inertia, from which delay and mode of the
+    torque sensor are read, so that an empty plate shows all else better.
+
+    Parameters
+    ----------
+    beside
+        The file of the rig with its plate empty.
+    found
+        What the recording with the spring shows.
+    load
+        The spring.
+    signals
+        The recording with the spring.
+
+    Raises
+    ------
+    CalibrationError
+        The spring is not seen or is too soft, or the recording is one of another rig.
+    """
+    _require_load(found, load)
+    contradictions = rig_warnings(
+        beside,
+        signals.rate,
+        signals.position,
+        signals.velocity,
+        signals.torque,
+        now=beside.calibrated,
+    )
+    if contradictions:
+        raise CalibrationError(
+            f"the recording contradicts the file of the rig '{beside.title}': "
+            f"{'; '.join(contradictions)}. Calibrate that rig with its plate empty first"
+        )
+    if found.servo_stiffness is None:
+        raise CalibrationError(
+            f"a spring of {load.spring:g} N.m/rad does not show how far the servo gives way; mount "
+            f"{USUAL_SPRINGS}"
+        )
+    values = {"servo_compliance": {"k_a": found.servo_stiffness}}
+    if remarks := _without_implausible(values):
+        raise CalibrationError("; ".join(remarks))
+    kept = [entry for entry in beside.model.entries if entry.term.name not in values]
+    return replace(beside, model=Model([*kept, *_model(values).entries], beside.model.title))
 
 
 def read_signals(bag: Path) -> Signals:
@@ -188,8 +264,10 @@ def rig_file(
     Raises
     ------
     CalibrationError
-        A known load larger than what was found, or an inertia that no plate has.
+        A known load larger than what was found, a load that is not known, or an inertia that no
+        plate has.
     """
+    _require_load(found, load)
     values, remarks = _terms(found, load, angle)
     if found.noise[1] is None:
         remarks.append("no velocity was recorded, so its delay and noise are not known")
@@ -212,6 +290,30 @@ def rig_file(
         model=_model(values),
     )
     return rig, tuple(remarks)
+
+
+def _require_load(found: IdentifiedRig, load: KnownLoad) -> None:
+    """Refuse a plate that is held otherwise than by the known spring.
+
+    Raises
+    ------
+    CalibrationError
+        Names what holds the plate [N.m/rad], and what may.
+    """
+    weight = FootplateGravity.parameter("m")
+    held = f"{found.slope.value:.4g} ± {found.slope.error:.2g} N.m/rad"
+    if load.spring and found.slope.value < MIN_SPRING_SHARE * load.spring:
+        raise CalibrationError(
+            f"no spring of {load.spring:g} N.m/rad is seen: the plate is held with {held}; is it "
+            "mounted, and is its stiffness right (--spring)?"
+        )
+    left = found.slope.value - load.spring
+    if abs(left) > weight.upper:
+        beside = f", of which the spring makes {load.spring:g} N.m/rad" if load.spring else ""
+        raise CalibrationError(
+            f"something holds the plate with {held}{beside}; allowed for the plate's own weight: "
+            f"-{weight.upper:g} to {weight.upper:g} N.m/rad. Is it a foot, or a spring (--spring)?"
+        )
 
 
 def _terms(
@@ -245,8 +347,15 @@ def _terms(
         values["servo_compliance"] = {"k_a": found.servo_stiffness}
     else:
         remarks.append(
-            "how far the servo gives way was not found: the load was too small. Mount a spring of "
-            "50 to 200 N.m/rad (--spring) and calibrate again"
+            "how far the servo gives way was not found: the load was too small. Mount "
+            f"{USUAL_SPRINGS} and complete this file with it (--spring with --beside)"
+        )
+    if load.spring:
+        remarks.append(
+            "a spring covers what the torque sensor does to the plate's inertia: delay, mode of "
+            "the sensor and inertia may be off by more than their standard errors, and a mode may "
+            "be missing. Calibrate with the plate empty, and complete that file with the spring "
+            "(--beside)"
         )
     remarks += _without_implausible(values)
     return values, remarks
@@ -306,6 +415,12 @@ def fingerprint(bag: Path) -> str:
 def described(calibrated: Calibrated) -> str:
     """Return what was found, line by line, with standard errors and units."""
     found, rig = calibrated.identified, calibrated.rig
+    if calibrated.beside is not None:
+        sag = _text(_of(rig, "servo_compliance", "k_a"), "N.m/rad")
+        return (
+            f"servo against load         {sag}\n"
+            f"everything else is kept as '{calibrated.beside.title}' states it"
+        )
     lines = [
         f"torque behind position     {_ms(found.torque_delay)}",
         f"inertia of the plate       {_text(_of(rig, 'footplate_inertia', 'Ip'), 'kg.m^2')}",

@@ -10,14 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.model import PAPER_TERMS, TERMS_OF_GAINS, Model, StatedAt, StatedValue
+from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import RigFile
 from ankle_physics.term import Place, term_library
 from calibration.errors import CalibrationError
 from impedance_estimator.estimator import ESTIMATE_COLUMNS
 from impedance_estimator.known_physics import LEAST_STIFFNESS, KnownPhysics
 from impedance_estimator.offline.recorded_estimates import estimate_signal
-from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD, imprecision
+from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD, LARGEST_ERRORS, imprecision
 from model_discrepancy.diagnose import diagnose
 from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.known_rig import SKEW
@@ -26,6 +28,14 @@ from model_discrepancy.report.result_folder import AUGMENTED_FILE
 
 LEAST_GAIN = 1.0
 """[N.m.s/rad] Bounds a relative error of G: a subject with less has hardly a reflex."""
+LARGEST_SHARE = 0.25
+"""[1] A standard error of K or G beyond this share of the value is said before the model is handed
+on: the 95 % then reach from half of the value to one and a half of it, more than K and G change in
+a session."""
+UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
+"""Of the values that a model states of the whole joint."""
+SHOWN_VALUES = ("K", "K_effective", "G")
+"""Values of the diagnosis that are shown, in this order."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +47,7 @@ class CalibratedSession:
     model
         What is written to ``subject.yaml``.
     verdict
-        Of the diagnosis, as in ``verdict.json``.
+        The keys ``verdict``, ``effects`` and ``parameters`` of ``verdict.json``.
     """
 
     model: Model
@@ -68,15 +78,12 @@ def calibrate_session(
     Raises
     ------
     CalibrationError
-        The recording is a bad one; says why.
+        The recording is a bad one, or nobody's foot is on the plate; says why.
     session_recorder.errors.BagError
         No such bag or topic.
     """
     out = Path(folder)
-    try:
-        recording = source if isinstance(source, Recording) else Recording.from_bag(source)
-    except DiagnosisError as error:
-        raise CalibrationError(f"{source} cannot calibrate a session: {error}") from None
+    recording = source if isinstance(source, Recording) else read_session(source)
     found = diagnose(recording, out, library=session_library(rig), progress=progress, rig=rig)
     verdict = found.verdict
     if verdict.verdict == "bad_recording" or found.found is None:
@@ -84,11 +91,168 @@ def calibrate_session(
         raise CalibrationError(f"{recording.name} cannot calibrate a session: {reasons}")
     model = subject_model(Model.load(out / AUGMENTED_FILE), f"subject of {recording.name}", rig)
     model.stated = stated_values(verdict.parameters)
+    require_subject(model, verdict.parameters, recording.name)
     assert found.problem is not None
     motion = found.problem.fitter.motion
     position, torque = float(np.mean(motion.position)), float(np.mean(motion.torque))
     model.stated_at = StatedAt(position, torque, 0.5 * len(motion.position) / motion.rate)
-    return CalibratedSession(model, {"verdict": verdict.verdict, "effects": verdict.effects})
+    return CalibratedSession(
+        model,
+        {
+            "verdict": verdict.verdict,
+            "effects": verdict.effects,
+            "parameters": verdict.parameters,
+        },
+    )
+
+
+def read_session(bag: Path | str) -> Recording:
+    """Return the recording of a session.
+
+    Parameters
+    ----------
+    bag
+        Holds ``/ankle/samples``.
+
+    Raises
+    ------
+    CalibrationError
+        A topic or a channel is missing, or the samples are too few.
+    session_recorder.errors.BagError
+        There is no such bag.
+    """
+    try:
+        return Recording.from_bag(bag)
+    except DiagnosisError as error:
+        raise CalibrationError(f"{bag} cannot calibrate a session: {error}") from None
+
+
+def rig_contradictions(recording: Recording, rig: RigFile) -> list[str]:
+    """Return one sentence for each way in which a rig file contradicts a recording.
+
+    The checks are those of the running estimator (`ankle_physics.rig_agreement`), except for the
+    age of the file: an old file is none of another rig.
+
+    Parameters
+    ----------
+    recording
+        Of the perturbed subject, as it was measured.
+    rig
+        The rig file that is to be taken as known.
+    """
+    part = recording.longest_stretch()
+    if not all(np.isfinite(values).all() for values in part.channels().values()):
+        return []  # the diagnosis refuses such a recording, and says why
+    return rig_warnings(
+        rig, part.rate, part.position, part.velocity, part.torque, now=rig.calibrated
+    )
+
+
+def require_subject(
+    model: Model, parameters: Mapping[str, Mapping[str, float | None]], name: str
+) -> None:
+    """Refuse a model with less inertia or stiffness than the joint in force can have.
+
+    Parameters
+    ----------
+    model
+        The subject's model.
+    parameters
+        The ``parameters`` of the verdict. An effective stiffness counts as stiffness, too.
+    name
+        Of the recording.
+
+    Raises
+    ------
+    CalibrationError
+        No foot was on the plate, or the torque has another unit; names value, unit and the least
+        plausible value.
+    """
+    joint = joint_in_force()
+    found = []
+    if model.has("stiffness"):
+        stated = [
+            float(given["augmented"] or 0.0)
+            for key, given in parameters.items()
+            if key.split("[")[0] in ("K", "K_effective")
+        ]
+        stiffness = max(stated or [_value(model, "stiffness", "K")])
+        found.append(("K", stiffness, LEAST_STIFFNESS * joint.scale("N.m/rad"), "N.m/rad"))
+    if model.has("inertia"):
+        inertia = _value(model, "inertia", "I")
+        found.append(("I", inertia, joint.inertia_range[0], "kg.m^2"))
+    for symbol, value, least, unit in found:
+        if value < least:
+            unit = joint.in_units(unit)
+            raise CalibrationError(
+                f"{name} cannot calibrate a session: {symbol} = {value:.3g} {unit} is less than "
+                f"{least:g} {unit}, the least plausible value of the joint '{joint.name}'; is "
+                "anybody on the plate, and is the torque in the right unit?"
+            )
+
+
+def _value(model: Model, term: str, symbol: str) -> float:
+    return float(model.entry(term).values[symbol])
+
+
+def described_session(found: CalibratedSession) -> list[str]:
+    """Return K and G of the whole joint with standard errors and units, and from which standard
+    errors on later estimates are doubted, line by line.
+
+    Parameters
+    ----------
+    found
+        Of `calibrate_session`.
+    """
+    joint, lines = joint_in_force(), []
+    keys = {key.split("[")[0]: key for key in found.verdict["parameters"]}
+    for symbol in SHOWN_VALUES:
+        if symbol not in keys:
+            continue
+        given = found.verdict["parameters"][keys[symbol]]
+        error = given.get("standard_error")
+        size = "without a standard error" if error is None else f"± {error:.2g}"
+        lines.append(f"{joint.in_units(keys[symbol]):<22} {given['augmented']:.4g} {size}")
+    at = found.model.stated_at
+    if at is not None:
+        where = f"at a mean angle of {at.position:.3f} rad and a mean torque of {at.torque:.2f} N.m"
+        lines.append(joint.in_units(where))
+    limits = f"{100.0 * LARGEST_ERRORS[0]:.0f} % of K or {100.0 * LARGEST_ERRORS[1]:.0f} % of G"
+    doubted = KnownPhysics(None, found.model).calibration_doubt >= DOUBT_THRESHOLD
+    lines.append(
+        f"the standard errors are above {limits}: every later estimate will be doubted"
+        if doubted
+        else f"with standard errors above {limits}, every later estimate would be doubted"
+    )
+    return lines
+
+
+def session_warnings(found: CalibratedSession) -> list[str]:
+    """Return one sentence for each reason to be careful with a calibrated session.
+
+    Parameters
+    ----------
+    found
+        Of `calibrate_session`.
+    """
+    warnings = []
+    if found.verdict["verdict"] == "unexplained":
+        warnings.append(
+            "the verdict is 'unexplained': no known effect explains what the model leaves over, so "
+            "K and G may be wrong by more than their standard errors"
+        )
+    least = {"K": LEAST_STIFFNESS, "G": LEAST_GAIN}
+    for symbol, (value, error) in found.model.stated.items():
+        joint, unit = joint_in_force(), UNITS[symbol]
+        share = error / max(abs(value), least[symbol] * joint.scale(unit))
+        if share > LARGEST_SHARE:
+            unit = joint.in_units(unit)
+            warnings.append(
+                f"{symbol} = {value:.4g} ± {error:.2g} {unit} is known to {100.0 * share:.0f} % "
+                f"only, more than {100.0 * LARGEST_SHARE:.0f} %: record longer, or with the "
+                "subject at rest"
+            )
+    return warnings
 
 
 def session_library(rig: RigFile | None) -> list[str]:

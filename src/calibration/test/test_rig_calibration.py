@@ -22,7 +22,9 @@ from calibration.rig_calibration import (
     calibrate_rig,
     described,
     fingerprint,
+    read_signals,
     rig_file,
+    with_compliance,
 )
 from calibration.rig_identification import IdentifiedRig, identify_rig
 from calibration.rig_spectra import Signals
@@ -217,3 +219,53 @@ def test_the_movements_keep_within_their_extremes_and_end_at_rest():
     assert np.abs(made[:, 2]).max() <= reach.acceleration * (1 + 1e-9)
     assert np.all(made[: int(3.5 * RATE)] == 0.0)
     assert np.abs(made[-1]).max() < 1e-12
+
+
+def test_what_holds_the_plate_beside_the_known_spring_is_refused():
+    held = identified(slope=Found(110.0, 0.051))
+    with pytest.raises(
+        CalibrationError,
+        match=r"something holds the plate with 110 ± 0\.051 N\.m/rad; allowed .*-20 to 20 N\.m/rad"
+        r".*a foot, or a spring \(--spring\)\?",
+    ):
+        rig_file(held, "a", KnownLoad())
+    with pytest.raises(CalibrationError, match=r"of which the spring makes 60 N\.m/rad"):
+        rig_file(held, "a", KnownLoad(spring=60.0))
+    with pytest.raises(
+        CalibrationError, match=r"no spring of 110 N\.m/rad is seen: the plate is held with 0\.4 ±"
+    ):
+        rig_file(identified(slope=Found(0.4, 0.02)), "a", KnownLoad(spring=110.0))
+    _, remarks = rig_file(held, "a", KnownLoad(spring=110.0))
+    assert any("Calibrate with the plate empty" in remark for remark in remarks)
+
+
+EMPTY = replace(
+    HIDDEN,
+    title="empty",
+    model=Model([e for e in HIDDEN.model.entries if e.term.name != "servo_compliance"]),
+)
+
+
+def test_a_spring_adds_what_it_shows_to_the_file_of_the_empty_plate(bag):
+    found = calibrate_rig(bag, load=KnownLoad(spring=SPRING), beside=EMPTY)
+    sag = found.rig.model.entry("servo_compliance")
+    assert sag.values["k_a"] == pytest.approx(2300.0, rel=0.01)
+    assert sag.standard_errors["k_a"] > 0.0
+    others = [e for e in found.rig.model.entries if e.term.name != "servo_compliance"]
+    assert replace(found.rig, model=Model(others)).text() == EMPTY.text()
+    assert "kept as 'empty' states it" in described(found)
+
+
+def test_a_spring_on_another_rig_or_too_soft_a_one_completes_no_file(bag):
+    signals, spring = read_signals(bag), KnownLoad(spring=SPRING)
+    held = identified(slope=Found(SPRING, 0.05), servo_stiffness=Found(2300.0, 5.0))
+    with_compliance(EMPTY, held, spring, signals)
+    other = replace(EMPTY, velocity_delay=Measured(0.0))
+    with pytest.raises(CalibrationError, match=r"rig 'empty': velocity comes 0\.40 ms after"):
+        with_compliance(other, held, spring, signals)
+    with pytest.raises(CalibrationError, match="mount a spring of 50 to 200"):
+        with_compliance(EMPTY, replace(held, servo_stiffness=None), spring, signals)
+    with pytest.raises(CalibrationError, match="outside 300 to 1e"):
+        with_compliance(EMPTY, replace(held, servo_stiffness=Found(200.0, 5.0)), spring, signals)
+    with pytest.raises(CalibrationError, match=r"name its stiffness \(--spring\)"):
+        calibrate_rig(bag, beside=EMPTY)

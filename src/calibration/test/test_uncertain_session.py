@@ -1,12 +1,15 @@
 """A subject's model that knows less than no model is refused."""
 
+from datetime import datetime, timezone
+
 import pytest
 
 from ankle_physics.model import Model, StatedValue
+from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.virtual_rig import simulate
 from calibration import session_calibration
 from calibration.errors import CalibrationError
-from calibration.session_calibration import calibrate_session, require_gain
+from calibration.session_calibration import calibrate_session, require_gain, rig_contradictions
 from model_discrepancy.recording.recording import Recording
 from perturbation_generator.pulse_step import PulseStep
 from perturbation_generator.settings import Settings
@@ -80,3 +83,11 @@ def test_a_stiffness_that_friction_raises_does_not_make_its_error_a_smaller_one(
     require_gain(stated(28.0, 1.0), rubbing)
     with pytest.raises(CalibrationError):
         require_gain(stated(60.0, 1.0), rubbing)
+
+
+def test_a_rig_file_is_held_against_the_recording_of_a_session(plain):
+    date = datetime(2020, 1, 1, tzinfo=timezone.utc)
+    assert rig_contradictions(plain, RigFile("this one, of long ago", date)) == []
+    other = RigFile("another one", date, velocity_delay=Measured(0.0003))
+    (sentence,) = rig_contradictions(plain, other)
+    assert "calibrated were 0.30 ms" in sentence

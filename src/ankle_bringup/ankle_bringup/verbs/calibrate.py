@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ankle_bringup.terminal import Namespace, Out, Overwrite, console, number_option, working
 from ankle_interfaces.quantity import Quantity
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from ankle_physics.rig_file import RigFile
+    from calibration.rig_calibration import KnownLoad
+    from calibration.session_calibration import CalibratedSession
+    from model_discrepancy.recording.recording import Recording
 
 verb = typer.Typer()
 
@@ -21,11 +31,22 @@ Into = Annotated[
 ]
 
 
-def _require_new(path: Path, overwrite: bool) -> None:
+def _require_new(path: Path, option: str, overwrite: bool) -> None:
+    """Refuse a place of a result, given with this option, where something is already."""
     from ankle_bringup.errors import RunError
 
     if path.exists() and not overwrite:
-        raise RunError(f"{path} is there; give another --out, or replace it with --overwrite")
+        raise RunError(f"{path} is there; give another {option}, or replace it with --overwrite")
+
+
+def _require_new_bag(bag: Path, verb: str) -> None:
+    from ankle_bringup.errors import RunError
+
+    if bag.exists():
+        raise RunError(
+            f"{bag} is there; give another --bag, or calibrate from it: ankle calibrate {verb} "
+            f"{bag}"
+        )
 
 
 SECONDS = Quantity("seconds", "s", 30.0, 600.0, 90.0)
@@ -35,6 +56,11 @@ RECORDER_SECONDS = 60.0
 """[s] Time for a recorder to start: 2 s, and half a minute on a busy computer."""
 TAKEOVER_SECONDS = 60.0
 """[s] Time for a running estimator to go on with a new model: 15 to 30 s with the perturbation."""
+RIG_SECONDS = 5.0
+"""[s] Time for a running rig to be found, and again to send samples: discovery takes some tenths of
+a second, and more on a busy computer."""
+STATE_SECONDS = 3.0
+"""[s] Time for a rig's state to arrive, which is kept for whoever asks: twice a discovery."""
 
 
 @verb.command()
@@ -49,6 +75,13 @@ def rig(
     spring: Annotated[float, typer.Option(help="Known spring on the plate [N.m/rad]; 0: none.")] = (
         0.0
     ),
+    beside: Annotated[
+        Path | None,
+        typer.Option(
+            help="The file of the same rig with its plate empty: it is kept, and how far the servo "
+            "gives way is added, which the spring shows."
+        ),
+    ] = None,
     amplitude: Annotated[
         float, typer.Option(help="Largest distance from rest [rad], within the rig's limits.")
     ] = 0.04,
@@ -64,20 +97,29 @@ def rig(
     Finds delays between the channels, inertia, friction and weight of the plate, lag or resonance
     of the torque sensor, the servo and how far it gives way, zeros and noise, with standard errors.
     Remove the foot from the plate first. Without a bag the rig has to run, armed and started, and
-    no other perturbation may be running. Mount a spring to find how far the servo gives way.
+    no other perturbation may be running. How far the servo gives way shows with a spring, and all
+    else without one: calibrate the empty plate first, then complete its file (--beside).
 
-    Example: ankle calibrate rig --spring 100 --title 'laboratory 2' --out rig.yaml
+    Example: ankle calibrate rig --title 'laboratory 2' --out rig.yaml
     """
+    from ankle_bringup.errors import RunError
+    from ankle_physics.rig_file import RigFile
     from calibration.rig_calibration import KnownLoad, calibrate_rig, described
 
     load = KnownLoad(inertia, spring)
-    _require_new(out, overwrite)
+    empty = RigFile.load(beside) if beside is not None else None
+    if empty is not None and not spring:
+        raise RunError("--beside needs a spring on the plate; name its stiffness with --spring")
+    _require_new(out, "--out", overwrite)
     if bag is None:
         bag = into
-        _require_new(into, overwrite=False)
-        _record_rig(into, amplitude, simulated, load, namespace)
+        _require_new_bag(into, "rig")
+        if simulated is None:
+            _require_running(namespace)
+        with _recorded_into(into):
+            _record_rig(into, amplitude, simulated, load, namespace)
     with working("calibrating the rig") as step:
-        found = calibrate_rig(bag, title, load, progress=step)
+        found = calibrate_rig(bag, title, load, progress=step, beside=empty)
     found.rig.save(out)
     console.print(described(found))
     console.print(f"written to {out.resolve()}")
@@ -85,7 +127,7 @@ def rig(
 
 
 def _record_rig(
-    bag: Path, amplitude: float, simulated: Path | None, load: Any, namespace: str
+    bag: Path, amplitude: float, simulated: Path | None, load: KnownLoad, namespace: str
 ) -> None:
     import tempfile
 
@@ -128,42 +170,162 @@ def session(
     hand_over: Annotated[
         bool, typer.Option(help="Hand the model to the running estimator.")
     ] = True,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Calibrate in spite of a rig file that contradicts what is recorded."
+        ),
+    ] = False,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Calibrate the session: record the perturbed subject, diagnose, hand the model to the running
     estimator.
 
-    Writes subject.yaml, and the diagnosis with its report. A model with which K and G would be
-    known less well than without it is refused. A running impedance_estimator goes on
-    with the new model without a restart; the last line says whether it does.
+    Writes subject.yaml, and the diagnosis with its report. Refused are the file of another rig, a
+    recording without a subject, and a model with which K and G would be known less well than
+    without it. A running impedance_estimator goes on with the new model without a restart; the last
+    line says whether it does.
 
     Example: ankle calibrate session --seconds 90 --rig rig.yaml --out subject.yaml
     """
     from ankle_bringup.terminal import clear_folder
     from ankle_physics.rig_file import RigFile
-    from calibration.session_calibration import calibrate_session, require_gain
-    from model_discrepancy.recording.recording import Recording
+    from calibration.session_calibration import calibrate_session, read_session, require_gain
 
-    _require_new(out, overwrite)
-    clear_folder(report, overwrite, "verdict.json")
+    _require_new(out, "--out", overwrite)
+    if any(report.glob("*")):
+        _require_new(report, "--report", overwrite)
     known = RigFile.load(rig) if rig is not None else None
     live = bag is None
     if bag is None:
         bag = into
-        _require_new(into, overwrite=False)
-        _record_session(into, seconds, namespace)
+        _require_new_bag(into, "session")
+        _require_running(namespace, moving=True)
+    clear_folder(report, overwrite, "verdict.json")
+    if live:
+        with _recorded_into(into):
+            _record_session(into, seconds, namespace)
+    recording = read_session(bag)
+    contradictions = _require_its_rig(recording, bag, known, rig, force)
     with working("calibrating the session") as step:
-        found = calibrate_session(bag, report, known, step)
-        require_gain(found.model, Recording.from_bag(bag), known)
+        found = calibrate_session(recording, report, known, step)
+        require_gain(found.model, recording, known)
     found.model.save(out)
-    console.print(f"verdict: {found.verdict['verdict']}", style="bold")
-    for effect in found.verdict["effects"]:
-        console.print(f"- {effect['sentence']}")
+    warnings = _shown(found)
     console.print(f"written to {out.resolve()}; report: {(report / 'report.html').resolve()}")
     handed = _handed_over(out.resolve(), namespace) if live and hand_over else ""
     if handed:
         console.print(handed)
-    return {"out": out.resolve(), **found.verdict, "estimator": handed}
+    return {
+        "out": out.resolve(),
+        **found.verdict,
+        "warnings": [*contradictions, *warnings],
+        "estimator": handed,
+    }
+
+
+def _shown(found: CalibratedSession) -> list[str]:
+    """Show what was found; return what is to be said before the model is handed over."""
+    from calibration.session_calibration import described_session, session_warnings
+
+    console.print(f"verdict: {found.verdict['verdict']}", style="bold")
+    for effect in found.verdict["effects"]:
+        console.print(f"- {effect['sentence']}")
+    for line in described_session(found):
+        console.print(line)
+    warnings = session_warnings(found)
+    for sentence in warnings:
+        console.print(f"warning: {sentence}", style="bold", soft_wrap=True)
+    return warnings
+
+
+def _require_its_rig(
+    recording: Recording, bag: Path, known: RigFile | None, rig: Path | None, force: bool
+) -> list[str]:
+    """Refuse the file of another rig, unless forced; return in which ways it contradicts."""
+    from ankle_bringup.errors import RunError
+    from calibration.session_calibration import rig_contradictions
+
+    contradictions = rig_contradictions(recording, known) if known is not None else []
+    if contradictions and not force:
+        raise RunError(
+            f"{rig} is not the file of the rig that {bag} was recorded with: "
+            f"{'; '.join(contradictions)}. Give the right one (ankle calibrate session {bag} --rig "
+            "FILE), or calibrate the rig again; --force goes on in spite of it"
+        )
+    for sentence in contradictions:
+        console.print(
+            f"warning: {rig} contradicts the recording: {sentence}", style="bold", soft_wrap=True
+        )
+    return contradictions
+
+
+def _require_running(namespace: str, moving: bool = False) -> None:
+    """Refuse to record where no rig runs, or where it sends nothing though it should move.
+
+    A simulated rig sends samples only once it is moved, so that without `moving` it is enough that
+    somebody would send them.
+    """
+    import time
+
+    from ankle_bringup.errors import RunError
+    from ankle_bringup.live_graph import echo, observer
+    from ankle_interfaces.topics import ANKLE_SAMPLES
+
+    with observer(own_signals=True, namespace=namespace) as node:
+        topic = node.resolve_topic_name(ANKLE_SAMPLES.name)
+        deadline = time.monotonic() + RIG_SECONDS
+        while not node.count_publishers(topic):
+            if time.monotonic() > deadline:
+                raise RunError(
+                    f"no rig runs: nobody publishes '{topic}' within {RIG_SECONDS:g} s; start one "
+                    "('ankle up rig'), or name its --namespace"
+                )
+            time.sleep(0.1)
+        if moving and not echo(node, topic, lambda text: None, 1, RIG_SECONDS):
+            raise RunError(
+                f"no samples come on '{topic}' within {RIG_SECONDS:g} s: the rig has to run, with "
+                "its perturbation"
+            )
+
+
+@contextmanager
+def _recorded_into(bag: Path) -> Iterator[None]:
+    """Remove the bag of this recording where it holds no samples, however the recording ended.
+
+    Raises
+    ------
+    RunError
+        The recording ended well and holds no samples.
+    """
+    import shutil
+
+    from ankle_bringup.errors import RunError
+
+    empty = False
+    try:
+        yield
+    finally:
+        empty = bag.exists() and not _holds_samples(bag)
+        if empty:
+            shutil.rmtree(bag)
+    if empty:
+        raise RunError(f"no samples came while {bag} was recorded, so that it is removed again")
+
+
+def _holds_samples(bag: Path) -> bool:
+    """Tell whether a bag holds samples, or something that cannot be read and may be samples."""
+    from ankle_interfaces.topics import ANKLE_SAMPLES
+    from session_recorder.bag_reader import BagReader
+    from session_recorder.errors import BagError
+
+    try:
+        topics = BagReader(bag).topics
+    except BagError:
+        return any(file.is_file() and file.stat().st_size for file in bag.rglob("*"))
+    return any(
+        topic.count for name, topic in topics.items() if name.endswith(ANKLE_SAMPLES.absolute)
+    )
 
 
 def _record_session(bag: Path, seconds: float, namespace: str) -> None:
@@ -175,6 +337,7 @@ def _record_session(bag: Path, seconds: float, namespace: str) -> None:
     from ankle_bringup.graph import Graph, NodeDescription
     from ankle_bringup.processes import Processes
     from ankle_bringup.terminal import progress
+    from ankle_bringup.up import ending_by_signal
 
     recorder = NodeDescription(
         "session_recorder",
@@ -182,46 +345,94 @@ def _record_session(bag: Path, seconds: float, namespace: str) -> None:
         "calibration_recorder",
         {"out": str(bag)},
     )
-    with (
-        tempfile.TemporaryDirectory() as logs,
-        Processes(
-            Graph("a recorder", (recorder,)).in_namespace(namespace), Path(logs)
-        ) as processes,
-        progress(f"recording {seconds:g} s of the running session") as show,
-    ):
-        started = time.monotonic()
-        while not bag.exists():
-            processes.ended("")
-            if time.monotonic() - started > RECORDER_SECONDS:
-                raise RunError(f"no recording has begun within {RECORDER_SECONDS:g} s")
-            time.sleep(0.1)
-        began = time.monotonic()
-        while (passed := time.monotonic() - began) < seconds:
-            processes.ended("")
-            show(passed / seconds)
-            time.sleep(0.25)
+    began = None
+    try:
+        with (
+            ending_by_signal(),
+            tempfile.TemporaryDirectory() as logs,
+            Processes(
+                Graph("a recorder", (recorder,)).in_namespace(namespace), Path(logs)
+            ) as processes,
+            progress(f"recording {seconds:g} s of the running session") as show,
+        ):
+            started = time.monotonic()
+            while not bag.exists():
+                processes.ended("")
+                if time.monotonic() - started > RECORDER_SECONDS:
+                    raise RunError(f"no recording has begun within {RECORDER_SECONDS:g} s")
+                time.sleep(0.1)
+            began = time.monotonic()
+            while (passed := time.monotonic() - began) < seconds:
+                processes.ended("")
+                show(passed / seconds)
+                time.sleep(0.25)
+    except KeyboardInterrupt:
+        lasted = 0.0 if began is None else time.monotonic() - began
+        raise RunError(
+            f"the recording was ended after {lasted:.0f} s of {seconds:g} s; nothing is calibrated"
+        ) from None
 
 
 def _handed_over(model: Path, namespace: str) -> str:
     """Set the model of a running estimator; what became of it, in a sentence."""
     from ankle_bringup.errors import RunError
     from ankle_bringup.live_graph import latched, observer, set_parameter
+    from ankle_bringup.up import ending_by_signal
     from ankle_interfaces.topics import IMPEDANCE_PROVENANCE
     from ankle_physics.model import Model
 
     name, sha256 = "impedance_estimator", Model.load(model).sha256
-    try:
-        with observer(namespace=namespace) as node, working("handing the model over"):
+    with (
+        ending_by_signal(),
+        observer(own_signals=True, namespace=namespace) as node,
+        working("handing the model over"),
+    ):
+        states = _rig_states(node)
+        try:
             # The same path with new content would be no change to the estimator: it is emptied.
             for value in ("''", str(model)):
                 set_parameter(node, name, "model", value)
             topic = IMPEDANCE_PROVENANCE.name
             taken = latched(node, topic, TAKEOVER_SECONDS, lambda stated: sha256 in stated)
-    except RunError as error:
-        return f"the running estimator goes on without it: {error}"
-    if taken is None:
-        return (
-            f"the running estimator has the model but does not use it after {TAKEOVER_SECONDS:g} s"
-            ": it goes on with it at its first valid estimate, which needs the perturbation"
-        )
+        except RunError as error:
+            return f"the running estimator goes on without it: {error}{_fault(node, states)}"
+        except KeyboardInterrupt:
+            return (
+                "ended by a signal before the running estimator said that it uses the model"
+                f"{_fault(node, states)}"
+            )
+        if taken is None:
+            return (
+                "the running estimator has the model but does not use it after "
+                f"{TAKEOVER_SECONDS:g} s: it goes on with it at its first valid estimate, which "
+                f"needs the perturbation{_fault(node, states)}"
+            )
     return "the running estimator goes on with this model"
+
+
+def _rig_states(node: Node) -> list[str]:
+    """Return the states of the rig, a list that grows while the node receives."""
+    from std_msgs.msg import String
+
+    from ankle_interfaces.topics import RIG_STATE
+    from ankle_node.node import LATEST_QOS
+
+    states: list[str] = []
+
+    def receive(message: Any) -> None:
+        states.append(str(message.data))
+
+    node.create_subscription(String, RIG_STATE.name, receive, LATEST_QOS)
+    return states
+
+
+def _fault(node: Node, states: list[str]) -> str:
+    """Return the fault of the rig as the end of a sentence; empty where it has none."""
+    import time
+
+    import rclpy
+
+    deadline = time.monotonic() + STATE_SECONDS
+    while not states and time.monotonic() < deadline:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    return f"; the rig is in {states[-1]}" if states and states[-1].startswith("fault") else ""
