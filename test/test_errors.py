@@ -26,7 +26,6 @@ REASONS = {
     ("simultaneous_estimator.py", "process"): "the stream arranges the columns",
     ("recorded_estimates.py", "estimate_signal"): "the caller's arrays differ in length",
     ("torque_prediction.py", "checked_signals"): "the caller's arrays differ in length",
-    ("joint_profile.py", "_read"): "caught there and reported as ModelError",
     ("messages.py", "_schema"): "the messages are classes of the package",
     ("course_record.py", "load_record"): "caught there and reported as CommandError",
     ("progress.py", "progress_from"): "caught there and reported as CommandError",

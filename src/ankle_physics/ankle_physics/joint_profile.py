@@ -10,14 +10,16 @@ too. A profile holds while it is in force::
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from ankle_interfaces.suggestion import hint
 from ankle_interfaces.yaml_text import YamlError, parse_yaml, read_text
 from ankle_physics.errors import ModelError
 
@@ -26,6 +28,10 @@ _PAPER_TERMS = ("inertia", "viscosity", "stiffness", "reflex")
 _TORQUE = re.compile(r"^(N\.m|kg\.m\^2)")
 _ANGLE = re.compile(r"(/?)rad(?:\^(\d))?")
 UNIT_PAIRS = {("rad", "N.m"), ("m", "N")}
+_LENGTHS = ("largest_range", "smallest_movement")
+_NUMBERS = (*_LENGTHS, "torque_scale", "position_scale", "delay_scale")
+_NUMBER_WORDS = "a finite number above 0"
+_RANGE_WORDS = "two finite numbers above 0, the lower one first, such as [0.001, 0.2]"
 
 
 @dataclass(frozen=True)
@@ -74,20 +80,29 @@ class JointProfile:
                 "allowed: rad with N.m, m with N"
             )
         low, high = self.inertia_range
-        if not 0.0 < low < high:
-            raise ModelError(f"joint: inertia_range = {low:g} to {high:g} is no range above 0")
-        for symbol in (
-            "largest_range",
-            "smallest_movement",
-            "torque_scale",
-            "position_scale",
-            "delay_scale",
-        ):
+        if not 0.0 < low < high < math.inf:
+            raise ModelError(
+                f"joint: inertia_range = {low:g} to {high:g}{self._unit_of('inertia_range')} is no "
+                f"range above 0; allowed: {_RANGE_WORDS}"
+            )
+        for symbol in _NUMBERS:
             value = getattr(self, symbol)
-            if not 0.0 < value < float("inf"):
-                raise ModelError(f"joint: {symbol} = {value:g} is not above 0")
+            if not 0.0 < value < math.inf:
+                raise ModelError(
+                    f"joint: {symbol} = {value:g}{self._unit_of(symbol)} is not above 0; allowed: "
+                    f"{_NUMBER_WORDS}"
+                )
         if not self.terms:
             raise ModelError("joint: 'terms' names at least one term of the base model")
+        twice = sorted({name for name in self.terms if self.terms.count(name) > 1})
+        if twice:
+            raise ModelError(f"joint: 'terms' names '{twice[0]}' more than once; allowed: once")
+
+    def _unit_of(self, symbol: str) -> str:
+        """Return the unit of an attribute as it stands behind a number; empty for a pure number."""
+        if symbol == "inertia_range":
+            return " kg" if self.linear else " kg.m^2"
+        return f" {self.position_unit}" if symbol in _LENGTHS else ""
 
     @property
     def linear(self) -> bool:
@@ -178,19 +193,25 @@ class JointProfile:
         if not isinstance(content, Mapping) or "joint" not in content:
             raise ModelError("a joint's file has 'joint: free text' and what differs from an ankle")
         given = dict(content)
-        values: dict[str, Any] = {"name": str(given.pop("joint"))}
+        name = given.pop("joint")
+        if isinstance(name, Mapping | list) or not str("" if name is None else name).strip():
+            raise ModelError(f"joint: joint = {name!r} is no name; allowed: one line of free text")
+        values: dict[str, Any] = {"name": str(name)}
         units = given.pop("units", {})
         if not isinstance(units, Mapping) or not set(units) <= {"position", "torque"}:
-            raise ModelError("joint: 'units' is a table such as {position: m, torque: N}")
+            raise ModelError(
+                f"joint: units = {units!r} is refused; allowed: a table such as "
+                "{position: m, torque: N}"
+            )
         values |= {f"{key}_unit": str(unit) for key, unit in units.items()}
         known = {field.name for field in fields(cls)} - {"name", "position_unit", "torque_unit"}
         for key, value in given.items():
             if key not in known:
-                raise ModelError(
-                    f"joint: unknown '{key}'; it may have units, {', '.join(sorted(known))}"
-                )
+                raise ModelError(f"joint: unknown '{key}'; {hint(str(key), known | {'units'})}")
             values[key] = _read(key, value)
-        return cls(**values)
+        profile = cls(**values)
+        _require_known(profile.terms)
+        return profile
 
     def content(self) -> dict[str, Any]:
         """Return plain data that `from_content` reads back to the same profile."""
@@ -206,17 +227,70 @@ class JointProfile:
 
 
 def _read(key: str, value: Any) -> Any:
+    """Return the value of an attribute in the shape that the profile holds.
+
+    Parameters
+    ----------
+    key
+        Of the attribute.
+    value
+        As the file states it.
+
+    Raises
+    ------
+    ModelError
+        Another shape than that of the attribute.
+    """
+    if key == "terms":
+        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+            raise ModelError(
+                f"joint: terms = {value!r} cannot be read; allowed: a list of names such as "
+                "[inertia, viscosity]"
+            )
+        return tuple(value)
+    if key == "inertia_range":
+        ends = [_number(end) for end in value] if isinstance(value, list | tuple) else []
+        if len(ends) != 2 or None in ends:
+            raise ModelError(
+                f"joint: inertia_range = {value!r} cannot be read; allowed: {_RANGE_WORDS}"
+            )
+        return tuple(ends)
+    number = _number(value)
+    if number is None:
+        raise ModelError(f"joint: {key} = {value!r} cannot be read; allowed: {_NUMBER_WORDS}")
+    return number
+
+
+def _number(value: Any) -> float | None:
+    """Return a number, which YAML reads as a text where it is written as 1e-4; None for anything
+    else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
     try:
-        if key == "terms":
-            if isinstance(value, str) or not all(isinstance(v, str) for v in value):
-                raise TypeError
-            return tuple(value)
-        if key == "inertia_range":
-            low, high = value
-            return float(low), float(high)
         return float(value)
-    except (TypeError, ValueError):
-        raise ModelError(f"joint: {key} = {value!r} cannot be read") from None
+    except ValueError:
+        return None
+
+
+def _require_known(terms: Iterable[str]) -> None:
+    """Refuse a base model with a term that the library lacks.
+
+    Raises
+    ------
+    ModelError
+        One of the names is unknown; has the one that may be meant.
+    """
+    # The library brings its ranges to the joint in force, and so imports this module.
+    from ankle_physics.term import term_library
+
+    known = term_library()
+    for name in terms:
+        if name not in known:
+            raise ModelError(
+                f"joint: 'terms' names '{name}', which is no term of the library; "
+                f"{hint(name, known)} (a term of your own is read by --terms FOLDER)"
+            )
 
 
 ANKLE = JointProfile("ankle")

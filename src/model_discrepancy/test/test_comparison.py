@@ -1,11 +1,13 @@
 """Two bags: what differs between them is named, with its size; what does not is left alone."""
 
 import json
+from html import escape
 
 import numpy as np
 import pytest
 
 from ankle_physics.actuator import Servo
+from ankle_physics.joint_profile import JointProfile
 from ankle_physics.model import Model
 from ankle_physics.term import term_library
 from ankle_physics.virtual_rig import simulate
@@ -16,6 +18,7 @@ from model_discrepancy.report.comparison_report import write_comparison
 from model_discrepancy.search.term_search import search
 from model_discrepancy.tools import comparison
 from model_discrepancy.tools.comparison import aligned, compare
+from model_discrepancy.tools.comparison_result import SIGNIFICANT, Contribution
 from perturbation_generator.random_steps import RandomSteps
 from perturbation_generator.settings import Settings
 
@@ -80,7 +83,10 @@ def test_a_bag_agrees_with_itself(tmp_path, monkeypatch):
     assert result.verdict == "agree"
     assert result.content()["difference"]["band_hz"] == "not seen"
     write_comparison(result, tmp_path / "report.html")
-    assert "agree" in (tmp_path / "report.html").read_text()
+    text = (tmp_path / "report.html").read_text()
+    assert "agree" in text
+    assert escape(SIGNIFICANT) in text
+    assert result.content()["significant_means"] == SIGNIFICANT
 
 
 @pytest.mark.slow
@@ -123,3 +129,33 @@ def test_a_bad_bag_is_not_compared():
     result = compare(good, bad)
     assert result.verdict == "bad_recording"
     assert "wrong sign" in result.headline
+
+
+@pytest.mark.parametrize(
+    ("share", "apart", "said"),
+    [
+        (0.035, 182.0, "yes"),
+        (0.026, 137.0, "no: below 3 % of the torque"),
+        (0.035, 2.0, "no: below 4 standard errors"),
+    ],
+)
+def test_a_term_that_is_not_significant_says_why(share, apart, said):
+    one = Contribution("stiffness", "intrinsic", 0.05, share, {"K[N.m/rad]": (77.0, 78.0, apart)})
+    assert one.verdict == said
+    assert one.significant == (said == "yes")
+
+
+def test_the_base_model_of_a_comparison_is_that_of_the_joint_in_force(monkeypatch):
+    asked = []
+
+    def prepare(_, terms, __):
+        asked.append(terms)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(comparison, "prepare", prepare)
+    with (
+        JointProfile("axis", terms=("inertia", "viscosity")).in_force(),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        comparison._side(None, None, lambda _: None)
+    assert asked == [("inertia", "viscosity")]

@@ -77,7 +77,7 @@ def test_the_headline_of_a_report_names_what_is_likely_and_counts_the_others():
     assert "2 less likely ones below" in text
     assert "tendon" not in text
     few = headline(SimpleNamespace(verdict=Verdict("unexplained", [effect])))
-    assert "not in the library" in few
+    assert "the library's terms do not account for all of it" in few
     assert "below" not in few
     best = headline(SimpleNamespace(verdict=Verdict("unexplained", [weak, weak])))
     assert "reflex lag such as tendon (probability 0.21)" in best
@@ -106,7 +106,9 @@ def test_a_report_says_how_much_torque_is_explained_on_data_that_were_not_fitted
         ),
     ],
 )
-def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked, library):
+def test_a_planted_effect_is_named_with_its_size(
+    tmp_path, undocumented_keys, name, values, checked, library
+):
     recording = simulate_trial({name: values}, seed=5, duration=30.0)
     diagnosis = diagnose(recording, tmp_path, library=library)
     verdict = diagnosis.verdict
@@ -119,11 +121,15 @@ def test_a_planted_effect_is_named_with_its_size(tmp_path, name, values, checked
     model = Model.load(tmp_path / "model.yaml")
     assert model.has(name)
     assert model.entry(name).standard_errors
+    for key, symbol in (("K[N.m/rad]", "K"), ("G[N.m.s/rad]", "G")):
+        assert model.stated[symbol].standard_error == verdict.parameters[key]["standard_error"]
     report = (tmp_path / "report.html").read_text()
     assert "http" not in report.replace("http-equiv", "")
     for section in ("Equations and sources", "excluded, and by what", "stiffness and reflex gain"):
         assert section in report
-    (effect,) = json.loads((tmp_path / "verdict.json").read_text())["effects"]
+    content = json.loads((tmp_path / "verdict.json").read_text())
+    assert undocumented_keys(content) == set()
+    (effect,) = content["effects"]
     without, stiffness, error = effect["on_impedance"]["K[N.m/rad]"]
     assert stiffness == verdict.parameters["K[N.m/rad]"]["augmented"]
     assert without != stiffness

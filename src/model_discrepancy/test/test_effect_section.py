@@ -30,6 +30,12 @@ def test_an_effect_has_its_numbers_their_errors_and_what_they_mean():
     assert "1064 ± 31 N·m/rad" in text
     assert "It is the stiffness of the straps" in text
     assert text.count("at the end of its range") == 1
+    hardening = {
+        **EFFECT,
+        "name": "hardening_stiffness",
+        "parameters": {"k3[N.m/rad^3]": [3e4, 35.0]},
+    }
+    assert "30000 ± 35 N·m/rad³" in "".join(effect_sections([hardening]))
 
 
 def test_k_and_g_stand_with_all_that_was_found_and_without_each_effect():

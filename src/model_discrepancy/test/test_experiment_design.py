@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from ankle_physics.joint_profile import ANKLE, JointProfile
 from ankle_physics.model import Model
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.diagnose import diagnose
@@ -19,6 +20,7 @@ from model_discrepancy.tools.experiment_design import (
     Proposal,
     RivalSet,
     design_experiment,
+    percent,
     rank,
 )
 from perturbation_generator.limits import Limits
@@ -151,3 +153,69 @@ def test_the_proposed_perturbation_settles_a_set(tmp_path):
     second = simulate(reference, 2048.0, model, seed=12)
     verdict = diagnose(Recording(2048.0, second.position, second.torque, second.velocity)).verdict
     assert [e["set"] for e in verdict.effects] == [["reflex_threshold"]]
+
+
+def verdict_folder(tmp_path, joint, rival, conditions):
+    """Write a verdict with one open set and its model, in the units of a joint."""
+    with joint.in_force():
+        chosen = Model.of({"inertia": {}, "viscosity": {}, "coulomb_friction": {}})
+        chosen.save(tmp_path / "model.yaml")
+    values = {e.term.name: dict(e.values) for e in chosen.entries}
+    other = {name: given for name, given in values.items() if name != "coulomb_friction"}
+    content = {
+        "verdict": "explained",
+        "effects": [{"name": "coulomb_friction"}],
+        "alternatives": [
+            {
+                "name": rival,
+                "instead_of": "coulomb_friction",
+                "delta_score": -1.0,
+                "model": {**other, rival: {}},
+            }
+        ],
+        "recording": {"duration[s]": 60.0, **conditions},
+    }
+    (tmp_path / "verdict.json").write_text(json.dumps(content))
+
+
+def test_a_term_that_the_library_lacks_is_named_with_the_option_that_reads_it(tmp_path):
+    verdict_folder(tmp_path, ANKLE, "own_cable", CONDITIONS)
+    with pytest.raises(
+        DiagnosisError, match=r"verdict\.json names the term 'own_cable', which.*--t"
+    ):
+        design_experiment(tmp_path)
+    model = (tmp_path / "model.yaml").read_text()
+    (tmp_path / "model.yaml").write_text(model.replace("coulomb_friction", "own_cable"))
+    with pytest.raises(DiagnosisError, match=r"model\.yaml names the term 'own_cable', .*--terms"):
+        design_experiment(tmp_path)
+
+
+def test_a_verdict_on_an_axis_is_designed_for_in_its_own_units(tmp_path, monkeypatch):
+    axis = JointProfile(
+        "axis", "m", "N", inertia_range=(1.0, 100.0), torque_scale=1000.0, terms=("inertia",)
+    )
+    conditions = {axis.in_units(name): value for name, value in CONDITIONS.items()}
+    verdict_folder(tmp_path, axis, "saturating_damping", conditions)
+    few = [
+        Candidate(
+            "steps over 40 mrad",
+            {"signal": "random_steps", "amplitude": 0.02, "direction": "both"},
+        )
+    ]
+    monkeypatch.setattr("model_discrepancy.tools.experiment_design.candidates_for", lambda *_: few)
+    for function in ("separating_measurements", "repetition"):
+        monkeypatch.setattr(f"model_discrepancy.tools.experiment_design.{function}", lambda _: [])
+    monkeypatch.setattr(
+        "model_discrepancy.tools.experiment_design._excesses",
+        lambda *_, **__: {("coulomb_friction", "saturating_damping"): 0.2},
+    )
+    found = design_experiment(tmp_path)
+    assert "steps over 40 mm" in found.sentence
+    found.save(tmp_path / "design")
+    assert "40 mm" in (tmp_path / "design" / "design.yaml").read_text()
+
+
+def test_an_excess_beyond_what_is_expected_is_only_said_to_be_larger():
+    assert percent(0.0312) == "3.1"
+    assert percent(10.0) == "1000.0"
+    assert percent(186.5) == "more than 1000"

@@ -7,14 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ankle_physics.joint_profile import JointProfile
 from ankle_physics.model import Model
 from ankle_physics.term import term_library
+from model_discrepancy.recording.recording import Recording
+from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.report.investigation_report import write_investigation
 from model_discrepancy.tools import experiment_design, investigation
 from model_discrepancy.tools.candidate_movements import Candidate
 from model_discrepancy.tools.experiment_design import Proposal, RivalSet, _ranked
 from model_discrepancy.tools.investigation import Investigation, investigate
 from model_discrepancy.tools.open_set import OpenSet, remaining
+from model_discrepancy.tools.shared_effects import Member, Together
 from model_discrepancy.tools.simulated_conduct import SimulatedConduct
 from simulation_study.planted_trials import simulate_trial
 
@@ -193,8 +197,106 @@ def test_names_that_no_movement_tells_apart_are_checked_in_another_one_once(monk
 
     assert next_round() == ""
     assert len(story.recordings) == 2
+    assert design.sentence.startswith("No perturbation within the limits tells a from b")
+    assert story.rounds[0].proposal == (
+        f"{design.sentence} It is recorded all the same: it shows whether either holds at all."
+    )
     assert next_round() == design.sentence
     assert len(story.recordings) == 2
+
+
+@pytest.mark.parametrize(
+    ("rounds", "words"), [(1, "budget of 1 recording is"), (2, "budget of 2 recordings is")]
+)
+def test_a_budget_that_is_spent_is_counted_in_words(rounds, words, tmp_path):
+    story = Investigation(None, [OpenSet("a", {"a": {}, "b": {}})])
+    story.rounds = [investigation.Round("", "", "sines", 20.0, "")] * rounds
+    ended = investigation._next_round(story, lambda *_: None, tmp_path, rounds, lambda _: None)
+    assert words in ended
+
+
+def test_what_holds_is_asked_of_more_than_two_names_too():
+    one, other = OpenSet("a", {"a": {}, "b": {}}), OpenSet("c", {"c": {}, "d": {}})
+    assert investigation._any_of([one]) == "either holds"
+    assert investigation._any_of([one, other]) == "any of them holds"
+
+
+def test_an_error_that_no_model_is_meant_for_is_capped(monkeypatch):
+    recording = simulate_trial(
+        {"hardening_stiffness": {"k3": 1e5}},
+        seed=3,
+        duration=30.0,
+        rate=1024.0,
+        protocol="equal",
+    )
+    terms = {"inertia": {}, "viscosity": {}, "stiffness": {}, "reflex": {}}
+    values = {
+        e.term.name: dict(e.values)
+        for e in Model.of({**terms, "hardening_stiffness": {"k3": 1e5}}).entries
+    }
+    one = OpenSet("hardening_stiffness", {"hardening_stiffness": values})
+    without = SimpleNamespace(score=float("inf"))
+    monkeypatch.setattr(OpenSet, "fitted_without", lambda *_: without)
+    answer = investigation._judge([one], recording)
+    assert "without any of them more than 1000 %" in answer
+
+
+def test_a_simulated_recording_is_kept_as_a_bag_with_its_command(tmp_path):
+    model = Model.of({"stiffness": {"K": 50.0}, "inertia": {}})
+    steps = Candidate("steps", {"signal": "random_steps", "amplitude": 0.01, "direction": "both"})
+    made = SimulatedConduct(model, out=tmp_path)(steps, 3.0, 2)
+    kept = Recording.from_bag(tmp_path / "round_2")
+    np.testing.assert_allclose(kept.torque, made.torque)
+    np.testing.assert_allclose(kept.reference, made.reference, atol=1e-9)
+
+
+def test_an_axis_that_moves_along_a_line_is_simulated_in_metres_and_newtons(tmp_path):
+    axis = JointProfile(
+        "axis",
+        "m",
+        "N",
+        inertia_range=(1.0, 100.0),
+        torque_scale=1000.0,
+        terms=("inertia", "viscosity"),
+    )
+    with axis.in_force():
+        model = Model.of({"inertia": {"I": 10.0}, "viscosity": {"B": 40.0}})
+        steps = {"signal": "random_steps", "amplitude": 0.01, "direction": "both"}
+        made = SimulatedConduct(model, out=tmp_path)(Candidate("steps", steps), 25.0, 1)
+        assert faults(made) == []
+        kept = Recording.from_bag(tmp_path / "round_1")
+        np.testing.assert_allclose(kept.position, made.position)
+
+
+FITTED = {"K[N.m/rad]": {"base": 90.0, "augmented": 80.0, "standard_error": 2.0}}
+
+
+def test_the_story_holds_the_impedance_and_the_models(tmp_path):
+    verdict = SimpleNamespace(verdict="no_mismatch", effects=[], parameters=FITTED)
+    story = Investigation(SimpleNamespace(verdict=verdict), [])
+    story.save(tmp_path)
+    content = json.loads((tmp_path / "investigation.json").read_text())
+    assert content["parameters"] == FITTED
+    assert content["parameters_of"] == "first/model.yaml"
+    assert content["models"] == ["first/model.yaml"]
+    write_investigation(story, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "80.0 ± 2.0" in text
+    assert "<a href='first/model.yaml'>" in text
+
+
+def test_the_models_of_all_recordings_are_written_beside_the_story(tmp_path):
+    problem = SimpleNamespace(recording=SimpleNamespace(name="recording_1"))
+    fit = SimpleNamespace(values={"inertia": {"I": 0.01}}, errors={})
+    together = Together([Member(problem, None, fit)])
+    verdict = SimpleNamespace(verdict="explained", effects=[], parameters=FITTED)
+    story = Investigation(SimpleNamespace(verdict=verdict), [], found=together)
+    story.save(tmp_path)
+    assert story.models == ["together/recording_1.yaml"]
+    assert Model.load(tmp_path / story.models[0]).entry("inertia").values["I"] == 0.01
+    write_investigation(story, tmp_path / "report.html")
+    assert "together/report.html" in (tmp_path / "report.html").read_text()
+    assert (tmp_path / "together" / "report.html").exists()
 
 
 @pytest.mark.parametrize(("expected", "made"), [(6.0, True), (1.0, False)])
@@ -223,7 +325,7 @@ def test_a_further_recording_is_made_where_what_adds_up_may_exclude_a_name(
 
 
 def test_the_report_says_what_each_name_does(tmp_path):
-    verdict = SimpleNamespace(verdict="explained", effects=[{"name": "tendon"}])
+    verdict = SimpleNamespace(verdict="explained", effects=[{"name": "tendon"}], parameters={})
     names = ["tendon", "reflex_threshold"]
     asked = OpenSet("tendon", {name: {} for name in names})
     write_investigation(Investigation(SimpleNamespace(verdict=verdict), [asked]), tmp_path / "r")

@@ -173,7 +173,7 @@ def story_of(monkeypatch, tmp_path):
     def made(asks, recorded=True, rounds=3):
         effects = [{"name": "tendon"}]
         diagnosis = SimpleNamespace(
-            verdict=SimpleNamespace(verdict="explained", effects=effects),
+            verdict=SimpleNamespace(verdict="explained", effects=effects, parameters={}),
             found=SimpleNamespace(final=fit("tendon")),
         )
         monkeypatch.setattr(investigation, "diagnose", lambda *_, **__: diagnosis)

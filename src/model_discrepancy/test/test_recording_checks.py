@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blind_rig.trial import run
+from model_discrepancy.errors import DiagnosisError
 from model_discrepancy.recording.channel_gains import channel_findings
 from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.tools.candidate_movements import candidates_for
-from simulation_study import planted_in_human
+from simulation_study import planted_in_human, verdict_cases
 from simulation_study.independent_conduct import IndependentConduct
 from simulation_study.planted_in_human import plant
 from simulation_study.planted_trials import simulate_trial
-from simulation_study.verdict_cases import Plan, made, recorded, trial_of
+from simulation_study.verdict_cases import Plan, made, trial_of
 
 BREAKAGES = {
     "wrong sign": lambda r: replace(r, torque=-r.torque),
@@ -28,8 +28,10 @@ BREAKAGES = {
     "stuck": lambda r: replace(
         r, torque=np.where(r.time > 30.0, r.torque[int(30 * r.rate)], r.torque)
     ),
-    "40 ms apart": lambda r: replace(r, torque=np.roll(r.torque, int(0.04 * r.rate))),
-    "-40 ms apart": lambda r: replace(r, torque=np.roll(r.torque, -int(0.04 * r.rate))),
+    "torque comes 40 ms after": lambda r: replace(r, torque=np.roll(r.torque, int(0.04 * r.rate))),
+    "torque comes 40 ms before": lambda r: replace(
+        r, torque=np.roll(r.torque, -int(0.04 * r.rate))
+    ),
     "movement explains": lambda r: replace(
         r, torque=np.random.default_rng(0).standard_normal(len(r.torque))
     ),
@@ -47,11 +49,30 @@ BREAKAGES = {
 def test_a_broken_rig_is_named(null_recording, words):
     found = faults(BREAKAGES[words](null_recording))
     assert found
-    if words.endswith("apart"):
-        assert "apart" in found[0]
-        assert ("-" in found[0].split("are ")[1].split(" ms")[0]) == words.startswith("-")
+    if words.startswith("torque comes"):
+        # The clocks are found to some milliseconds.
+        *start, way = words.split()
+        said = found[0].split(": ")[1].split(";")[0].split()
+        assert said[:2] == start[:2]
+        assert float(said[2]) == pytest.approx(40.0, abs=5.0)
+        assert said[3:] == ["ms", way, "the", "position"]
     else:
         assert words in found[0]
+
+
+def test_swapped_channels_are_told_from_a_wrong_unit(null_recording):
+    turned = {"position": null_recording.torque, "torque": null_recording.position}
+    (swapped,) = faults(replace(null_recording, **turned, velocity=None))
+    assert "position and torque are swapped, it seems" in swapped
+    assert "degrees" not in swapped
+    degrees = replace(null_recording, position=np.degrees(null_recording.position), velocity=None)
+    (wrong,) = faults(degrees)
+    assert wrong.endswith("probably degrees or a wrong scale, or position and torque are swapped")
+
+
+def test_a_rate_below_the_least_is_refused_with_it(null_recording):
+    with pytest.raises(DiagnosisError, match=r"sampling rate 102\.4 Hz is below 250 Hz, the least"):
+        replace(null_recording, rate=102.4)
 
 
 def test_a_short_recording_is_refused(null_recording):
@@ -152,7 +173,7 @@ def test_a_reflex_beside_which_a_passive_joint_explains_little_is_no_wrong_sign(
     assert "wrong sign" in faults(replace(recording, torque=-recording.torque))[0]
 
 
-def test_a_late_reflex_behind_late_torque_is_no_wrong_sign():
+def test_a_late_reflex_behind_late_torque_is_no_wrong_sign(monkeypatch):
     """At the best skew the mirrored torque is explained better, and as it stands the torque is."""
     plan = Plan(
         "pair",
@@ -170,7 +191,8 @@ def test_a_late_reflex_behind_late_torque_is_no_wrong_sign():
     # 2 % of the torque's variance each.
     sizes = {"reflex.late_G": 22.9, "reflex.late_delay": 0.095, "sensors.torque_delay": 0.00545}
     trial = with_sizes(plan, sizes)
-    assert faults(recorded(plan, trial, run(trial))) == []
+    monkeypatch.setattr(verdict_cases, "trial_of", lambda _: (trial, {}))
+    assert faults(made(plan).recording) == []
 
 
 def test_a_slow_movement_that_does_not_show_the_inertia_is_no_wrong_unit():

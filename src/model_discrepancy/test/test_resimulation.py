@@ -17,11 +17,11 @@ from model_discrepancy.recording.motion import motion_of
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.report.fitted_model import fitted_model
 from model_discrepancy.tools.resimulation import (
-    _write_bag,
     resimulate,
     resimulate_bag,
     simulated_torque,
 )
+from model_discrepancy.tools.written_bag import write_bag
 from simulation_study.planted_trials import simulate_trial
 
 # What the movement makes in the trial below; its subject is drawn by the seed.
@@ -84,6 +84,14 @@ def test_a_folder_without_models_is_refused(tmp_path: Path) -> None:
         resimulate_bag(tmp_path / "bag", tmp_path, tmp_path / "out")
 
 
+def test_a_model_with_a_term_that_the_library_lacks_names_the_option(tmp_path: Path) -> None:
+    Model.of().save(tmp_path / "base.yaml")
+    text = (tmp_path / "base.yaml").read_text()
+    (tmp_path / "model.yaml").write_text(text.replace("viscosity", "own_cable"))
+    with pytest.raises(DiagnosisError, match=r"the term 'own_cable', which the library .*--terms"):
+        resimulate_bag(tmp_path / "bag", tmp_path, tmp_path / "out")
+
+
 def test_a_position_that_the_diagnosis_corrects_is_corrected_here_too(
     recording: Recording, models: tuple[Model, Model]
 ) -> None:
@@ -108,7 +116,7 @@ def test_the_zeros_of_a_rig_that_the_diagnosis_knew_are_taken_off_here_too(
     folder.mkdir()
     for model, file in ((base, "base.yaml"), (curved, "model.yaml")):
         model.save(folder / file)
-    _write_bag(moved, moved.torque, tmp_path / "bag")
+    write_bag(moved, moved.torque, tmp_path / "bag")
     without = resimulate_bag(tmp_path / "bag", folder, tmp_path / "without")
     rig.save(folder / "rig.yaml")
     with_it = resimulate_bag(tmp_path / "bag", folder, tmp_path / "with")

@@ -8,8 +8,10 @@ another stage than the one before, which stands before the last stage that was r
 
 import ast
 import json
+import re
 import sys
 import threading
+from html import escape
 from pathlib import Path
 
 import pytest
@@ -130,9 +132,14 @@ def unexplained(tmp_path_factory):
     return recording, folder, way
 
 
-def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(unexplained):
+def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(
+    unexplained, undocumented_keys
+):
     recording, folder, _ = unexplained
-    block = json.loads((folder / "verdict.json").read_text())["localisation"]["missing_block"]
+    content = json.loads((folder / "verdict.json").read_text())
+    assert undocumented_keys(content) == set()
+    assert undocumented_keys({"rig": {"of_nobody[1]": 1.0}}) == {"of_nobody"}
+    block = content["localisation"]["missing_block"]
     assert block["share_predicted"] > 0.3
     assert len(block["dynamics"]["lag[s]"]) == len(block["dynamics"]["low[N.m/s]"])
     again = resimulate(
@@ -143,6 +150,8 @@ def test_a_term_that_the_library_lacks_is_not_given_a_confident_wrong_name(unexp
     report = (folder / "report.html").read_text()
     assert "The missing block" in report
     assert "What to measure next" in report
+    assert report.count(escape(block["sentence"])) == 1
+    assert not re.search(r"<td>[^<]*(_|\[1\]|\[s\])", report)
 
 
 def test_a_bag_is_on_its_way_to_the_verdict_without_turning_back(unexplained):
@@ -170,3 +179,7 @@ def test_names_that_explain_next_to_nothing_are_in_no_model(tmp_path, monkeypatc
     assert fit["remaining_predictable_share"] == round(found.criticism.before.share, 4) > 0.0
     model = Model.load(tmp_path / "model.yaml")
     assert "fixation_compliance" not in [entry.term.name for entry in model.entries]
+    report = (tmp_path / "report.html").read_text()
+    assert "The base model's parameters" in report
+    for claim in ("with the new physics", "with all that was found", "with what was found"):
+        assert claim not in report

@@ -8,7 +8,15 @@ from typing import Annotated, Any
 import typer
 
 from ankle_bringup.errors import RunError
-from ankle_bringup.terminal import Out, Overwrite, clear_folder, console, new_table, working
+from ankle_bringup.terminal import (
+    Out,
+    Overwrite,
+    OwnTerms,
+    clear_folder,
+    console,
+    new_table,
+    working,
+)
 
 VERDICT_FILE = "verdict.json"
 ADVICE = "give the folder that 'ankle diagnose' has written"
@@ -17,6 +25,7 @@ ADVICE = "give the folder that 'ankle diagnose' has written"
 def verb(
     verdict: Annotated[Path, typer.Argument(help="verdict.json of a diagnosis, or its folder.")],
     out: Out = Path("design"),
+    terms: OwnTerms = None,
     overwrite: Overwrite = False,
 ) -> dict[str, Any]:
     """Propose the perturbation that tells the rivals of a verdict apart.
@@ -26,8 +35,14 @@ def verb(
 
     Example: ankle design-experiment session_diagnosis --out design
     """
-    from model_discrepancy.tools.experiment_design import LISTED_DESIGNS, design_experiment
+    from ankle_physics.own_terms import load_terms
+    from model_discrepancy.tools.experiment_design import (
+        LISTED_DESIGNS,
+        design_experiment,
+        percent,
+    )
 
+    load_terms(terms or "")
     if not verdict.exists():
         raise RunError(f"there is no {verdict}; {ADVICE}")
     if verdict.is_dir() and not (verdict / VERDICT_FILE).exists():
@@ -38,9 +53,9 @@ def verb(
     found.save(out)
     proposals = [
         {
-            "perturbation": proposal.candidate.title,
+            "perturbation": found.joint.in_units(proposal.candidate.title),
             "hardest pair": " / ".join(name.replace("_", " ") for name in proposal.pair),
-            "error of the wrong one [+%]": f"{100 * proposal.excess:.1f}",
+            "error of the wrong one [+%]": percent(proposal.excess),
             "minutes": "under 1" if proposal.minutes < 1.0 else f"{proposal.minutes:.2g}",
         }
         for proposal in found.proposals[:LISTED_DESIGNS]

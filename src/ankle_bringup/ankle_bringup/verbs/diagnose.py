@@ -96,7 +96,7 @@ def base_values(parameters: dict[str, dict[str, float | None]]) -> list[str]:
     """
     from ankle_interfaces.value_text import three_digits, with_error, with_unit
 
-    lines = []
+    lines, differs = [], False
     for quantity in ("K[N.m/rad]", "G[N.m.s/rad]"):
         found = parameters.get(quantity) or {}
         base, augmented = found.get("base"), found.get("augmented")
@@ -104,9 +104,12 @@ def base_values(parameters: dict[str, dict[str, float | None]]) -> list[str]:
             continue
         error = found.get("standard_error")
         stated = with_error((augmented, float("nan") if error is None else error))
-        without = "" if augmented == base else f"; {three_digits(base)} where that is left out"
-        lines.append(f"{with_unit(quantity)}: {stated} with all that was found{without}")
-    if lines:
+        line = f"{with_unit(quantity)}: {stated}"
+        if augmented != base:
+            line += f" with all that was found; {three_digits(base)} where that is left out"
+            differs = True
+        lines.append(line)
+    if differs:
         lines.append(
             "  (at the recording's mean position and torque. 'ankle estimate' knows no more than "
             "inertia, viscosity, stiffness and one reflex: it compares with the values where the "

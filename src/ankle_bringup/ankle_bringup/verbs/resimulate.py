@@ -24,6 +24,7 @@ def verb(
     Example: ankle resimulate session session_diagnosis --out session_simulated
     """
     from ankle_physics.own_terms import load_terms
+    from model_discrepancy.report.plain_words import vaf_text
     from model_discrepancy.tools.resimulation import resimulate_bag
 
     load_terms(terms or "")
@@ -32,7 +33,8 @@ def verb(
         result = resimulate_bag(bag, diagnosis, out)
     for name, share in result.vaf.items():
         console.print(
-            f"{name} model: {share:.1f} % of the recorded torque, 0.1 to 80 Hz, without any refit"
+            f"{name} model: {vaf_text(share)} % of the recorded torque, 0.1 to 80 Hz, without any "
+            "refit"
         )
     console.print(f"written to {out.resolve()}")
     return {"out": out.resolve(), "vaf[%]": result.vaf}

@@ -16,6 +16,9 @@ class AntagonistReflex(ReflexArc):
     """Models the stretch reflex of the shin muscle (tibialis anterior), or the calf's activity
     falling away when it is unloaded; without EMG the two cannot be told apart. It sees the foot's
     velocity, not the calf's reflex input.
+
+    Unloading the calf lowers its activity: Sinkjaer et al. 2000 (J. Physiol. 523, 817). That the
+    shin muscle answers as the calf does is by reasoning: both have the same reflex arc.
     """
 
     name = "antagonist_reflex"

@@ -13,6 +13,8 @@ class Backlash(Term):
     """Models a foot that follows the backlash operator of the plate's position; it moves only while
     it is in touch. Its acceleration is the plate's while in touch: the impact itself is shorter
     than the band that is measured.
+
+    Models of backlash are compared by Nordin & Gutman 2002 (Automatica 38, 1633).
     """
 
     name = "backlash"

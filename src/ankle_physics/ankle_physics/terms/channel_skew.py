@@ -16,7 +16,8 @@ TRIED_S = tuple(sign * 0.001 * size for sign in (-1, 1) for size in (0.5, 1, 2, 
 class ChannelSkew(Term):
     """Models two acquisition cards, or a driver that buffers one channel.
 
-    Simulation delays the channel that is late.
+    Simulation delays the channel that is late. By reasoning: buffers of fixed length delay a
+    channel by a constant time.
     """
 
     name = "channel_skew"

@@ -17,7 +17,8 @@ class CoulombFriction(Term):
     noise does not switch it.
 
     The torque sensor feels it in front of the straps: it follows the plate's velocity, not the
-    foot's.
+    foot's. Models of friction are compared by Armstrong-Hélouvry, Dupont & Canudas de Wit 1994
+    (Automatica 30, 1083).
     """
 
     name = "coulomb_friction"

@@ -13,8 +13,8 @@ class DahlHysteresis(Term):
     """Models rate-independent hysteresis: a bristle that bends over `slide` and then slips with the
     torque F.
 
-    Dahl 1968; the rate-independent part of the LuGre model (Canudas de Wit et al. 1995, IEEE Trans.
-    Autom. Control 40, 419). It keeps its torque at rest.
+    Dahl 1968 (Aerospace Report TOR-0158(3107-18)-1); the rate-independent part of the LuGre model
+    (Canudas de Wit et al. 1995, IEEE Trans. Autom. Control 40, 419). It keeps its torque at rest.
     """
 
     name = "dahl_hysteresis"

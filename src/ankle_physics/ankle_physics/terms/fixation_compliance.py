@@ -19,7 +19,9 @@ class FixationCompliance(CompliantCoupling):
     what they transmit.
 
     With the foot's inertia of 0.0137 kg.m^2 the fixation resonates at sqrt(k_s / I) / (2 pi): 24 Hz
-    at 300 N.m/rad, 61 Hz at 2000, 192 Hz at 20000, where it is rigid for a 30 Hz actuator.
+    at 300 N.m/rad, 61 Hz at 2000, 192 Hz at 20000, where it is rigid for a 30 Hz actuator. The grip
+    of a hand on a handle has the same equation in Schouten et al. 2008 (IEEE Trans. Biomed. Eng.
+    55, 311).
     """
 
     name = "fixation_compliance"

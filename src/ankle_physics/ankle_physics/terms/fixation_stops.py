@@ -15,7 +15,8 @@ class FixationStops(FixationCompliance):
     """Models straps that let the foot move on the plate as far as stops on both sides.
 
     Between the stops the straps alone hold it. The stops lie about the extension under the mean
-    load of the recording, where the foot was strapped in.
+    load of the recording, where the foot was strapped in. By reasoning: a stop adds its stiffness
+    to that of the straps (`fixation_compliance`) where the foot touches it.
     """
 
     name = "fixation_stops"

@@ -17,9 +17,10 @@ from ankle_physics.terms.position_dependent_stiffness import STIFFNESS_SLOPE
 
 class HardeningStiffness(Term):
     """Models a static torque-angle curve with a turning point: hardening on either side of it for
-    k3 > 0, softening for k3 < 0 (Duffing).
+    k3 > 0, softening for k3 < 0.
 
-    The turning point need not be the mean angle xc: it lies at ``xc - k1 / (6 k3)``.
+    The turning point need not be the mean angle xc: it lies at ``xc - k1 / (6 k3)``. The cubic
+    spring is that of Duffing 1918 (Erzwungene Schwingungen bei veränderlicher Eigenfrequenz).
     """
 
     name = "hardening_stiffness"

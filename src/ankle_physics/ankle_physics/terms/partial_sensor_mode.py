@@ -16,7 +16,8 @@ class PartialSensorMode(TorqueSensorMode):
     """Models a load that reaches the reading on two ways, of which one vibrates.
 
     Of a foot on two force cells, or a plate with a stiff and an elastic bearing, a share of the
-    torque passes the elastic part; `torque_sensor_mode` is the case in which all of it does.
+    torque passes the elastic part; `torque_sensor_mode` is the case in which all of it does. By
+    reasoning: two parallel ways of the load add up, and each keeps its share.
     """
 
     name = "partial_sensor_mode"

@@ -19,7 +19,8 @@ class PlateAppendage(Term):
     damper.
 
     It adds its own torque to the plate and takes nothing from the joint's, which tells it from a
-    resonance in the load path (`torque_sensor_mode`).
+    resonance in the load path (`torque_sensor_mode`). It has the equation of a damped vibration
+    absorber: Den Hartog 1934 (Mechanical Vibrations).
     """
 
     name = "plate_appendage"

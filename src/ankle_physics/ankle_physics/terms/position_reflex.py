@@ -17,6 +17,9 @@ from ankle_physics.term import Parameter, Place, State, Values
 class PositionReflex(ReflexArc):
     """Models the tonic stretch reflex of length-sensitive (group II) afferents; it holds as long as
     the stretch does.
+
+    Group II afferents take part in the stretch reflex of the ankle: Grey et al. 2001 (J. Physiol.
+    534, 925).
     """
 
     name = "position_reflex"

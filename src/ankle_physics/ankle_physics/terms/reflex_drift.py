@@ -14,7 +14,7 @@ from ankle_physics.term import Parameter, Place, State, Turn, Values
 
 class ReflexDrift(ReflexArc):
     """Models habituation or fatigue of the reflex at the constant rate Gt; G is the gain half a
-    minute into the run.
+    minute into the run. By reasoning: a constant rate is the simplest course.
     """
 
     name = "reflex_drift"

@@ -11,6 +11,8 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 class ReflexSaturation(Term):
     """Models that the reflex cannot recruit more than its pool: fast stretches evoke no more than
     vs would.
+
+    Reflexes at the ankle level off with velocity: Stein & Kearney 1995 (J. Neurophysiol. 73, 65).
     """
 
     name = "reflex_saturation"

@@ -14,7 +14,8 @@ class SettlingStiffness(StiffnessDrift):
     """Models fatigue, creep or warming up that comes to an end: K and B approach their last values
     with the time constant T. kt and bt are the rates of change half a minute into the run.
 
-    With a T that is long against the recording it is `stiffness_drift`.
+    With a T that is long against the recording it is `stiffness_drift`. By reasoning: one
+    exponential is the simplest course that comes to an end.
     """
 
     name = "settling_stiffness"

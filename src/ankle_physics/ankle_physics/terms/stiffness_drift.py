@@ -16,7 +16,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Turn, Values
 
 class StiffnessDrift(Term):
     """Models that K and B change at the constant rates kt and bt: fatigue, warming up or a new
-    posture.
+    posture. By reasoning: a constant rate is the simplest course.
     """
 
     name = "stiffness_drift"

@@ -10,7 +10,10 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 
 class TorqueSensorLag(Term):
-    """Models the filter of a bridge amplifier, or a sensor softer than it should be."""
+    """Models the filter of a bridge amplifier, or a sensor softer than it should be.
+
+    By reasoning: such a filter is a low-pass of the first order.
+    """
 
     name = "torque_sensor_lag"
     place = Place.TORQUE_SENSOR

@@ -13,7 +13,7 @@ from ankle_physics.term import Parameter, Place, State, Term, Values
 
 class TorqueSensorMode(Term):
     """Models the plate on the elastic torque sensor: a resonator between the joint's torque and the
-    reading.
+    reading. By reasoning: an inertia on a spring and a damper has this equation.
     """
 
     name = "torque_sensor_mode"

@@ -29,7 +29,7 @@ class UnevenAngle(Term):
 
     Velocity and acceleration are the exact derivatives of the plate's position. Beyond the span of
     the recording the error fades. Beside it, `cyclic_angle_error` may hold what repeats within a
-    few knots.
+    few knots. By reasoning: a smooth curve can be written in splines, whatever made it.
     """
 
     name = "uneven_angle"

@@ -19,7 +19,8 @@ _WITHOUT_MEAN = without_polynomial(0)
 class UnevenDamping(Term):
     """Models tissue or a bearing that resists more at some angles than at others.
 
-    A curve of the angle with a knot for each twelfth of the recording's range.
+    A curve of the angle with a knot for each twelfth of the recording's range. By reasoning: a
+    smooth curve can be written in splines, whatever made it.
     """
 
     name = "uneven_damping"

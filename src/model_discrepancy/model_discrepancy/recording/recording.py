@@ -87,7 +87,7 @@ class Recording:
                 raise DiagnosisError(f"{label} has {len(values)} samples, position has {n}")
         if not self.rate >= LOWEST_RATE:
             raise DiagnosisError(
-                f"sampling rate {self.rate:g} Hz is outside {LOWEST_RATE:g} Hz and above"
+                f"sampling rate {self.rate:g} Hz is below {LOWEST_RATE:g} Hz, the least"
             )
 
     @classmethod

@@ -6,6 +6,8 @@ A channel that lags by a few milliseconds or has a wrong gain is a finding, not 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ankle_interfaces.saturation import saturation_sentences
@@ -125,9 +127,17 @@ def _movement_faults(recording: Recording) -> list[str]:
     size = float(np.std(band(recording.position, recording.rate, 0.5, 40.0)))
     reach = float(np.ptp(recording.position))
     if reach > joint.largest_range:
+        torque = joint.torque_column.split("[")[0]
+        reason = (
+            f"position and {torque} are swapped, it seems: what is called {torque} suits the "
+            "position"
+            if _fits_when_swapped(recording)
+            else f"probably {'millimetres' if joint.linear else 'degrees'} or a wrong scale, or "
+            f"position and {torque} are swapped"
+        )
         found.append(
             f"position spans {reach:.3g} {unit}; the {joint.name} moves by "
-            f"{joint.largest_range:g} {unit} at most: probably degrees or a wrong scale"
+            f"{joint.largest_range:g} {unit} at most: {reason}"
         )
     elif size < joint.smallest_movement:
         found.append(
@@ -182,6 +192,20 @@ def _lost_torque(recording: Recording) -> list[str]:
         f"torque is dead during {_WINDOW_S * lost.sum():.0f} s, first at "
         f"{_WINDOW_S * np.argmax(lost):.0f} s, while the foot moves"
     ]
+
+
+def _fits_when_swapped(recording: Recording) -> bool:
+    """Say whether the torque has the range of a position, and follows from it as the position would
+    as a torque.
+    """
+    joint = joint_in_force()
+    moved = float(np.std(band(recording.torque, recording.rate, 0.5, 40.0)))
+    if np.ptp(recording.torque) > joint.largest_range or moved < joint.smallest_movement:
+        return False
+    swapped = replace(
+        recording, position=recording.torque, torque=recording.position, velocity=None
+    )
+    return not relation_faults(swapped)
 
 
 def _best_lag(later: np.ndarray, earlier: np.ndarray, rate: float) -> tuple[float, float]:

@@ -85,10 +85,7 @@ def relation_faults(recording: Recording) -> list[str]:
         and _ringing_vaf(columns, t, inner, rate, SHIFTS_S[best])
         > _ringing_vaf(columns, t, inner, rate, SHIFTS_S[inside]) + 0.05
     ):
-        return [
-            f"the clocks of torque and position are {1000 * SHIFTS_S[best]:.0f} ms apart; at "
-            f"most {1000 * LARGEST_SKEW_S:g} ms"
-        ]
+        return [_apart(SHIFTS_S[best])]
     moved = np.roll(t, -round(SHIFTS_S[inside] * rate))[inner]
     # A passive joint has no negative inertia, viscosity or stiffness: which sign of torque can one
     # explain? Torque that moved the plate looks mirrored at some skew: the recording as it stands
@@ -146,11 +143,18 @@ def _sign_faults(
     vafs = [_passive_vaf(resisting, torque, inner, rate, shift) for shift in shifts]
     best = int(np.argmax(vafs))
     if abs(shifts[best]) > LARGEST_SKEW_S and vafs[best] > right + 0.05:
-        return [
-            f"the clocks of torque and position are {1000 * shifts[best]:.0f} ms apart; at most "
-            f"{1000 * LARGEST_SKEW_S:g} ms"
-        ]
+        return [_apart(shifts[best])]
     return []
+
+
+def _apart(skew: float) -> str:
+    """Return the sentence about two clocks; the skew [s] is that of torque behind position."""
+    torque = joint_in_force().torque_column.split("[")[0]
+    return (
+        f"the clocks are apart: {torque} comes {1000 * abs(skew):.0f} ms "
+        f"{'after' if skew > 0.0 else 'before'} the position; allowed: "
+        f"{1000 * LARGEST_SKEW_S:g} ms at most"
+    )
 
 
 def _both_signs(

@@ -20,7 +20,12 @@ from model_discrepancy.report.pictures import (
     residual_picture,
 )
 from model_discrepancy.tools.comparison import compare
-from model_discrepancy.tools.comparison_result import Comparison, Side, base_parameters
+from model_discrepancy.tools.comparison_result import (
+    SIGNIFICANT,
+    Comparison,
+    Side,
+    base_parameters,
+)
 
 _SIMULATED, _RECORDED, _DIFFERENCE = "#1f6fb4", "k", "#c8372d"
 _LABEL = "recorded minus simulated"
@@ -82,11 +87,13 @@ def _sections(result: Comparison, sides: tuple[Side, Side]) -> list[str]:
                 "term",
                 "place",
                 "torque that changes [N.m rms]",
+                "of the recorded torque [%]",
                 "simulated, recorded (standard errors apart)",
                 "significant",
             ],
             _terms(result),
         ),
+        f"<p>{escape(SIGNIFICANT)}</p>",
     ]
     if result.block is not None:
         parts += [
@@ -102,7 +109,7 @@ def _sections(result: Comparison, sides: tuple[Side, Side]) -> list[str]:
         parts.append(image(cells_picture(result.where, None, _LABEL)))
     parts += [
         image(dependence_picture(result.where)),
-        "<h2>The paper's model fitted to each bag</h2>",
+        "<h2>The base model fitted to each bag</h2>",
         html_table(
             ["parameter", "simulated", "recorded", "difference in standard errors"],
             _base_rows(sides),
@@ -158,7 +165,7 @@ def _terms(result: Comparison) -> list[list[str]]:
             f"{key}: {a:.4g}, {b:.4g} ({z:+.1f})" for key, (a, b, z) in c.parameters.items()
         ).replace("nan", "-")
         name = c.name.replace("_", " ") + (f" ({c.only} only)" if c.only else "")
-        rows.append([name, c.place, f"{c.torque:.3f}", values, "yes" if c.significant else "no"])
+        rows.append([name, c.place, f"{c.torque:.3f}", f"{100 * c.share:.1f}", values, c.verdict])
     return rows
 
 

@@ -27,6 +27,7 @@ from model_discrepancy.report.operating_point import (
     stated_impedance,
     with_model_error,
 )
+from model_discrepancy.report.plain_words import rounded_vaf
 from model_discrepancy.report.verdict import (
     MIN_STATED_PROBABILITY,
     Standing,
@@ -169,12 +170,12 @@ def _verdict(
     if baseline is not None:
         reasons.append(_given_model(fitter, baseline))
     fit = {
-        "baseline_vaf_holdout": round(base.vaf, 2),
-        "augmented_vaf_holdout": round(final.vaf, 2),
-        "ceiling_vaf": round(0.5 * sum(criticism.ceiling), 2),
-        "ceiling_vaf_interval": [round(c, 2) for c in criticism.ceiling],
-        "baseline_vaf_both_ways": [round(v, 2) for v in base.both],
-        "augmented_vaf_both_ways": [round(v, 2) for v in final.both],
+        "baseline_vaf_holdout": rounded_vaf(base.vaf),
+        "augmented_vaf_holdout": rounded_vaf(final.vaf),
+        "ceiling_vaf": rounded_vaf(0.5 * sum(criticism.ceiling)),
+        "ceiling_vaf_interval": [rounded_vaf(c) for c in criticism.ceiling],
+        "baseline_vaf_both_ways": [rounded_vaf(v) for v in base.both],
+        "augmented_vaf_both_ways": [rounded_vaf(v) for v in final.both],
         "whitened_error_cut": round(found.cut, 4),
         "gap_closed": None if np.isnan(closed) else round(closed, 3),
         "remaining_predictable_share": round(max(after.share, 0.0), 4),

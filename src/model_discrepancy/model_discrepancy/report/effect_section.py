@@ -11,6 +11,8 @@ from typing import Any
 from ankle_interfaces.value_text import readable_unit, three_digits, with_error, with_unit
 from ankle_physics.term import term_library
 from model_discrepancy.report.page import html_table
+from model_discrepancy.report.plain_words import in_words, words
+from model_discrepancy.report.verdict import MIN_STATED_PROBABILITY
 
 # Names in the headline; the sections below hold all of them.
 NAMES_IN_HEADLINE = 3
@@ -46,9 +48,20 @@ def stated_name(effect: dict[str, Any]) -> str:
     effect
         Of a verdict.
     """
-    name, stated = _words(effect["name"]), _words(effect["stated"])
+    name, stated = words(effect["name"]), words(effect["stated"])
     about = f"probability {_stated_probability(effect):.2f}"
     return f"{name} ({about})" if stated == name else f"{stated} such as {name} ({about})"
+
+
+def is_stated(effects: list[dict[str, Any]]) -> bool:
+    """Tell whether one of the effects is probable enough to be stated.
+
+    Parameters
+    ----------
+    effects
+        Of a verdict.
+    """
+    return any(_stated_probability(effect) >= MIN_STATED_PROBABILITY for effect in effects)
 
 
 def effect_sections(effects: list[dict[str, Any]]) -> list[str]:
@@ -63,7 +76,7 @@ def effect_sections(effects: list[dict[str, Any]]) -> list[str]:
     parts = ["<h2>What was left out</h2>"]
     for effect in effects:
         parts += [
-            f"<h3>{escape(_words(effect['name']).capitalize())}</h3>",
+            f"<h3>{escape(words(effect['name']).capitalize())}</h3>",
             f"<p>{escape(_about(effect))}</p>",
             _numbers(effect),
         ]
@@ -71,7 +84,8 @@ def effect_sections(effects: list[dict[str, Any]]) -> list[str]:
 
 
 def equations(effects: list[dict[str, Any]]) -> list[str]:
-    """Return equation and source of each term that is named, as its file states them.
+    """Return equation and source of each term that is named, as its file states them: in the first
+    lines of the file and of its class.
 
     Parameters
     ----------
@@ -84,8 +98,9 @@ def equations(effects: list[dict[str, Any]]) -> list[str]:
         if term is not None:
             equation = (getdoc(sys.modules[term.__module__]) or "").rstrip(". \n")
             text = f"{equation}. {getdoc(term) or ''}".replace("``", "").replace("`", "")
-            rows.append([_words(effect["name"]), " ".join(text.split())])
-    return ["<h2>Equations and sources</h2>", html_table(["", ""], rows)] if rows else []
+            rows.append([words(effect["name"]), in_words(" ".join(text.split()))])
+    head = ["term", "equation, what it models, and source"]
+    return ["<h2>Equations and sources</h2>", html_table(head, rows)] if rows else []
 
 
 def exclusions(effects: list[dict[str, Any]]) -> list[str]:
@@ -97,16 +112,12 @@ def exclusions(effects: list[dict[str, Any]]) -> list[str]:
         Of a verdict.
     """
     rows = [
-        [_words(effect["name"]), _words(other), why]
+        [words(effect["name"]), words(other), why]
         for effect in effects
         for other, why in effect.get("excluded", {}).items()
     ]
     head = ["instead of", "excluded", "because"]
     return ["<h2>What was excluded, and by what</h2>", html_table(head, rows)] if rows else []
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _stated_probability(effect: dict[str, Any]) -> float:
@@ -117,14 +128,15 @@ def _stated_probability(effect: dict[str, Any]) -> float:
 
 def _about(effect: dict[str, Any]) -> str:
     """Return what an effect is and does, how sure it is, and what was not excluded."""
-    rivals = [_words(name) for name in effect["set"][1:]]
+    rivals = [words(name) for name in effect["set"][1:]]
+    said = "Stated" if is_stated([effect]) else "Likeliest"
     doubt = f" Not excluded: {', '.join(rivals)}." if rivals else ""
     open_end = (
         " Something else is missing, too, which may change it." if effect["tentative"] else ""
     )
     return (
         f"{effect['sentence']} It is a property of the {effect['belongs_to']} "
-        f"({effect['location']}). Stated: {stated_name(effect)}.{doubt}{open_end}"
+        f"({effect['location']}). {said}: {stated_name(effect)}.{doubt}{open_end}"
     )
 
 
@@ -137,8 +149,9 @@ def _numbers(effect: dict[str, Any]) -> str:
         symbol, _, unit = key.removesuffix("]").partition("[")
         # The fit states no error where a value ends at a bound.
         text = with_error((value, math.nan if error is None else error))
+        unit = readable_unit(unit).replace("^3", "³")
         end = "" if error is not None else " It has no error, as at the end of its range."
-        rows.append([symbol, f"{text} {readable_unit(unit)}".strip(), meanings.get(key, "") + end])
+        rows.append([symbol, f"{text} {unit}".strip(), meanings.get(key, "") + end])
     return html_table(["", "value ± standard error", ""], rows) if rows else ""
 
 
@@ -149,7 +162,7 @@ def _consequences(effects: list[dict[str, Any]]) -> list[str]:
         return []
     whole = acting[0]["on_impedance"]
     rows = [
-        [f"without {_words(e['name'])}", *(three_digits(e["on_impedance"][q][0]) for q in whole)]
+        [f"without {words(e['name'])}", *(three_digits(e["on_impedance"][q][0]) for q in whole)]
         for e in acting
     ]
     with_all = [

@@ -13,6 +13,7 @@ from model_discrepancy.report.effect_section import (
     effect_sections,
     equations,
     exclusions,
+    is_stated,
     likely_names,
 )
 from model_discrepancy.report.page import html_list, html_table, image, write_page
@@ -28,28 +29,62 @@ from model_discrepancy.report.pictures import (
     residual_picture,
     stiffness_picture,
 )
+from model_discrepancy.report.plain_words import (
+    location_rows,
+    sentence,
+    vaf_text,
+    variability_rows,
+    words,
+)
 from model_discrepancy.report.stiffness_in_time import changes_stiffness
-from model_discrepancy.report.verdict import repetition, separating_measurements
+from model_discrepancy.report.verdict import Verdict, repetition, separating_measurements
 
 if TYPE_CHECKING:
     from model_discrepancy.diagnose import Diagnosis
 
+# Of what the terms leave: less may be chance, and something else speaks against them.
+_LEFT_THAT_SPEAKS_AGAINST = 0.01
+
 
 def headline(diagnosis: Diagnosis) -> str:
-    """Return the verdict in one sentence."""
+    """Return the verdict in one sentence or two."""
     verdict = diagnosis.verdict
     if verdict.verdict == "bad_recording":
         return f"This recording cannot be used: {verdict.reasons[0]}."
     if verdict.verdict == "no_mismatch":
         return "The base model is enough: no structure is left."
+    missing = "Physics is missing in the base model"
+    if verdict.verdict == "unexplained" and not verdict.effects:
+        return f"{missing}, and no term of the library accounts for it."
+    names = likely_names(verdict.effects)
+    said = f"Found: {names}." if is_stated(verdict.effects) else f"Likeliest: {names}."
     if verdict.verdict == "unexplained":
-        partly = (
-            f" {likely_names(verdict.effects)}: they would explain a part of it only."
-            if verdict.effects
-            else ""
-        )
-        return f"Physics is missing in the base model that is not in the library.{partly}"
-    return f"Physics is missing in the base model: {likely_names(verdict.effects)}."
+        return f"{missing}, and the library's terms do not account for all of it. {said}"
+    return f"{missing}: {names}." if is_stated(verdict.effects) else f"{missing}. {said}"
+
+
+def why_unexplained(verdict: Verdict) -> str:
+    """Return how much of the gap the found terms close, and why this explains nothing all the same;
+    nothing for other verdicts, and where no term was found.
+
+    Parameters
+    ----------
+    verdict
+        On a recording.
+    """
+    closed = verdict.fit.get("gap_closed")
+    if verdict.verdict != "unexplained" or not verdict.effects or not closed:
+        return ""
+    left = verdict.fit["remaining_predictable_share"]
+    against = (
+        f"{100 * left:.1f} % of what it leaves can still be predicted from the movement"
+        if left >= _LEFT_THAT_SPEAKS_AGAINST
+        else "what speaks against it stands below, under 'Other terms' and 'Remarks'"
+    )
+    return (
+        f"What was found closes {100 * closed:.1f} % of the gap between the base model and what "
+        f"the movement predicts. It does not count as the explanation: {against}."
+    )
 
 
 def explained(fit: dict[str, Any]) -> str:
@@ -63,16 +98,18 @@ def explained(fit: dict[str, Any]) -> str:
     if not fit:
         return ""
     base, augmented = fit["baseline_vaf_holdout"], fit["augmented_vaf_holdout"]
-    found = f", with what was found {augmented:.1f} %" if augmented != base else ""
+    found = f", with what was found {vaf_text(augmented)} %" if augmented != base else ""
     return (
-        f"On data that were not used for the fit, the base model explains {base:.1f} % of the "
-        f"torque's variance{found}. About {fit['ceiling_vaf']:.1f} % can be explained at all."
+        f"On data that were not used for the fit, the base model explains {vaf_text(base)} % of "
+        f"the torque's variance{found}. About {vaf_text(fit['ceiling_vaf'])} % can be explained at "
+        "all."
     )
 
 
 def write_report(diagnosis: Diagnosis, path: Path) -> None:
     """Write the report."""
-    lines = (explained(diagnosis.verdict.fit), _about(diagnosis))
+    verdict = diagnosis.verdict
+    lines = (explained(verdict.fit), why_unexplained(verdict), _about(diagnosis))
     parts = [f"<h1>{escape(headline(diagnosis))}</h1>"]
     parts += [f"<p>{escape(line)}</p>" for line in lines if line]
     if diagnosis.found is not None:
@@ -80,20 +117,30 @@ def write_report(diagnosis: Diagnosis, path: Path) -> None:
     else:
         parts += ["<h2>What was recorded</h2>", image(channels_picture(diagnosis.recording))]
     next_steps = what_next(diagnosis)
-    remarks = [reason for reason in diagnosis.verdict.reasons if reason not in next_steps]
-    parts += ["<h2>What to measure next</h2>", html_list(next_steps)]
+    said = [*next_steps, *_said_above(diagnosis)]
+    remarks = [reason for reason in verdict.reasons if reason not in said]
+    parts += ["<h2>What to measure next</h2>", html_list([sentence(step) for step in next_steps])]
     if remarks:
-        parts += ["<h2>Remarks</h2>", html_list(remarks)]
+        parts += ["<h2>Remarks</h2>", html_list([sentence(remark) for remark in remarks])]
     write_page(diagnosis.recording.name, parts, path)
+
+
+def _said_above(diagnosis: Diagnosis) -> list[str]:
+    """Return the reasons that headline and sections state: why a recording is bad, and what the
+    missing block is.
+    """
+    if diagnosis.verdict.verdict == "bad_recording":
+        return diagnosis.verdict.reasons[:1]
+    criticism = diagnosis.criticism
+    block = criticism.block if criticism is not None else None
+    return [block.sentence] if block is not None else []
 
 
 def what_next(diagnosis: Diagnosis) -> list[str]:
     """Return what to record to settle what this recording leaves open, one sentence each."""
     verdict = diagnosis.verdict
     if verdict.verdict == "bad_recording":
-        return [
-            f"Mend the rig and record again: {reason}." for reason in diagnosis.verdict.reasons[:1]
-        ]
+        return ["The same movement, once the rig is mended."]
     found = separating_measurements(verdict.effects)
     if found:
         found.append(
@@ -148,7 +195,8 @@ def _sections(d: Diagnosis) -> list[str]:
     fitter, left = d.problem.fitter, d.criticism
     noise = unexplainable_power(fitter.columns, d.found.final) ** 0.5
     effects = d.verdict.effects
-    augmented = bool(d.found.effects)
+    # Names that are too small to be stated are in no model.
+    augmented = bool(d.found.effects) and d.verdict.verdict != "no_mismatch"
     parts = [
         "<h2>Torque around the movements</h2>",
         image(
@@ -183,7 +231,7 @@ def _sections(d: Diagnosis) -> list[str]:
         parts += [
             "<h2>What every subject has</h2>",
             "<p>Variability of the subject is measured and is no mismatch.</p>",
-            html_table(["", ""], _flat(d.verdict.variability)),
+            html_table(["", "value ± standard error"], variability_rows(d.verdict.variability)),
         ]
     if left.block is not None:
         parts += [
@@ -202,25 +250,20 @@ def _sections(d: Diagnosis) -> list[str]:
     if augmented:
         parts += ["<h2>What each effect explains</h2>", image(ladder(d.found))]
         parts += ["<h2>Base parameters before and after</h2>", _parameters(d.verdict.parameters)]
-    if d.verdict.alternatives:
-        rows = [
-            [a["name"], a["instead_of"] or "in addition", f"{a['delta_score']:.0f}"]
-            for a in d.verdict.alternatives
-        ]
-        parts += [
-            "<h2>Other terms</h2>",
-            html_table(["term", "instead of", "how much worse with it (difference of BIC)"], rows),
-        ]
+    else:
+        parts += ["<h2>The base model's parameters</h2>", _values(d.verdict.parameters)]
+    if d.verdict.alternatives and (augmented or not d.found.effects):
+        parts += ["<h2>Other terms</h2>", other_terms(d.verdict.alternatives)]
     rows = [
         [
             f"{1000 * w[0]:.0f} to {1000 * w[1]:.0f} ms",
-            f"{value:.1f}",
-            f"{left.final_held_out.windows.get(w, float('nan')):.1f}",
+            vaf_text(value),
+            vaf_text(left.final_held_out.windows.get(w, math.nan)),
         ]
         for w, value in left.base_held_out.windows.items()
     ]
     rows += [
-        [f"{b[0]:g} to {b[1]:g} Hz", f"{value:.1f}", f"{left.final_held_out.bands[b]:.1f}"]
+        [f"{b[0]:g} to {b[1]:g} Hz", vaf_text(value), vaf_text(left.final_held_out.bands[b])]
         for b, value in left.base_held_out.bands.items()
     ]
     columns = 3 if augmented else 2
@@ -232,15 +275,21 @@ def _sections(d: Diagnosis) -> list[str]:
     return parts
 
 
-def _flat(found: dict[str, dict[str, Any]]) -> list[list[str]]:
-    """Return the variability as rows of a table: what, and its numbers with standard errors."""
+def other_terms(alternatives: list[dict[str, Any]]) -> str:
+    """Return what other terms would do to the fit, as a table.
+
+    Parameters
+    ----------
+    alternatives
+        Of a verdict.
+    """
     rows = []
-    for name, entry in found.items():
-        for key, value in entry.items():
-            numbers = value if isinstance(value, list) else [value]
-            text = " ± ".join(f"{number:.3g}" for number in numbers)
-            rows.append([f"{name.replace('_', ' ')}, {key}", text])
-    return rows
+    for other in alternatives:
+        replaced = other["instead_of"]
+        how = f"instead of {words(replaced)}" if replaced else "in addition"
+        rows.append([words(other["name"]), how, f"{-other['delta_score']:+.0f}"])
+    head = ["term", "how", "change of BIC with it (below 0: it fits better)"]
+    return html_table(head, rows)
 
 
 def _path_line(marked: set[str]) -> str:
@@ -248,8 +297,18 @@ def _path_line(marked: set[str]) -> str:
 
 
 def _localisation(found: dict[str, Any]) -> str:
-    plain = [[key, str(value)] for key, value in found.items() if not isinstance(value, dict)]
-    return html_table(["", ""], plain) if plain else ""
+    rows = location_rows(found)
+    return html_table(["", ""], rows) if rows else ""
+
+
+def _values(table: dict[str, dict[str, Any]]) -> str:
+    """Return the parameters with their standard errors, as a table."""
+    rows = []
+    for key, entry in table.items():
+        error = entry["standard_error"]
+        text = with_error((entry["augmented"], math.nan if error is None else error))
+        rows.append([with_unit(key), text])
+    return html_table(["parameter", "value ± standard error"], rows)
 
 
 def _parameters(table: dict[str, dict[str, Any]]) -> str:
@@ -262,7 +321,9 @@ def _parameters(table: dict[str, dict[str, Any]]) -> str:
         )
         error = entry["standard_error"]
         augmented = with_error((entry["augmented"], math.nan if error is None else error))
-        rows.append([with_unit(key), three_digits(entry["base"]), augmented, f"{change:+.0f} %"])
+        # A change that rounds to nothing has no sign.
+        shown = "0 %" if abs(change) < 0.5 else f"{change:+.0f} %"
+        rows.append([with_unit(key), three_digits(entry["base"]), augmented, shown])
     return html_table(
         ["parameter", "base model", "with the new physics", "error of the base model"], rows
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -10,20 +11,25 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ankle_interfaces.value_text import three_digits, with_error, with_unit
 from ankle_physics.term import term_library
 from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
-from model_discrepancy.tools.investigation import Investigation
+from model_discrepancy.report.several_report import write_several
+from model_discrepancy.tools.experiment_design import percent
+from model_discrepancy.tools.investigation import FIRST_FOLDER, TOGETHER_FOLDER, Investigation
 from model_discrepancy.tools.open_set import LEAST_APART, OpenSet
 
 
 def write_investigation(story: Investigation, path: Path) -> None:
-    """Write the story; the first diagnosis' own report lies in ``first``."""
+    """Write the story, and the report of all recordings that were searched together beside their
+    models; the first diagnosis' own report lies in ``first``.
+    """
     parts = [
         f"<h1>{escape(_headline(story))}</h1>",
         f"<p>{escape(story.ended)}</p>",
         "<h2>How it began</h2>",
-        "<p><a href='first/report.html'>The first recording</a> left open: "
+        f"<p><a href='{FIRST_FOLDER}/report.html'>The first recording</a> left open: "
         + escape("; ".join(_plain(" or ".join(s.names)) for s in story.sets) or "nothing")
         + ".</p>",
         *_meanings(story.sets),
@@ -70,7 +76,42 @@ def write_investigation(story: Investigation, path: Path) -> None:
             "",
         ]
         parts.append(html_table(head, rows))
+    parts += _models(story)
     write_page("investigation", parts, path)
+    if story.found is not None:
+        write_several(story.found, path.parent / TOGETHER_FOLDER / "report.html")
+
+
+def _models(story: Investigation) -> list[str]:
+    """Return where the models lie, and the impedance that the first recording gave."""
+    links = ", ".join(f"<a href='{escape(file)}'>{escape(file)}</a>" for file in story.models)
+    parts = ["<h2>Models</h2>"]
+    if story.found is None:
+        parts.append(f"<p>The model of the first recording: {links}.</p>")
+    else:
+        parts.append(
+            "<p>One model of each recording, all with the same terms: "
+            f"{links} (<a href='{TOGETHER_FOLDER}/report.html'>report</a>).</p>"
+        )
+    rows = [
+        [
+            with_unit(key),
+            with_error((found["augmented"], found.get("standard_error") or math.nan)),
+            three_digits(found["base"]),
+        ]
+        for key, found in story.first.verdict.parameters.items()
+    ]
+    if rows:
+        head = ["quantity", "with what was found (± standard error)", "base model"]
+        parts += [
+            "<h2>Impedance of the first recording</h2>",
+            "<p>By the names that its own diagnosis preferred. Where other names are left now, "
+            "read K and G with them from the models above.</p>"
+            if story.found is not None
+            else "<p>By its own diagnosis.</p>",
+            html_table(head, rows),
+        ]
+    return parts
 
 
 def _headline(story: Investigation) -> str:
@@ -90,7 +131,7 @@ def _meanings(sets: Sequence[OpenSet]) -> list[str]:
 
 
 def _percent(shares: Sequence[float]) -> str:
-    return ", ".join(f"{100 * share:.1f}" for share in shares)
+    return ", ".join(percent(share) for share in shares)
 
 
 def _plain(text: str) -> str:

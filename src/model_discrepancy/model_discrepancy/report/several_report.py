@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from ankle_physics.term import Owner
 from model_discrepancy.report.page import html_list, html_table, image, write_page
 from model_discrepancy.report.pictures import encoded
+from model_discrepancy.report.plain_words import vaf_text
 from model_discrepancy.search.found import REFINEMENT
 from model_discrepancy.tools.shared_effects import SharedEffect, Together
 
@@ -33,8 +34,8 @@ def write_several(found: Together, path: Path) -> None:
     rows = [
         [
             m.name,
-            f"{m.base.vaf:.1f}" if m.base else "",
-            f"{m.final.vaf:.1f}" if m.final else "",
+            vaf_text(m.base.vaf) if m.base else "",
+            vaf_text(m.final.vaf) if m.final else "",
             f"{100 * max(m.after.share, 0.0):.0f}" if m.after else "",
         ]
         for m in found.members

@@ -192,7 +192,8 @@ def finding_entry(finding: Finding) -> dict[str, Any]:
 
 def alternatives(found: Found) -> list[dict[str, Any]]:
     """Return rivals that could not be excluded, and terms that were nearly accepted;
-    ``delta_score`` is the change of BIC against the chosen model.
+    ``delta_score`` is the BIC of the chosen model minus that with the other term: above 0 the other
+    term fits better for its number of parameters.
     """
     listed = []
     chosen = found.compared

@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import correlate
 
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.locate import residual_map
 from model_discrepancy.criticism.missing_block import missing_block
@@ -55,7 +56,8 @@ _EXTRAPOLATION_RATIO = 1.2
 def compare(
     simulated: Recording, recorded: Recording, progress: Callable[[str], None] = lambda _: None
 ) -> Comparison:
-    """Localise the difference between two recordings.
+    """Localise the difference between two recordings, by the ranges and the base model of the joint
+    in force.
 
     Parameters
     ----------
@@ -112,10 +114,10 @@ def compare(
 
 
 def _side(recording: Recording, start: Fit | None, progress: Callable[[str], None]) -> Side:
-    """Fit one bag: the paper's model, then whatever else it holds, beginning with the terms of
+    """Fit one bag: the base model, then whatever else it holds, beginning with the terms of
     `start`.
     """
-    problem = prepare(recording, progress=progress)
+    problem = prepare(recording, joint_in_force().terms, progress)
     fitter = problem.fitter
     base = with_errors(fitter, problem.base)
     known = base

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.term import term_library
 from model_discrepancy.criticism.locate import ResidualMap
 from model_discrepancy.criticism.missing_block import MissingBlock
@@ -17,6 +18,7 @@ from model_discrepancy.fit.fitter import Fitter
 from model_discrepancy.recording.channel_quality import FollowingResponse
 from model_discrepancy.recording.motion import Motion
 from model_discrepancy.recording.recording import Recording
+from model_discrepancy.report.plain_words import vaf_text
 from model_discrepancy.search.found import Found
 
 # A term's difference is significant when it changes the torque by this share of its deviation or
@@ -24,6 +26,15 @@ from model_discrepancy.search.found import Found
 LEAST_TORQUE = 0.03
 # ... and a parameter of it by this many standard errors.
 LEAST_ERRORS = 4.0
+SIGNIFICANT = (
+    f"A term is significant where it changes the torque by {100 * LEAST_TORQUE:g} % or more of the "
+    f"recorded torque, and one of its parameters lies {LEAST_ERRORS:g} standard errors or more "
+    "apart, or one bag lacks the term. The standard errors are those of the noise, each bag's by "
+    "the terms that were found in it: a bag without noise has next to none, so that many standard "
+    "errors apart may be next to no torque. A parameter moves, too, where the other bag holds a "
+    "term that this one lacks."
+)
+"""What a report says of the word."""
 
 
 @dataclass
@@ -33,7 +44,7 @@ class Side:
     Attributes
     ----------
     base
-        The paper's model fitted, with standard errors.
+        The base model fitted, with standard errors.
     found
         Terms that were found in addition.
     noise
@@ -80,10 +91,17 @@ class Contribution:
     @property
     def significant(self) -> bool:
         """Tell whether it is large and sure enough."""
+        return self.verdict == "yes"
+
+    @property
+    def verdict(self) -> str:
+        """Return whether it is significant in words, with the reason where it is not."""
         sure = bool(self.only) or any(
             abs(z) >= LEAST_ERRORS for _, _, z in self.parameters.values() if np.isfinite(z)
         )
-        return self.share >= LEAST_TORQUE and sure
+        if self.share < LEAST_TORQUE:
+            return f"no: below {100 * LEAST_TORQUE:g} % of the torque"
+        return "yes" if sure else f"no: below {LEAST_ERRORS:g} standard errors"
 
 
 @dataclass
@@ -106,13 +124,16 @@ class Comparison:
 
     @property
     def headline(self) -> str:
-        """Return the result in one or two sentences."""
+        """Return the result in one or two sentences, in the units of the joint in force."""
+        return joint_in_force().in_units(self._headline())
+
+    def _headline(self) -> str:
         if self.verdict == "bad_recording":
             return f"These bags cannot be compared: {self.reasons[0]}."
         actuator = f" {self.actuator[0]}" if self.actuator else ""
         size = (
             f"The recorded torque differs from the simulated one by {self.rms:.2f} N.m rms "
-            f"(the simulation explains {self.vaf:.1f} % of it)"
+            f"(the simulation explains {vaf_text(self.vaf)} % of it)"
         )
         significant = [c for c in self.contributions if c.significant]
         if significant:
@@ -126,12 +147,12 @@ class Comparison:
             return f"{size}; no known term makes it. {self.block.sentence}{actuator}"
         if self.actuator:
             return (
-                f"The joints agree (the simulation explains {self.vaf:.1f} % of the recorded "
+                f"The joints agree (the simulation explains {vaf_text(self.vaf)} % of the recorded "
                 f"torque), the actuators do not.{actuator}"
             )
         return (
-            f"The bags agree: the simulation explains {self.vaf:.1f} % of the recorded torque, "
-            "and what is left follows no movement."
+            f"The bags agree: the simulation explains {vaf_text(self.vaf)} % of the recorded "
+            "torque, and what is left follows no movement."
         )
 
     def content(self) -> dict[str, Any]:
@@ -150,6 +171,7 @@ class Comparison:
             "vaf[%]": self.vaf,
             **self.where.summary(self.place),
         }
+        plain["significant_means"] = SIGNIFICANT
         plain["contributions"] = [
             {
                 "name": c.name,
@@ -158,6 +180,7 @@ class Comparison:
                 "share_of_torque": c.share,
                 "only": c.only or None,
                 "significant": c.significant,
+                "significant_in_words": c.verdict,
                 "parameters": {
                     key: [_number(v) for v in values] for key, values in c.parameters.items()
                 },
@@ -191,7 +214,8 @@ class Comparison:
 
     def save(self, path: Path) -> None:
         """Write ``compare.json``."""
-        path.write_text(json.dumps(self.content(), indent=1, allow_nan=False, default=float) + "\n")
+        text = json.dumps(self.content(), indent=1, allow_nan=False, default=float)
+        path.write_text(joint_in_force().in_units(text) + "\n")
 
 
 def _in_words(c: Contribution) -> str:
@@ -209,8 +233,8 @@ def _number(value: float) -> float | None:
 
 
 def base_parameters(sides: tuple[Side, Side]) -> dict[str, list[tuple[float, float]]]:
-    """Return the value and standard error of each parameter of the paper's model alone, simulated
-    and recorded, by symbol with unit.
+    """Return the value and standard error of each parameter of the base model alone, simulated and
+    recorded, by symbol with unit.
     """
     table = {}
     for name in sides[0].base.terms:

@@ -28,6 +28,7 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
+from ankle_physics.joint_profile import JointProfile, joint_in_force
 from ankle_physics.model import Model
 from ankle_physics.term import Place, term_library
 from model_discrepancy.errors import DiagnosisError
@@ -38,6 +39,7 @@ from model_discrepancy.fit.rows import Rows
 from model_discrepancy.report.verdict import repetition, separating_measurements
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate, candidates_for
+from model_discrepancy.tools.known_terms import load_model, require_terms
 
 Values = dict[str, dict[str, float]]
 Pair = tuple[str, str]
@@ -55,6 +57,27 @@ LEAST_MINUTES = 1.0
 LISTED_DESIGNS = 12
 # A picture of the movement, in which single edges are still seen.
 _SHOWN_S = 6.0
+# Conditions of a recording that a verdict states in the units of its joint; here in an ankle's.
+_CONDITIONS = (
+    "movement[rad]",
+    "movement_rms[rad]",
+    "background_torque[N.m]",
+    "whitening_rate[Hz]",
+    "whitening[1/N.m]",
+)
+
+
+def percent(share: float) -> str:
+    """Return a share of whitened error in per cent, as text; beyond `LARGEST_EXCESS` only that.
+
+    Parameters
+    ----------
+    share
+        As a fraction of 1.
+    """
+    if share > LARGEST_EXCESS:
+        return f"more than {100 * LARGEST_EXCESS:.0f}"
+    return f"{100 * share:.1f}"
 
 
 @dataclass(frozen=True)
@@ -122,12 +145,15 @@ class Design:
         Measurements beside position and torque that would tell as well, one sentence each.
     unsettled
         What another recording is needed for, whatever the rivals; one sentence each.
+    joint
+        In whose units the sentences are; the joint in force when the design was made.
     """
 
     sets: list[RivalSet]
     proposals: list[Proposal]
     other: list[str]
     unsettled: list[str] = field(default_factory=list)
+    joint: JointProfile = field(default_factory=joint_in_force)
 
     @property
     def undecided(self) -> list[Pair]:
@@ -143,14 +169,17 @@ class Design:
 
     @property
     def sentence(self) -> str:
-        """Return the proposal in one sentence."""
+        """Return the proposal in one sentence, in the units of the joint."""
+        return self.joint.in_units(self._sentence())
+
+    def _sentence(self) -> str:
         if not self.sets:
             return "The verdict leaves no rivals to tell apart."
         best = self.proposals[0]
         now = min(s.excess for s in self.sets)
         true, wrong = (name.replace("_", " ") for name in best.pair)
         least = "at least " if best.excess >= LARGEST_EXCESS else ""
-        worth = f"{least}{100 * best.excess:.1f} % more whitened error with the wrong explanation"
+        worth = f"{least}{percent(best.excess)} % more whitened error with the wrong explanation"
         if best.excess < RIVAL_EXCESS:
             return (
                 f"No perturbation within the limits tells {true} from {wrong}: the best, "
@@ -164,7 +193,7 @@ class Design:
             f"Record {max(best.minutes, LEAST_MINUTES):.1f} minutes or more of "
             f"{best.candidate.title}: "
             f"the hardest pair, {true} and {wrong}, "
-            f"is expected to leave {worth} (this recording: {100 * now:.1f} %).{left}"
+            f"is expected to leave {worth} (this recording: {percent(now)} %).{left}"
         )
 
     @property
@@ -205,7 +234,8 @@ def design_experiment(
     Raises
     ------
     DiagnosisError
-        No such verdict, or one without models (a bad recording).
+        No such verdict, one without models (a bad recording), or one with a term that the library
+        lacks.
     """
     path = Path(verdict)
     path = path / "verdict.json" if path.is_dir() else path
@@ -217,14 +247,25 @@ def design_experiment(
         raise DiagnosisError(f"{path} is not a verdict of 'diagnose': it lacks 'verdict'")
     if content["verdict"] == "bad_recording":
         raise DiagnosisError(f"{path}: a bad recording has no rivals; record again first")
-    sets = rival_sets(content, path.parent / "model.yaml")
+    chosen = load_model(path.parent / "model.yaml")
+    alternatives = (a for a in content["alternatives"] if a["instead_of"] is not None)
+    require_terms(dict.fromkeys(name for a in alternatives for name in a["model"]), path)
     other = [
         sentence
         for sentence in separating_measurements(content["effects"])
         if "EMG" in sentence or "foot out" in sentence
     ]
-    proposals = rank(sets, content["recording"], progress) if sets else []
-    return Design(sets, proposals, other, open_questions(content))
+    with chosen.joint.in_force():
+        sets = rival_sets(content, chosen)
+        proposals = rank(sets, _conditions(content["recording"]), progress) if sets else []
+        return Design(sets, proposals, other, open_questions(content))
+
+
+def _conditions(stated: dict[str, Any]) -> dict[str, Any]:
+    """Return a verdict's ``recording`` by the names that it has for an ankle."""
+    joint = joint_in_force()
+    named = {name: joint.in_units(name) for name in _CONDITIONS}
+    return {name: stated[key] for name, key in named.items() if key in stated}
 
 
 def open_questions(content: dict[str, Any]) -> list[str]:
@@ -238,11 +279,12 @@ def open_questions(content: dict[str, Any]) -> list[str]:
     return found
 
 
-def rival_sets(content: dict[str, Any], model_file: Path) -> list[RivalSet]:
-    """Return the sets of a verdict's content with more than one member."""
+def rival_sets(content: dict[str, Any], model: Model) -> list[RivalSet]:
+    """Return the sets of a verdict's content with more than one member; the chosen one is that of
+    the model.
+    """
     chosen: Values = {
-        e.term.name: {s: float(v) for s, v in e.values.items()}
-        for e in Model.load(model_file).entries
+        e.term.name: {s: float(v) for s, v in e.values.items()} for e in model.entries
     }
     rows = content["recording"]["duration[s]"] * content["recording"]["whitening_rate[Hz]"]
     sets = []
@@ -271,7 +313,7 @@ def rank(
     sets
         Of rivals.
     conditions
-        The verdict's ``recording``.
+        The verdict's ``recording``, by the names that it has for an ankle.
     progress
         Called with one line for each step.
     made
@@ -379,11 +421,11 @@ def _picture(design: Design) -> Figure:
     reference = best.reference(SIMULATED_S)[: round(_SHOWN_S * 2048.0)]
     left.plot(np.arange(len(reference)) / 2048.0, 1000 * reference[:, 0], color="k", lw=1.0)
     left.set_xlabel("time [s]")
-    left.set_ylabel("commanded position [mrad]")
-    left.set_title(best.title, fontsize=9)
+    left.set_ylabel(design.joint.in_units("commanded position [mrad]"))
+    left.set_title(design.joint.in_units(best.title), fontsize=9)
     listed = design.proposals[:LISTED_DESIGNS]
     right.barh(
-        [p.candidate.title for p in listed],
+        [design.joint.in_units(p.candidate.title) for p in listed],
         [100 * p.excess for p in listed],
         color=["#1f6fb4" if p.refitted else "0.75" for p in listed],
     )

@@ -30,14 +30,26 @@ from model_discrepancy.recording.recording_checks import faults
 from model_discrepancy.recording.servo import identify_servo
 from model_discrepancy.search.exchange import RIVAL_EXCESS
 from model_discrepancy.tools.candidate_movements import Candidate
-from model_discrepancy.tools.experiment_design import Design, Proposal, RivalSet, Values, rank
+from model_discrepancy.tools.experiment_design import (
+    Design,
+    Proposal,
+    RivalSet,
+    Values,
+    percent,
+    rank,
+)
 from model_discrepancy.tools.joint_judgement import judge_together, settle_doubts
 from model_discrepancy.tools.open_set import LEAST_APART, OpenSet, remaining, stretch_errors
+from model_discrepancy.tools.shared_effects import Together
 
 # Longer than this is asked of no subject at once.
 LONGEST_S = 180.0
 # Shorter recordings have too few stretches for a null and for errors.
 SHORTEST_S = 60.0
+
+FIRST_FOLDER, TOGETHER_FOLDER = "first", "together"
+"""Folders of an investigation: the diagnosis of the first recording, and what the search of all
+recordings together wrote."""
 
 Progress = Callable[[str], None]
 Conduct = Callable[[Candidate, float, int], Recording | None]
@@ -93,6 +105,8 @@ class Investigation:
         What all of them said together, in one sentence; empty where there is one only.
     searched
         How many recordings were searched together last; one at first.
+    found
+        What that search found, with a model of each recording; None where there is one only.
     """
 
     first: Diagnosis
@@ -102,6 +116,7 @@ class Investigation:
     recordings: list[Recording] = field(default_factory=list)
     together: str = ""
     searched: int = 1
+    found: Together | None = None
 
     @property
     def names(self) -> list[str]:
@@ -111,6 +126,15 @@ class Investigation:
         known = {s.effect: "/".join(s.left) for s in self.sets}
         names = (known.get(e["name"], e["name"]) for e in self.first.verdict.effects)
         return list(dict.fromkeys(name for name in names if name))
+
+    @property
+    def models(self) -> list[str]:
+        """Return the model files in the folder of the investigation: one for each recording that
+        was searched together with others, or the one of the first recording.
+        """
+        if self.found is None:
+            return [f"{FIRST_FOLDER}/model.yaml"]
+        return [f"{TOGETHER_FOLDER}/{member.name}.yaml" for member in self.found.members]
 
     @property
     def beside(self) -> Values:
@@ -142,10 +166,17 @@ class Investigation:
             ],
             "rounds": [vars(r) for r in self.rounds],
             "together": self.together,
+            "models": self.models,
+            "parameters_of": f"{FIRST_FOLDER}/model.yaml",
+            "parameters": self.first.verdict.parameters,
         }
 
     def save(self, out: Path) -> None:
-        """Write ``investigation.json``."""
+        """Write ``investigation.json``, and what all recordings together say into a folder of its
+        own.
+        """
+        if self.found is not None:
+            self.found.save(out / TOGETHER_FOLDER)
         text = json.dumps(self.content(), indent=1, default=float)
         (out / "investigation.json").write_text(joint_in_force().in_units(text) + "\n")
 
@@ -167,7 +198,8 @@ def investigate(
     conduct
         Makes a recording of a designed movement.
     out
-        Folder; gets ``first`` (the diagnosis), a design for each round, and the story.
+        Folder; gets ``first`` (the diagnosis), a design for each round, ``together`` (the models of
+        all recordings, where there are several), and the story.
     rounds
         Recordings at most.
     library
@@ -185,7 +217,7 @@ def investigate(
     recording = source if isinstance(source, Recording) else Recording.from_bag(source)
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    first = diagnose(recording, folder / "first", library=library, progress=progress)
+    first = diagnose(recording, folder / FIRST_FOLDER, library=library, progress=progress)
     if first.verdict.verdict == "bad_recording":
         raise DiagnosisError(f"{recording.name} cannot be used: {first.verdict.reasons[0]}")
     story = Investigation(first, _open_sets(first), recordings=[recording])
@@ -211,7 +243,7 @@ def _search_together(
     progress("all recordings together")
     story.searched = len(story.recordings)
     judged = judge_together(story.sets, story.recordings, library, progress, story.beside)
-    story.together = judged.sentence
+    story.together, story.found = judged.sentence, judged.found
     return judged.asks
 
 
@@ -256,7 +288,7 @@ def _next_round(
         )
     number = len(story.rounds) + 1
     if number > rounds:
-        return f"The budget of {rounds} recordings is spent."
+        return f"The budget of {rounds} recording{'s' if rounds > 1 else ''} is spent."
     progress(f"round {number}: designing")
     design = _design(story, folder, number, progress)
     best = design.proposals[0] if design.proposals else None
@@ -268,8 +300,12 @@ def _next_round(
     duration = float(np.clip(60.0 * best.minutes, SHORTEST_S, LONGEST_S))
     question = "; ".join(" or ".join(s.left).replace("_", " ") for s in unsettled)
     proposal = design.sentence
-    if best.excess < RIVAL_EXCESS and decides:
-        proposal += " All recordings together may."
+    if best.excess < RIVAL_EXCESS:
+        proposal += (
+            " All recordings together may."
+            if decides
+            else f" It is recorded all the same: it shows whether {_any_of(unsettled)} at all."
+        )
     round_ = Round(question, proposal, best.candidate.title, 0.0, "")
     story.rounds.append(round_)
     recording = conduct(best.candidate, duration, number)
@@ -285,6 +321,12 @@ def _next_round(
     round_.answer, round_.judged = _judge(unsettled, recording), True
     story.recordings.append(recording)
     return ""
+
+
+def _any_of(sets: Sequence[OpenSet]) -> str:
+    """Return the subject and verb of a sentence about the names of all sets."""
+    names = {name for one in sets for name in one.left}
+    return "either holds" if len(names) == 2 else "any of them holds"
 
 
 def _may_decide(sets: list[OpenSet], best: Proposal, recordings: int) -> bool:
@@ -347,7 +389,7 @@ def _judge(sets: list[OpenSet], recording: Recording) -> str:
         said.append(
             f"{' or '.join(one.left)} is left"
             + (f", {', '.join(out)} excluded" if out else ", nothing excluded")
-            + f" ({', '.join(f'{n} {100 * (s / best - 1.0):.1f} %' for n, s in scores.items())}"
-            f" more error than the best; without any of them {100 * one.without[-1]:.1f} %)"
+            + f" ({', '.join(f'{n} {percent(s / best - 1.0)} %' for n, s in scores.items())}"
+            f" more error than the best; without any of them {percent(one.without[-1])} %)"
         )
     return ("; ".join(said) + ".").replace("_", " ")

@@ -55,10 +55,13 @@ class Judgement:
         In plain words.
     asks
         Whether it put names into a set that a further recording could tell apart.
+    found
+        What the search found, with a model of each recording; None where nothing was searched.
     """
 
     sentence: str
     asks: bool
+    found: Together | None = None
 
 
 def judge_together(
@@ -89,7 +92,7 @@ def judge_together(
     DiagnosisError
         One of the recordings cannot be used.
     """
-    named = [replace(r, name=f"recording {k}") for k, r in enumerate(recordings, start=1)]
+    named = [replace(r, name=f"recording_{k}") for k, r in enumerate(recordings, start=1)]
     asked = [one for one in sets if one.left]
     begin = dict(beside or {})
     for one in asked:
@@ -131,7 +134,8 @@ def judge_together(
     if not said:
         names = ", ".join(effect.name for effect in found.named)
         said = [f"{names or 'nothing'} is named, which replaces nothing"]
-    return Judgement(f"All recordings together: {'; '.join(said)}.".replace("_", " "), asks)
+    sentence = f"All recordings together: {'; '.join(said)}.".replace("_", " ")
+    return Judgement(sentence, asks, found)
 
 
 def settle_doubts(sets: Sequence[OpenSet]) -> str:

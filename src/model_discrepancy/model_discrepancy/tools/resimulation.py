@@ -16,9 +16,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import make_interp_spline
 from scipy.signal import resample_poly
 
-from ankle_interfaces.block import Block
 from ankle_physics.compliant_coupling import CompliantCoupling
-from ankle_physics.joint_profile import joint_in_force
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from ankle_physics.signals import Signals
@@ -33,13 +31,13 @@ from model_discrepancy.recording.channel_gains import channel_findings, trusted
 from model_discrepancy.recording.emg_activation import emg_activation
 from model_discrepancy.recording.known_rig import calibrated
 from model_discrepancy.recording.motion import ACTIVATION_HZ, Motion, motion_of, motion_step
-from model_discrepancy.recording.recording import SAMPLES_TOPIC, Recording
+from model_discrepancy.recording.recording import Recording
 from model_discrepancy.recording.servo import identify_servo
+from model_discrepancy.report.plain_words import vaf_text
 from model_discrepancy.report.result_folder import AUGMENTED_FILE, BASE_FILE, RIG_FILE
-from session_recorder.bag_writer import BagWriter
+from model_discrepancy.tools.known_terms import load_model
+from model_discrepancy.tools.written_bag import write_bag
 
-# The share of a second that one block of the written bags holds, as a live rig sends them.
-_BLOCKS_PER_SECOND = 64
 _SHOWN_S = 3.0
 # [Hz] A foot that strikes stops is off by 4 % of its torque where the simulation sees it at 500 Hz,
 # as the fit does, which takes finer steps of its own; at this rate by 0.3 %.
@@ -75,7 +73,9 @@ class Resimulation:
     def save(self, out: Path) -> None:
         """Write one bag for each model, and a picture, into a folder."""
         for name, torque in self.torque.items():
-            _write_bag(self.recording, torque, out / f"{name}_bag")
+            # The movement is the recorded one, and follows no command of the simulation.
+            moved = replace(self.recording, reference=None)
+            write_bag(moved, torque, out / f"{name}_bag")
         self._picture().savefig(out / "resimulation.png", dpi=110)
 
     def _picture(self) -> Figure:
@@ -84,7 +84,7 @@ class Resimulation:
         middle = 0.5 * self.time[-1]
         shown = (self.time >= middle) & (self.time < middle + _SHOWN_S)
         for name, style in (("recorded", "k"), ("base", "C3"), ("augmented", "C0")):
-            share = "" if name == "recorded" else f", VAF {self.vaf[name]:.1f} %"
+            share = "" if name == "recorded" else f", VAF {vaf_text(self.vaf[name])} %"
             axes.plot(
                 self.time[shown],
                 self.rows[name][shown],
@@ -197,7 +197,8 @@ def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
     Raises
     ------
     DiagnosisError
-        The folder holds no models: the diagnosis found the recording unusable.
+        The folder holds no models: the diagnosis found the recording unusable. Or a model names a
+        term that the library lacks.
     BagError
         No such bag.
     ModelError
@@ -209,7 +210,7 @@ def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
                 f"{diagnosis} holds no {name}; `ankle diagnose` writes it for every usable "
                 "recording"
             )
-    base, augmented = Model.load(diagnosis / BASE_FILE), Model.load(diagnosis / AUGMENTED_FILE)
+    base, augmented = load_model(diagnosis / BASE_FILE), load_model(diagnosis / AUGMENTED_FILE)
     with augmented.joint.in_force():
         recording = Recording.from_bag(bag)
         if (diagnosis / RIG_FILE).exists():
@@ -218,23 +219,3 @@ def resimulate_bag(bag: Path, diagnosis: Path, out: Path) -> Resimulation:
         out.mkdir(parents=True, exist_ok=True)
         result.save(out)
     return result
-
-
-def _write_bag(recording: Recording, torque: np.ndarray, path: Path) -> None:
-    """Write the recording's movement with another torque, as a bag."""
-    joint = joint_in_force()
-    columns = {
-        "t[s]": recording.start + recording.time,
-        joint.position_column: recording.position,
-        joint.torque_column: torque,
-    }
-    if recording.velocity is not None:
-        columns[joint.velocity_column] = recording.velocity
-    data, size = (
-        np.column_stack(list(columns.values())),
-        max(1, round(recording.rate / _BLOCKS_PER_SECOND)),
-    )
-    with BagWriter(path) as writer:
-        writer.add_topic(SAMPLES_TOPIC)
-        for begin in range(0, len(data), size):
-            writer.write_block(SAMPLES_TOPIC, Block(tuple(columns), data[begin : begin + size]))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from ankle_physics.model import Model
 from ankle_physics.scenario import Scenario
 from ankle_physics.virtual_rig import simulate
 from model_discrepancy.recording.recording import Recording
 from model_discrepancy.tools.candidate_movements import LEVEL_S, LEVELS, Candidate
+from model_discrepancy.tools.written_bag import write_bag
 
 RATE = 2048.0
 
@@ -23,10 +25,13 @@ class SimulatedConduct:
         Rig and subject; a candidate with torque levels needs the term ``voluntary_torque``.
     seed
         Of the noise in the first round; each further round takes the next.
+    out
+        Folder that gets each recording as a bag ``round_1`` and so on; None keeps none.
     """
 
     model: Model
     seed: int = 1
+    out: Path | None = None
 
     def __call__(self, candidate: Candidate, duration: float, number: int) -> Recording:
         """Simulate a movement of a duration [s] in a round."""
@@ -38,7 +43,7 @@ class SimulatedConduct:
             scenario=_levels(duration) if candidate.levels else None,
             seed=self.seed + number - 1,
         )
-        return Recording(
+        recording = Recording(
             RATE,
             made.position,
             made.torque,
@@ -46,6 +51,9 @@ class SimulatedConduct:
             reference[:, 0],
             name=f"round {number}, simulated",
         )
+        if self.out is not None:
+            write_bag(recording, recording.torque, self.out / f"round_{number}")
+        return recording
 
 
 def _levels(duration: float) -> Scenario:
