@@ -17,7 +17,7 @@ setup(
             ["layouts/session_foxglove.json", "layouts/session_plotjuggler.xml"],
         ),
     ],
-    package_data={package_name: ["config/*.yaml", "scenarios/*.yaml"]},
+    package_data={package_name: ["config/*.yaml", "protocols/*.yaml", "scenarios/*.yaml"]},
     install_requires=["setuptools"],
     # colcon test runs pytest where this names it.
     extras_require={"test": ["pytest"]},

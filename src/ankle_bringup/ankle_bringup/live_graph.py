@@ -15,6 +15,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -22,9 +23,12 @@ from std_srvs.srv import Trigger
 from ankle_bringup.errors import RunError
 from ankle_bringup.namespace import absolute_namespace
 from ankle_interfaces.block import MESSAGE_TYPE, Block, unpack
+from ankle_interfaces.topics import TOPICS
 from ankle_interfaces.yaml_text import YamlError, parse_yaml
 from ankle_node.domain import stay_on_this_host
 from ankle_node.node import BLOCK_QOS, LATEST_QOS
+from ankle_node.qos import reader_qos
+from session_recorder.ros_qos import to_record
 
 # Discovery between processes of one host takes a few tenths of a second.
 DISCOVERY_SECONDS = 1.5
@@ -126,11 +130,27 @@ def echo(node: Node, topic: str, show: Callable[[str], None], count: int, second
         )
 
     node.create_subscription(
-        _message_class(types[0]), topic, receive, BLOCK_QOS, raw=types[0] == MESSAGE_TYPE
+        _message_class(types[0]),
+        topic,
+        receive,
+        _matching_qos(node, topic),
+        raw=types[0] == MESSAGE_TYPE,
     )
     while not (count and shown >= count) and time.monotonic() - last < seconds:
         rclpy.spin_once(node, timeout_sec=0.1)
     return shown
+
+
+def _matching_qos(node: Node, topic: str) -> QoSProfile:
+    """Return the profile with which a reader receives a topic, also what was said before it came
+    where the topic is latched.
+
+    A topic without a publisher is read as the laboratory defines it.
+    """
+    offers = [one.qos_profile for one in node.get_publishers_info_by_topic(topic)]
+    if offers:
+        return to_record(offers)
+    return next((reader_qos(one) for one in TOPICS if one.among([topic])), BLOCK_QOS)
 
 
 def block_text(block: Block) -> str:

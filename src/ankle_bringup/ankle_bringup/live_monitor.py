@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 
+import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from ankle_interfaces.block import Block, unpack
+from ankle_bringup.graph import Graph, NodeDescription
+from ankle_interfaces.block import TIME_COLUMN, Block, unpack
 from ankle_interfaces.continuity import Continuity
 from ankle_interfaces.topics import (
     ANKLE_SAMPLES,
@@ -24,6 +26,14 @@ ESTIMATE = IMPEDANCE_ESTIMATE.name
 SAMPLES = ANKLE_SAMPLES.name
 REFERENCE = PERTURBATION_REFERENCE.name
 TRUTH = ANKLE_TRUTH.name
+VALID = "valid[1]"
+WAITS_FOR_READERS = {
+    "perturbation_generator": REFERENCE,
+    "ankle_sim": SAMPLES,
+    "ankle_actuator_driver": SAMPLES,
+    "impedance_estimator": ESTIMATE,
+}
+"""Executables whose parameter `wait_for_readers` counts the readers of a topic of the monitor."""
 ONE_MORE_READER = (
     "perturbation_generator.wait_for_readers=4",
     "ankle_sim.wait_for_readers=3",
@@ -32,6 +42,33 @@ ONE_MORE_READER = (
 """Settings of the graph `simulated_recorded` when a monitor reads along: nothing starts before the
 monitor hears it.
 """
+
+
+def with_one_more_reader(graph: Graph, topics: Collection[str]) -> Graph:
+    """Return the graph whose nodes wait for a monitor beside the readers that they wait for.
+
+    Otherwise a node would count the monitor in place of a reader that is still starting, and that
+    reader would lose the first blocks.
+
+    Parameters
+    ----------
+    graph
+        The graph that the monitor looks at.
+    topics
+        Topics that the monitor reads.
+    """
+
+    def waiting(node: NodeDescription) -> NodeDescription:
+        readers = node.parameters.get("wait_for_readers")
+        topic = WAITS_FOR_READERS.get(node.executable)
+        # A number that is none is refused by the node, with its allowed range.
+        if not isinstance(readers, int) or readers < 1:
+            return node
+        if topic not in topics or topic in node.remappings:
+            return node
+        return replace(node, parameters={**node.parameters, "wait_for_readers": readers + 1})
+
+    return replace(graph, nodes=tuple(waiting(node) for node in graph.nodes))
 
 
 @dataclass
@@ -67,6 +104,8 @@ class LiveMonitor:
         """From the time of the last sample in an estimate to its arrival here [s]."""
         self.reference_latencies: list[float] = []
         """From the time of the last sample in a block of the reference to its arrival here [s]."""
+        self.valid: Block | None = None
+        """The last estimate that was valid, one row; None before the first one."""
         for topic in topics:
             node.create_subscription(
                 Float64MultiArray, topic, self._reader(topic), BLOCK_QOS, raw=True
@@ -85,10 +124,26 @@ class LiveMonitor:
                 stream.continuity.check(block.data)
             if topic == ESTIMATE and len(block.data):
                 self.latencies.append(time.time() - float(block.time[-1]))
+                self.keep_valid(block)
             elif topic == REFERENCE:
                 self.reference_latencies.append(time.time() - float(block.time[-1]))
 
         return receive
+
+    def keep_valid(self, block: Block) -> None:
+        """Keep the last row of a block of estimates that is valid, where there is one."""
+        rows = np.flatnonzero(block.column(VALID) == 1.0)
+        if len(rows):
+            self.valid = Block(block.columns, block.data[rows[-1:]])
+
+    def latest_valid(self, column: str) -> float:
+        """Return a column of the last valid estimate, NaN before the first one."""
+        return float("nan") if self.valid is None else float(self.valid.column(column)[-1])
+
+    @property
+    def since_valid(self) -> float:
+        """Return the time from the last valid estimate to the last estimate [s]; NaN without."""
+        return self.latest(ESTIMATE, TIME_COLUMN) - self.latest_valid(TIME_COLUMN)
 
     def spin(self, seconds: float) -> None:
         """Process what arrives during the next seconds."""
@@ -97,8 +152,8 @@ class LiveMonitor:
             self._executor.spin_once(timeout_sec=left)
 
     def latest(self, topic: str, column: str) -> float:
-        """Return the last value of a column, NaN before the first block."""
-        block = self.streams[topic].last
+        """Return the last value of a column, NaN before the first block and for other topics."""
+        block = self.streams[topic].last if topic in self.streams else None
         return (
             float(block.column(column)[-1])
             if block is not None and len(block.data)

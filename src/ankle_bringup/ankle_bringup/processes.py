@@ -164,6 +164,8 @@ class Processes:
     def ended(self, name: str) -> bool:
         """Return whether a node that is meant to end has done so; every other one must still run.
 
+        The result is False for a node that the graph does not have.
+
         Raises
         ------
         RunError
@@ -171,7 +173,7 @@ class Processes:
             wrote.
         """
         self._check(may_end=name)
-        return name not in self.names
+        return name in self._running and name not in self.names
 
     def _check(self, may_end: str | None = None) -> None:
         for name, process in self._running.items():
@@ -189,8 +191,10 @@ class Processes:
         Raises
         ------
         RunError
-            It did not end in time, or as `ended`.
+            The graph has no such node, it did not end in time, or as `ended`.
         """
+        if name not in self._running:
+            raise RunError(f"no node '{name}' runs; running: {', '.join(self._running) or 'none'}")
         deadline = time.monotonic() + seconds
         while not self.ended(name):
             if time.monotonic() > deadline:

@@ -10,8 +10,7 @@ import numpy as np
 from ankle_bringup.errors import RunError
 from ankle_bringup.graph import load_graph
 from ankle_bringup.processes import Processes
-from ankle_interfaces.topics import ANKLE_SAMPLES, IMPEDANCE_ESTIMATE, PERTURBATION_REFERENCE
-from session_recorder.bag_reader import BagReader
+from ankle_interfaces.topics import IMPEDANCE_ESTIMATE
 
 ESTIMATE = IMPEDANCE_ESTIMATE.absolute
 
@@ -39,20 +38,13 @@ def regenerate_by_replay(
     RunError
         A node failed or the replay did not end in time.
     """
-    # The reference is the estimator's instrument, where it was recorded.
-    recorded = BagReader(bag).topics
-    inputs = [
-        topic.absolute
-        for topic in (ANKLE_SAMPLES, PERTURBATION_REFERENCE)
-        if topic.absolute in recorded
-    ]
     graph = load_graph("regenerated").with_settings(
-        [f"record.out={out}", f"replay.bag={bag}", f"replay.topics={','.join(inputs)}", *settings]
+        [f"record.out={out}", f"replay.bag={bag}", *settings]
     )
     with Processes(graph, logs) as processes:
         processes.wait_for_end("replay", patience)
-        # The estimator first: its last estimates reach the recorder while that one still runs.
-        for name in ("impedance_estimator", "record"):
+        # The recorder last: what the others sent at their end reaches it while it still runs.
+        for name in ("impedance_estimator", "emg_processor", "record"):
             code = processes.stop([name])[name]
             if code != 0:
                 raise RunError(f"{name} ended with exit code {code} (log: {processes.log(name)})")

@@ -7,6 +7,7 @@ import math
 import signal
 import time
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -21,15 +22,31 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from ankle_bringup.browser_pages import page_addresses, show_pages
-from ankle_bringup.graph import Graph
+from ankle_bringup.errors import GraphError
+from ankle_bringup.graph import Graph, NodeDescription
 from ankle_bringup.live_graph import observer
-from ankle_bringup.live_monitor import ESTIMATE, SAMPLES, TRUTH, LiveMonitor
+from ankle_bringup.live_monitor import (
+    ESTIMATE,
+    REFERENCE,
+    SAMPLES,
+    TRUTH,
+    VALID,
+    LiveMonitor,
+    with_one_more_reader,
+)
 from ankle_bringup.processes import Processes
+from ankle_interfaces.block import TIME_COLUMN
 from ankle_interfaces.topics import RIG_STATE
 from ankle_node.node import LATEST_QOS
 
 DRIVER = "ankle_actuator_driver"
 ESTIMATOR = "impedance_estimator"
+REPLAY = ("session_recorder", "replay")
+ENDINGS = {
+    ("perturbation_generator", "perturbation_generator"): "the perturbation is over",
+    REPLAY: "the recording was replayed to its end",
+}
+"""Package and executable of the nodes that end by themselves, and what their end means."""
 ESTIMATED = (("K", "N.m/rad"), ("G", "N.m.s/rad"), ("B", "N.m.s/rad"), ("I", "kg.m^2"))
 """Quantities of the terminal's table, with their units."""
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -44,20 +61,17 @@ def status_table(
     rig: Sequence[str] = (),
     has_estimator: bool = True,
 ) -> Table:
-    """Show the latest estimate, the true value where it is known, and the state of a rig; torque
-    and angle where no estimator runs.
+    """Show the last valid estimate and when it was, the true value where it is known, and the state
+    of a rig; torque and angle where no estimator runs.
     """
     if has_estimator:
         table = Table("", "estimated", "true", "unit")
         for symbol, unit in ESTIMATED:
             column = f"{symbol}[{unit}]"
             truth = monitor.latest(TRUTH, column) if symbol in "KG" else math.nan
-            estimate = _in_words(monitor.latest(ESTIMATE, column), "not yet")
+            estimate = _in_words(monitor.latest_valid(column), "not yet")
             table.add_row(symbol, estimate, _in_words(truth, ""), unit)
-        valid = monitor.latest(ESTIMATE, "valid[1]")
-        table.add_row(
-            "valid", "yes" if valid == 1.0 else "not yet" if math.isnan(valid) else "no", "", ""
-        )
+        table.add_row("valid", _validity(monitor), "", "")
     else:
         table = Table("", "measured", "", "unit")
         torque = monitor.latest(SAMPLES, "torque[N.m]")
@@ -65,14 +79,26 @@ def status_table(
         table.add_row("torque", _in_words(torque, "not yet"), "", "N.m")
         table.add_row("angle", _in_words(angle, "not yet"), "", "deg")
         table.add_row("K, B, I, G", "none", "no estimator in this graph", "")
-    table.add_row(
-        "samples received", str(monitor.streams[SAMPLES].samples), "", f"{monitor.missing} missing"
-    )
+    if SAMPLES in monitor.streams:
+        received = str(monitor.streams[SAMPLES].samples)
+        table.add_row("samples received", received, "", f"{monitor.missing} missing")
+    else:
+        table.add_row("estimates received", str(monitor.streams[ESTIMATE].samples), "", "")
     if rig:
         table.add_row("rig", rig[-1], "", "")
     if seconds_left is not None:
         table.add_row("time left", f"{max(seconds_left, 0.0):.0f}", "", "s")
     return table
+
+
+def _validity(monitor: LiveMonitor) -> str:
+    if monitor.latest(ESTIMATE, VALID) == 1.0:
+        return "yes"
+    then = monitor.latest_valid(TIME_COLUMN)
+    if math.isnan(then):
+        return "not yet"
+    clock = datetime.fromtimestamp(then).strftime("%H:%M:%S")
+    return f"no; values of {clock}, {monitor.since_valid:.0f} s before"
 
 
 def _in_words(value: float, absent: str) -> str:
@@ -81,15 +107,19 @@ def _in_words(value: float, absent: str) -> str:
 
 def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> None:
     """Start the graph and show its state until Ctrl-C, the end of `seconds` (0: no end), or the end
-    of the perturbation.
+    of the perturbation or of the replayed recording.
 
     Raises
     ------
     GraphError
-        An executable that does not exist.
+        An executable that does not exist, or a replay without a recording.
     RunError
         A node ended with an error.
     """
+    require_recording(graph)
+    topics = watched_topics(graph)
+    graph = with_one_more_reader(graph, topics)
+    ending, sentence = ending_node(graph)
     console.print(f"{graph.description}\nlogs: {logs.resolve()}   stop: Ctrl-C")
     addresses = page_addresses(graph)
     if addresses is not None:
@@ -107,7 +137,7 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
             if one.package == DRIVER
         ]
         show_pages(graph)
-        monitor = LiveMonitor(node)
+        monitor = LiveMonitor(node, topics)
         rig: list[str] = []
         has_estimator = any(one.package == ESTIMATOR for one in graph.nodes)
 
@@ -120,8 +150,8 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
             first = status_table(monitor, None, rig, has_estimator)
             with Live(first, console=console, refresh_per_second=4) as live:
                 while not (seconds and time.monotonic() - began > seconds):
-                    if processes.ended("perturbation_generator"):
-                        console.print("the perturbation is over")
+                    if processes.ended(ending):
+                        console.print(sentence)
                         break
                     monitor.spin(0.25)
                     left = began + seconds - time.monotonic() if seconds else None
@@ -132,6 +162,49 @@ def run_graph(graph: Graph, logs: Path, seconds: float, console: Console) -> Non
         finally:
             ignore_ending_signals()
             stop_rig(node, drivers)
+
+
+def ending_node(graph: Graph) -> tuple[str, str]:
+    """Return the name of the node with which the graph ends, and a sentence that says so; two
+    empty texts for a graph that goes on until it is stopped.
+    """
+    return next(
+        (
+            (node.name, ENDINGS[node.package, node.executable])
+            for node in graph.nodes
+            if (node.package, node.executable) in ENDINGS
+        ),
+        ("", ""),
+    )
+
+
+def _replays(graph: Graph) -> list[NodeDescription]:
+    return [node for node in graph.nodes if (node.package, node.executable) == REPLAY]
+
+
+def watched_topics(graph: Graph) -> tuple[str, ...]:
+    """Return the topics that the table needs.
+
+    A replay goes on as fast as the nodes follow, but does not wait for the table: of it only the
+    estimates are read.
+    """
+    return (ESTIMATE,) if _replays(graph) else (ESTIMATE, SAMPLES, REFERENCE, TRUTH)
+
+
+def require_recording(graph: Graph) -> None:
+    """Refuse a graph that replays a recording that is not named.
+
+    Raises
+    ------
+    GraphError
+        No recording is named; says how to name it.
+    """
+    for node in _replays(graph):
+        if not node.parameters.get("bag"):
+            raise GraphError(
+                f"parameter 'bag' of {node.name} is missing, the recording to replay: add "
+                f"--set {node.name}.bag=BAG"
+            )
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from ankle_bringup import verbs
+from ankle_bringup import processes, verbs
 from ankle_bringup.command_line import app, load_verb, main, verb_names
 from ankle_bringup.errors import GraphError, RunError
 from ankle_bringup.executables import declared_parameters, executables, packages_with_nodes
@@ -409,6 +409,19 @@ def test_a_verdicts_base_values_say_what_an_estimate_compares_with():
     same = {"base": 33.6, "augmented": 33.6, "standard_error": None}
     first, second, remark = base_values({"K[N.m/rad]": found, "G[N.m.s/rad]": same})
     assert first == "K [N·m/rad]: 28.2 ± 2.5 with all that was found; 59.9 where that is left out"
-    assert second == "G [N·m·s/rad]: 33.6 with all that was found"
+    assert second == "G [N·m·s/rad]: 33.6"
     assert "compares with the values where the rest is left out" in remark
+    assert base_values({"G[N.m.s/rad]": same}) == ["G [N·m·s/rad]: 33.6"]
     assert base_values({}) == []
+
+
+def test_a_recorder_gets_the_rig_file_that_its_bag_carries(tmp_path, monkeypatch):
+    commands = []
+    monkeypatch.setattr(processes, "become", commands.append)
+    rig = tmp_path / "rig.yaml"
+    rig.touch()
+    assert ankle("record", "monday", "--rig", rig).exit_code == 0
+    assert f"rig:={rig}" in commands[0]
+    assert "out:=monday" in commands[0]
+    assert ankle("record", "monday", "--rig", tmp_path / "missing.yaml").exit_code == 2
+    assert len(commands) == 1

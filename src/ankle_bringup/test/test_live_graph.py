@@ -12,8 +12,14 @@ from typer.testing import CliRunner
 from ankle_bringup.command_line import app
 from ankle_bringup.errors import RunError
 from ankle_bringup.live_graph import describe_parameters, echo, observer
+from ankle_interfaces.topics import IMPEDANCE_PROVENANCE, RIG_STATE, SESSION_EVENT
+from ankle_node.qos import publisher_qos
 
 pytestmark = pytest.mark.live
+
+
+class Namespaces(list):
+    """Namespaces in which a rig was stopped, and `say`, which publishes the state of the rig."""
 
 
 @pytest.fixture
@@ -21,7 +27,7 @@ def stopped():
     """The namespaces in which a rig was stopped; there is one in `left`, in a context of its own
     as another process has it.
     """
-    namespaces = []
+    namespaces = Namespaces()
 
     def stop(request, response):
         namespaces.append(driver.get_namespace())
@@ -32,6 +38,9 @@ def stopped():
     rclpy.init(context=context)
     driver = rclpy.create_node("ankle_actuator_driver", context=context, namespace="left")
     driver.create_service(Trigger, "~/stop", stop)
+    state = driver.create_publisher(String, RIG_STATE.name, publisher_qos(RIG_STATE))
+    state.publish(String(data="stopping: stopped by the operator"))
+    namespaces.say = lambda text: state.publish(String(data=text))
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(driver)
     spinning = threading.Thread(target=executor.spin, daemon=True)
@@ -43,6 +52,18 @@ def stopped():
     rclpy.shutdown(context=context)
 
 
+@pytest.fixture
+def events():
+    """A node that publishes events, in a context of its own as another process has it."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("speaker", context=context)
+    node.create_publisher(String, SESSION_EVENT.name, publisher_qos(SESSION_EVENT))
+    yield
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
 def test_the_rig_of_a_namespace_is_stopped_by_naming_it(stopped):
     done = CliRunner().invoke(app, ["rig", "stop", "--namespace", "left"])
     assert done.exit_code == 0, done.exception
@@ -50,6 +71,14 @@ def test_the_rig_of_a_namespace_is_stopped_by_naming_it(stopped):
     elsewhere = CliRunner().invoke(app, ["rig", "stop", "--namespace", "/right"])
     assert "running: /left/ankle_actuator_driver" in str(elsewhere.exception)
     assert stopped == ["/left"]
+
+
+def test_a_stop_that_finds_a_fault_names_its_reason_and_the_next_step(stopped):
+    stopped.say("fault: heartbeat lost")
+    done = CliRunner().invoke(app, ["rig", "stop", "--namespace", "left"])
+    assert done.exit_code != 0
+    assert "(heartbeat lost)" in str(done.exception)
+    assert "ankle rig reset-fault --namespace left" in str(done.exception)
 
 
 def test_every_verb_of_a_running_laboratory_knows_namespace():
@@ -79,3 +108,20 @@ def test_a_topic_is_found_with_and_without_a_slash(looking):
         assert echo(looking, name, print, count=0, seconds=0.2) == 0
     with pytest.raises(RunError, match="nobody publishes '/text'"):
         echo(looking, "text", print, count=0, seconds=0.2)
+
+
+@pytest.mark.parametrize("topic", [RIG_STATE, IMPEDANCE_PROVENANCE])
+def test_what_a_latched_topic_said_before_is_shown(topic):
+    with observer() as node:
+        speaker = rclpy.create_node("speaker")
+        publisher = speaker.create_publisher(String, topic.name, publisher_qos(topic))
+        publisher.publish(String(data="said before anybody listened"))
+        shown = []
+        assert echo(node, topic.absolute, shown.append, count=1, seconds=20.0) == 1
+        assert shown == ["data: said before anybody listened\n"]
+        speaker.destroy_node()
+
+
+def test_a_silent_topic_of_events_says_that_earlier_ones_are_not_sent_again(events):
+    done = CliRunner().invoke(app, ["echo", SESSION_EVENT.absolute, "--seconds", "0.2"])
+    assert "events of before are not sent again" in str(done.exception)

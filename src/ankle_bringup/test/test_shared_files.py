@@ -1,4 +1,6 @@
-"""What is installed beside the code: parameter file, description of the ankle, layouts of tools."""
+"""What is installed beside the code: parameter file, description of the ankle, layouts of tools,
+protocol of the tutorial.
+"""
 
 import importlib
 import json
@@ -14,6 +16,9 @@ from ankle_bringup.graph import load_graph
 from ankle_bringup.parameter_file import of_every_node
 from ankle_interfaces.topics import TOPICS
 from ankle_node.derived_topics import FRAME, JOINT
+from biofeedback.session.protocol import HOLD, load_protocol
+from session_analysis.correlation import LEAST_PAIRS
+from session_analysis.holds import SHORTEST_HOLD
 
 SHARED = Path(__file__).parents[1]
 OF_ROS = {"/rosout": "rcl_interfaces/msg/Log", "/robot_description": "std_msgs/msg/String"}
@@ -88,3 +93,15 @@ def test_a_layout_shows_topics_and_fields_that_exist(layout):
         topic, _, field = path.partition(".")
         assert topic in KNOWN, path
         assert not field or field in fields(KNOWN[topic]), path
+
+
+def test_the_session_of_the_tutorial_has_enough_holds_to_be_validated():
+    (path,) = (SHARED / "ankle_bringup" / "protocols").glob("*.yaml")
+    protocol = load_protocol(str(path))
+    holds = [step for step in protocol.steps if step.kind == HOLD]
+    assert {step.torque_target for step in holds} == {0.0}
+    assert len(holds) >= LEAST_PAIRS + 2
+    assert min(step.duration for step in holds) > SHORTEST_HOLD
+    assert protocol.duration < 11 * 60.0
+    tutorial = SHARED.parents[1] / "docs" / "tutorials" / "session.md"
+    assert f"biofeedback.protocol={path.relative_to(SHARED.parents[1])}" in tutorial.read_text()

@@ -22,8 +22,14 @@ def verb(
     """
     from ankle_bringup.errors import RunError
     from ankle_bringup.live_graph import echo, observer
+    from ankle_interfaces.topics import SESSION_EVENT
 
     with observer() as node:
         shown = echo(node, topic, lambda text: print(text, flush=True), count, seconds)
     if shown == 0:
-        raise RunError(f"nothing came on '{topic}' within {seconds:g} s")
+        late = (
+            "; events of before are not sent again: begin before they happen, or look into the bag"
+            if SESSION_EVENT.among([topic])
+            else ""
+        )
+        raise RunError(f"nothing came on '{topic}' within {seconds:g} s{late}")

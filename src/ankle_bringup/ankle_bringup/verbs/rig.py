@@ -13,12 +13,17 @@ verb = typer.Typer()
 
 def _operate(command: str, namespace: str) -> None:
     from ankle_bringup.errors import RunError
-    from ankle_bringup.live_graph import observer, trigger
+    from ankle_bringup.live_graph import latched, observer, trigger
+    from ankle_bringup.rig_advice import NEVER_REFUSED, STATE_PATIENCE, ends_in_fault, with_advice
+    from ankle_interfaces.topics import RIG_STATE
 
     with observer(namespace=namespace) as node:
         done, sentence = trigger(node, "ankle_actuator_driver", command)
-    if not done:
-        raise RunError(sentence)
+        state = ""
+        if not done or command in NEVER_REFUSED:
+            state = latched(node, RIG_STATE.name, STATE_PATIENCE) or ""
+    if not done or ends_in_fault(command, state):
+        raise RunError(with_advice(command, sentence, state, namespace))
     console.print(sentence)
 
 
@@ -43,7 +48,7 @@ def start(namespace: Namespace = "") -> None:
 @verb.command()
 def stop(namespace: Namespace = "") -> None:
     """Bring the plate to rest and switch the drive off, from any state. The button at the rig is
-    faster than a command.
+    faster than a command. After a fault it says why, and ends with exit code 1.
 
     Example: ankle rig stop
     """
