@@ -1,5 +1,5 @@
 """What the nodes of the graph say of themselves on `/diagnostics`: health, recording, why estimates
-are not valid.
+are not valid or doubtful.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ LEVELS = ("ok", "warning", "error", "stale")
 """Names of the levels of `diagnostic_msgs/DiagnosticStatus.level`."""
 NOT_VALID_WORDS = "not valid: "
 """Words with which the estimator begins its reason, in its message or in a figure."""
+DOUBTFUL_WORDS = "estimates are doubtful: "
+"""Words with which it begins what it doubts."""
 FREE_DISK, MESSAGES, MISSING_SAMPLES, READY = (
     "free disk [MB]",
     "messages",
@@ -109,11 +111,21 @@ class GraphHealth:
 
     def reason(self) -> str:
         """Return why estimates are not valid, in the estimator's words; empty without a reason."""
+        return self._said(NOT_VALID_WORDS)
+
+    def doubt(self) -> str:
+        """Return why valid estimates are doubtful, in the estimator's words; empty where they are
+        not.
+        """
+        return self._said(DOUBTFUL_WORDS)
+
+    def _said(self, words: str) -> str:
+        """Return what a node says behind these words, up to a semicolon; empty where none does."""
         for status in self._nodes.values():
             for text in (status.message, *status.figures.values()):
-                _, found, reason = text.partition(NOT_VALID_WORDS)
-                if found:
-                    return reason.partition(";")[0]
+                said = text.partition(words)[2].partition(";")[0].strip()
+                if said:
+                    return said
         return ""
 
 

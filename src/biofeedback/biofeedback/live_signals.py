@@ -221,6 +221,7 @@ class LiveSignals:
                 "nodes": self.health.nodes(heard_now),
                 "recording": self.health.recording(heard_now),
                 "reason": self.health.reason(),
+                "doubt": self.health.doubt(),
             }
 
     def traces_since(self, seen: Mapping[str, int]) -> dict[str, Any]:

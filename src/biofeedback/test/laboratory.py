@@ -191,6 +191,7 @@ class Laboratory:
         self.presenter = Presenter(self.signals)
         self.server = Server(self.runner, self.presenter, Access(host, token), time.time, tls=tls)
         self.K, self.G, self.torque, self.valid = 80.0, 8.0, 0.0, True
+        self.estimator_says = "running"
         self.streaming = True
         self._ready, self._stop = threading.Event(), threading.Event()
         self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
@@ -236,7 +237,7 @@ class Laboratory:
                 np.array([[t[-1], self.K, self.G, float(self.valid)]]), heard
             )
             if sent % 2048 < n:
-                self.signals.feed_status("impedance_estimator", 0, "running", {}, heard)
+                self.signals.feed_status("impedance_estimator", 0, self.estimator_says, {}, heard)
                 figures = {
                     "messages": str(sent),
                     "free disk [MB]": "182000",

@@ -106,6 +106,19 @@ def colour_at_cursor(page):
     )
 
 
+DASHED_RIM = """() => { const canvas = document.getElementById('screen'), { x, y } = canvas.dataset;
+    const radius = 0.034 * Math.min(canvas.width, canvas.height), context = canvas.getContext('2d');
+    let white = 0;
+    for (let k = 0; k < 60; k++) {
+      const angle = (2 * Math.PI * k) / 60;
+      const at = [+x + radius * Math.cos(angle), +y + radius * Math.sin(angle)];
+      const [red, green, blue] = context.getImageData(...at, 1, 1).data;
+      white += Math.min(red, green, blue) > 200;
+    }
+    return white < 50; }"""
+"""Whether a part of the cursor's white rim is not drawn."""
+
+
 def test_the_cursor_moves_where_the_estimate_says(laboratory, open_page):
     subject, operator = open_page("/"), open_page("/operator")
     run_to(laboratory, operator, "baseline measured")
@@ -131,6 +144,11 @@ def test_invalid_stale_and_lost_look_different_and_nothing_freezes(laboratory, o
     run_to(laboratory, operator, "baseline measured")
     until(lambda: cursor(subject)[0] == "valid", "valid")
     looks = {"valid": subject.screenshot()}
+    laboratory.estimator_says = "estimates are doubtful: tissue relaxes; other"
+    operator.get_by_text("estimates are doubtful: tissue relaxes", exact=False).first.wait_for()
+    until(lambda: subject.evaluate(DASHED_RIM), "dashed rim")
+    laboratory.estimator_says = "running"
+    until(lambda: not subject.evaluate(DASHED_RIM), "closed rim")
     laboratory.valid = False
     until(lambda: cursor(subject)[0] == "invalid", "invalid")
     assert colour_at_cursor(subject)[:3] not in ([230, 159, 0], [0, 179, 132])

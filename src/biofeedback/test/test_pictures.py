@@ -92,6 +92,7 @@ STATE = messages.State(
     ],
     recording=messages.Recording(True, 48211, 0, 182000),
     reason="",
+    doubt="",
     pages=messages.Pages(1, 1, True),
     language="en",
     checks=[

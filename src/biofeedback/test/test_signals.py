@@ -164,3 +164,14 @@ def test_activity_is_that_of_the_muscle_not_of_the_electrodes_offset():
     assert activity.values["TA"] == pytest.approx(1e-6 * np.sqrt(2 / np.pi), rel=0.15)
     activity.feed(np.full((32, 2), np.nan), 2048.0)
     assert activity.values["SOL"] == pytest.approx(2e-5 * np.sqrt(2 / np.pi), rel=0.15)
+
+
+def test_doubt_is_said_in_the_estimators_words_as_long_as_there_is_any():
+    signals = LiveSignals()
+    said = {"estimate": "not valid: ", "model": "estimates are doubtful: "}
+    signals.feed_status("estimator", 0, "running", said, 0.0)
+    assert (signals.health.doubt(), signals.health.reason()) == ("", "")
+    text = "estimates are doubtful: halves disagree; tissue relaxes"
+    signals.feed_status("estimator", 1, text, said, 1.0)
+    assert signals.describe(1.0)["doubt"] == "halves disagree"
+    assert signals.health.reason() == ""

@@ -104,7 +104,7 @@ function showFrame(frame) {
   by("bar").style.width = `${Math.min(100 * part, 100)}%`;
   const quality = ofReflex(last)
     ? { valid: "", invalid: "EMG is not usable", stale: "EMG is stale", waiting: "no EMG yet: do the amplifier and the node emg_processor run?" }
-    : { valid: "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet: does the node impedance_estimator run?" };
+    : { valid: last.doubt ? `estimates are doubtful: ${last.doubt}` : "", invalid: `estimates not valid${last.reason ? `: ${last.reason}` : ""}`, stale: "estimates are stale", waiting: "no estimates yet: does the node impedance_estimator run?" };
   const torque = { valid: "", stale: "no samples", waiting: "no samples yet" }[frame.torque_quality];
   const said = [quality[frame.quality], torque].filter(Boolean).join("; ");
   by("share").className = said ? "warn" : "";

@@ -30,7 +30,8 @@ export function drawPlot(context, width, height, frame, state, silence, units) {
   drawGrid(context, plot, size, to, state, ink);
   const inside = running && quality === "valid" && frame.in_target && state.session.kind !== "baseline";
   drawTargets(context, plot, size, to, state.target, running, inside);
-  const place = running || quality !== "valid" ? drawCursor(context, plot, size, to, frame, quality, inside) : { x: NaN, y: NaN };
+  const doubtful = state.doubt !== "" && state.target.feedback !== "reflex";
+  const place = running || quality !== "valid" ? drawCursor(context, plot, size, to, frame, quality, inside, doubtful) : { x: NaN, y: NaN };
   return { quality, plot, ...place };
 }
 
@@ -145,7 +146,7 @@ export function clock(seconds) {
   return whole < 100 ? `${whole} s` : `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
 }
 
-function drawCursor(context, plot, size, to, frame, quality, inside) {
+function drawCursor(context, plot, size, to, frame, quality, inside, doubtful) {
   if (!frame) return { x: NaN, y: NaN };
   const radius = 0.034 * size;
   const known = { x: frame.x !== null, y: frame.y !== null };
@@ -154,7 +155,7 @@ function drawCursor(context, plot, size, to, frame, quality, inside) {
   const y = Math.min(Math.max(wanted.y, plot.top + radius), plot.top + plot.height - radius);
   context.globalAlpha = 1;
   if (quality === "valid") {
-    solidCursor(context, x, y, radius, size, inside);
+    solidCursor(context, x, y, radius, size, inside, doubtful);
     const beyond = [wanted.x - x, wanted.y - y];
     if (Math.hypot(...beyond) > radius) arrow(context, x, y, radius, Math.atan2(beyond[1], beyond[0]));
   } else {
@@ -164,14 +165,17 @@ function drawCursor(context, plot, size, to, frame, quality, inside) {
   return { x, y };
 }
 
-function solidCursor(context, x, y, radius, size, inside) {
+// A doubtful value has a dashed rim: it may be off by more than its error.
+function solidCursor(context, x, y, radius, size, inside, doubtful) {
   context.beginPath();
   context.arc(x, y, radius, 0, 2 * Math.PI);
   context.fillStyle = inside ? GREEN : ORANGE;
   context.fill();
   context.lineWidth = 0.007 * size;
   context.strokeStyle = "#ffffff";
+  context.setLineDash(doubtful ? [0.35 * radius, 0.35 * radius] : []);
   context.stroke();
+  context.setLineDash([]);
   if (!inside) return;
   context.lineWidth = 0.011 * size;
   context.lineCap = "round";

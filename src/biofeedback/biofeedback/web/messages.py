@@ -239,7 +239,8 @@ class Pages:
 class State:
     """Holds all values that do not change with every frame; sent when it changes.
 
-    The body mass [kg] is None where it is not stated.
+    The reason says why estimates are not valid, the doubt why valid ones are doubtful. The body
+    mass [kg] is None where it is not stated.
     """
 
     version: int
@@ -253,6 +254,7 @@ class State:
     nodes: list[NodeState]
     recording: Recording
     reason: str
+    doubt: str
     pages: Pages
     language: str
     checks: list[CheckState]

@@ -141,6 +141,7 @@ class Presenter:
             nodes=[messages.NodeState(**node) for node in described["nodes"]],
             recording=messages.Recording(**described["recording"]),
             reason=described["reason"],
+            doubt=described["doubt"],
             pages=pages,
             language=self._language,
             checks=[messages.CheckState(**check) for check in view.checks],
