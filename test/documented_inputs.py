@@ -112,6 +112,11 @@ class Inputs:
             model=Model.of(terms),
         ).save(place)
 
+    def faultless_rig(self, place):
+        """Describe the rig of `ankle up simulated`."""
+        noise = {"position[rad]": 4.5e-5, "velocity[rad/s]": 6.5e-3, "torque[N.m]": 0.14}
+        RigFile("simulated", datetime(2026, 1, 1, tzinfo=timezone.utc), noise=noise).save(place)
+
     def plate_bag(self, place):
         """Record the movements of a rig's calibration."""
         hidden = self.made("rig")
@@ -153,6 +158,10 @@ KINDS = {
     **dict.fromkeys(["trials", "RECORDINGS"], "trials"),
     "trials/trial_1": "bag",
     (".venv/bin/ankle calibrate rig BAG --out from_bag.yaml", "BAG"): "plate_bag",
+    (
+        ".venv/bin/ankle calibrate session --seconds 90 --rig rig.yaml --out subject.yaml",
+        "rig.yaml",
+    ): "faultless_rig",
     (Path("docs/physics.md"), "FOLDER"): "terms",
 }
 """The kind behind each name; for one page or command alone where a pair has it."""
