@@ -28,7 +28,8 @@ from ankle_interfaces.topics import ANKLE_TRUTH, IMPEDANCE_ESTIMATE
 from ankle_physics.model import Model
 from ankle_physics.rig_file import RigFile
 from calibration.errors import CalibrationError
-from calibration.rig_calibration import calibrate_rig, described
+from calibration.rig_calibration import calibrate_rig
+from calibration.rig_in_words import described
 from calibration.session_calibration import calibrate_session, require_gain
 from impedance_estimator.simultaneous.doubt import DOUBT_THRESHOLD
 from model_discrepancy.recording.recording import Recording

@@ -18,9 +18,9 @@ from ankle_physics.model import Model
 from ankle_physics.rig_agreement import rig_warnings
 from ankle_physics.rig_file import Measured, RigFile
 from ankle_physics.term import term_library
-from ankle_physics.terms.footplate_gravity import FootplateGravity
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found
+from calibration.known_load import KnownLoad, require_load
 from calibration.rig_identification import IdentifiedRig, identify_rig
 from calibration.rig_spectra import Signals
 from session_recorder.bag_reader import BagReader
@@ -34,35 +34,6 @@ MIN_DURATION = 20.0  # s
 # Moves a servo of a few thousand N.m/rad by some per cent of the movement, within the torque of a
 # rig.
 USUAL_SPRINGS = "a spring of 50 to 200 N.m/rad"
-# A spring shows where at least this share of its stiffness is found. No plate's weight takes away
-# half of a spring of 50 N.m/rad and more.
-MIN_SPRING_SHARE = 0.5
-
-
-@dataclass(frozen=True)
-class KnownLoad:
-    """Describes the load that is mounted on the plate.
-
-    Attributes
-    ----------
-    inertia
-        [kg.m^2]; 0 is none.
-    spring
-        [N.m/rad]; 0 is none.
-    """
-
-    inertia: float = 0.0
-    spring: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, value, unit, largest in (
-            ("inertia", self.inertia, "kg.m^2", 0.1),
-            ("spring", self.spring, "N.m/rad", 1000.0),
-        ):
-            if not 0.0 <= value <= largest:
-                raise CalibrationError(
-                    f"known {name} = {value:g} {unit} is refused; allowed: 0 to {largest:g} {unit}"
-                )
 
 
 @dataclass(frozen=True)
@@ -169,7 +140,7 @@ def with_compliance(
     CalibrationError
         The spring is not seen or is too soft, or the recording is one of another rig.
     """
-    _require_load(found, load)
+    require_load(found, load)
     contradictions = rig_warnings(
         beside,
         signals.rate,
@@ -267,7 +238,7 @@ def rig_file(
         A known load larger than what was found, a load that is not known, or an inertia that no
         plate has.
     """
-    _require_load(found, load)
+    require_load(found, load)
     values, remarks = _terms(found, load, angle)
     if found.noise[1] is None:
         remarks.append("no velocity was recorded, so its delay and noise are not known")
@@ -290,30 +261,6 @@ def rig_file(
         model=_model(values),
     )
     return rig, tuple(remarks)
-
-
-def _require_load(found: IdentifiedRig, load: KnownLoad) -> None:
-    """Refuse a plate that is held otherwise than by the known spring.
-
-    Raises
-    ------
-    CalibrationError
-        Names what holds the plate [N.m/rad], and what may.
-    """
-    weight = FootplateGravity.parameter("m")
-    held = f"{found.slope.value:.4g} ± {found.slope.error:.2g} N.m/rad"
-    if load.spring and found.slope.value < MIN_SPRING_SHARE * load.spring:
-        raise CalibrationError(
-            f"no spring of {load.spring:g} N.m/rad is seen: the plate is held with {held}; is it "
-            "mounted, and is its stiffness right (--spring)?"
-        )
-    left = found.slope.value - load.spring
-    if abs(left) > weight.upper:
-        beside = f", of which the spring makes {load.spring:g} N.m/rad" if load.spring else ""
-        raise CalibrationError(
-            f"something holds the plate with {held}{beside}; allowed for the plate's own weight: "
-            f"-{weight.upper:g} to {weight.upper:g} N.m/rad. Is it a foot, or a spring (--spring)?"
-        )
 
 
 def _terms(
@@ -410,54 +357,3 @@ def fingerprint(bag: Path) -> str:
         digest.update(file.relative_to(bag).as_posix().encode() + b"\0")
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
-
-
-def described(calibrated: Calibrated) -> str:
-    """Return what was found, line by line, with standard errors and units."""
-    found, rig = calibrated.identified, calibrated.rig
-    if calibrated.beside is not None:
-        sag = _text(_of(rig, "servo_compliance", "k_a"), "N.m/rad")
-        return (
-            f"servo against load         {sag}\n"
-            f"everything else is kept as '{calibrated.beside.title}' states it"
-        )
-    lines = [
-        f"torque behind position     {_ms(found.torque_delay)}",
-        f"inertia of the plate       {_text(_of(rig, 'footplate_inertia', 'Ip'), 'kg.m^2')}",
-        f"friction of the bearing    {_text(found.friction, 'N.m')}",
-        f"servo                      {_text(found.bandwidth, 'Hz')}, damping "
-        f"{_text(found.damping, '1')}",
-        f"zero of position           {rig.zero_position:.5f} rad",
-        f"zero of torque             {rig.zero_torque:.4f} N.m",
-        "noise                      "
-        + ", ".join(f"{value:.2g} {key.split('[')[1][:-1]}" for key, value in rig.noise.items()),
-        f"torque explained           {found.vaf:.2f} % of what follows the plate",
-    ]
-    if found.velocity_delay is not None:
-        lines.insert(1, f"velocity behind position   {_ms(found.velocity_delay)}")
-    if rig.model.has("footplate_gravity"):
-        weight = _of(rig, "footplate_gravity", "m")
-        lines.append(f"weight of the plate        {_text(weight, 'N.m')}")
-    if found.lag is not None:
-        lines.append(f"lag of the torque sensor   {_ms(found.lag)}")
-    if found.mode is not None:
-        frequency, damping = found.mode
-        lines.append(
-            f"mode of the torque sensor  {_text(frequency, 'Hz')}, damping {_text(damping, '1')}"
-        )
-    if found.servo_stiffness is not None:
-        lines.append(f"servo against load         {_text(found.servo_stiffness, 'N.m/rad')}")
-    return "\n".join([*lines, *calibrated.remarks])
-
-
-def _of(rig: RigFile, term: str, symbol: str) -> Found:
-    entry = rig.model.entry(term)
-    return Found(float(entry.values[symbol]), entry.standard_errors[symbol])
-
-
-def _text(found: Found, unit: str) -> str:
-    return f"{found.value:.4g} ± {found.error:.2g} {unit}"
-
-
-def _ms(found: Found) -> str:
-    return f"{1e3 * found.value:.3f} ± {1e3 * found.error:.3f} ms"

@@ -33,7 +33,7 @@ LARGEST_SHARE = 0.25
 on: the 95 % then reach from half of the value to one and a half of it, more than K and G change in
 a session."""
 UNITS = {"K": "N.m/rad", "G": "N.m.s/rad"}
-"""Of the values that a model states of the whole joint."""
+"""Each value that a model states of the whole joint has this unit."""
 SHOWN_VALUES = ("K", "K_effective", "G")
 """Values of the diagnosis that are shown, in this order."""
 

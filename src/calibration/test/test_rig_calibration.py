@@ -15,18 +15,18 @@ from ankle_physics.sensors import SignalToNoise
 from ankle_sim.live_rig import LiveRig, Setup
 from calibration.errors import CalibrationError
 from calibration.fitted_value import Found
+from calibration.known_load import KnownLoad
 from calibration.rig_calibration import (
     REFERENCE,
     SAMPLES,
-    KnownLoad,
     calibrate_rig,
-    described,
     fingerprint,
     read_signals,
     rig_file,
     with_compliance,
 )
 from calibration.rig_identification import IdentifiedRig, identify_rig
+from calibration.rig_in_words import described
 from calibration.rig_spectra import Signals
 from perturbation_generator.rig_calibration import DURATION, INITIAL_REST, RigCalibration
 from perturbation_generator.settings import Settings

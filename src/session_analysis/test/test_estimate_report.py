@@ -233,7 +233,7 @@ def test_an_ankle_that_rests_has_no_second_opinion(tmp_path):
 
 
 def test_a_break_widens_no_errors_of_the_second_opinion(tmp_path):
-    """Of 80 s the plate rests for 22, and the torque is voluntary then."""
+    """The plate rests for 22 of 80 s, and the torque is voluntary then."""
     data = ankle(80.0)
     random, rest = np.random.default_rng(4), slice(round(29 * RATE), round(51 * RATE))
     count = rest.stop - rest.start

@@ -20,7 +20,8 @@ from blind_rig.empty_plate import record_empty_plate
 from blind_rig.impedance import true_impedance
 from blind_rig.magnitudes import MAGNITUDES
 from blind_rig.trial import STEPS_PER_SAMPLE, Trial, record, run
-from calibration.rig_calibration import KnownLoad, rig_file
+from calibration.known_load import KnownLoad
+from calibration.rig_calibration import rig_file
 from calibration.rig_identification import identify_rig
 from calibration.rig_spectra import Signals
 from model_discrepancy.recording.recording import Recording

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from ankle_physics.rig_file import RigFile
-    from calibration.rig_calibration import KnownLoad
+    from calibration.known_load import KnownLoad
     from calibration.session_calibration import CalibratedSession
     from model_discrepancy.recording.recording import Recording
 
@@ -104,7 +104,9 @@ def rig(
     """
     from ankle_bringup.errors import RunError
     from ankle_physics.rig_file import RigFile
-    from calibration.rig_calibration import KnownLoad, calibrate_rig, described
+    from calibration.known_load import KnownLoad
+    from calibration.rig_calibration import calibrate_rig
+    from calibration.rig_in_words import described
 
     load = KnownLoad(inertia, spring)
     empty = RigFile.load(beside) if beside is not None else None
