@@ -13,7 +13,8 @@ import rclpy
 from std_msgs.msg import String
 from typer.testing import CliRunner
 
-from ankle_bringup import live_graph
+from ankle_bringup import calibration_recording, live_graph
+from ankle_bringup.calibration_recording import recorded_into
 from ankle_bringup.command_line import app
 from ankle_bringup.errors import RunError
 from ankle_bringup.verbs import calibrate
@@ -128,11 +129,14 @@ def test_a_file_is_completed_with_a_spring_alone(bag, tmp_path):
 
 def test_a_recording_without_samples_leaves_no_bag(tmp_path):
     bag = tmp_path / "bag"
-    with pytest.raises(RunError, match="no samples came while"), calibrate._recorded_into(bag):
+    with (
+        pytest.raises(RunError, match="no samples came while"),
+        recorded_into(bag),
+    ):
         record(bag, 0.0)
     assert not bag.exists()
     for seconds, left in ((0.0, False), (1.0, True)):
-        with suppress(KeyboardInterrupt), calibrate._recorded_into(bag):
+        with suppress(KeyboardInterrupt), recorded_into(bag):
             record(bag, seconds)
             raise KeyboardInterrupt
         assert bag.exists() is left
@@ -142,7 +146,7 @@ def test_a_recording_without_samples_leaves_no_bag(tmp_path):
 @pytest.mark.parametrize("verb", ["session", "rig"])
 def test_without_a_rig_nothing_is_recorded_and_the_refusal_comes_soon(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(calibrate, "RIG_SECONDS", 1.0)
+    monkeypatch.setattr(calibration_recording, "RIG_SECONDS", 1.0)
     refused = ankle("calibrate", verb, "--namespace", "nobody")
     assert "no rig runs: nobody publishes '/nobody/ankle/samples'" in str(refused.exception)
     assert [*tmp_path.iterdir()] == []

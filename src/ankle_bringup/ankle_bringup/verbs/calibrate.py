@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ankle_bringup.calibration_recording import record_session, recorded_into, require_running
 from ankle_bringup.terminal import Namespace, Out, Overwrite, console, number_option, working
 from ankle_interfaces.quantity import Quantity
 
@@ -52,13 +51,8 @@ def _require_new_bag(bag: Path, verb: str) -> None:
 SECONDS = Quantity("seconds", "s", 30.0, 600.0, 90.0)
 """The diagnosis refuses less than 20 s of good samples, so that some may be lost of the shortest;
 the default is documented for the step of a session (``docs/biofeedback.md``)."""
-RECORDER_SECONDS = 60.0
-"""[s] Time for a recorder to start: 2 s, and half a minute on a busy computer."""
 TAKEOVER_SECONDS = 60.0
 """[s] Time for a running estimator to go on with a new model: 15 to 30 s with the perturbation."""
-RIG_SECONDS = 5.0
-"""[s] Time for a running rig to be found, and again to send samples: discovery takes some tenths of
-a second, and more on a busy computer."""
 STATE_SECONDS = 3.0
 """[s] Time for a rig's state to arrive, which is kept for whoever asks: twice a discovery."""
 
@@ -117,8 +111,8 @@ def rig(
         bag = into
         _require_new_bag(into, "rig")
         if simulated is None:
-            _require_running(namespace)
-        with _recorded_into(into):
+            require_running(namespace)
+        with recorded_into(into):
             _record_rig(into, amplitude, simulated, load, namespace)
     with working("calibrating the rig") as step:
         found = calibrate_rig(bag, title, load, progress=step, beside=empty)
@@ -202,11 +196,11 @@ def session(
     if bag is None:
         bag = into
         _require_new_bag(into, "session")
-        _require_running(namespace, moving=True)
+        require_running(namespace, moving=True)
     clear_folder(report, overwrite, "verdict.json")
     if live:
-        with _recorded_into(into):
-            _record_session(into, seconds, namespace)
+        with recorded_into(into):
+            record_session(into, seconds, namespace)
     recording = read_session(bag)
     contradictions = _require_its_rig(recording, bag, known, rig, force)
     with working("calibrating the session") as step:
@@ -260,119 +254,6 @@ def _require_its_rig(
             f"warning: {rig} contradicts the recording: {sentence}", style="bold", soft_wrap=True
         )
     return contradictions
-
-
-def _require_running(namespace: str, moving: bool = False) -> None:
-    """Refuse to record where no rig runs, or where it sends nothing though it should move.
-
-    A simulated rig sends samples only once it is moved, so that without `moving` it is enough that
-    somebody would send them.
-    """
-    import time
-
-    from ankle_bringup.errors import RunError
-    from ankle_bringup.live_graph import echo, observer
-    from ankle_interfaces.topics import ANKLE_SAMPLES
-
-    with observer(own_signals=True, namespace=namespace) as node:
-        topic = node.resolve_topic_name(ANKLE_SAMPLES.name)
-        deadline = time.monotonic() + RIG_SECONDS
-        while not node.count_publishers(topic):
-            if time.monotonic() > deadline:
-                raise RunError(
-                    f"no rig runs: nobody publishes '{topic}' within {RIG_SECONDS:g} s; start one "
-                    "('ankle up rig'), or name its --namespace"
-                )
-            time.sleep(0.1)
-        if moving and not echo(node, topic, lambda text: None, 1, RIG_SECONDS):
-            raise RunError(
-                f"no samples come on '{topic}' within {RIG_SECONDS:g} s: the rig has to run, with "
-                "its perturbation"
-            )
-
-
-@contextmanager
-def _recorded_into(bag: Path) -> Iterator[None]:
-    """Remove the bag of this recording where it holds no samples, however the recording ended.
-
-    Raises
-    ------
-    RunError
-        The recording ended well and holds no samples.
-    """
-    import shutil
-
-    from ankle_bringup.errors import RunError
-
-    empty = False
-    try:
-        yield
-    finally:
-        empty = bag.exists() and not _holds_samples(bag)
-        if empty:
-            shutil.rmtree(bag)
-    if empty:
-        raise RunError(f"no samples came while {bag} was recorded, so that it is removed again")
-
-
-def _holds_samples(bag: Path) -> bool:
-    """Tell whether a bag holds samples, or something that cannot be read and may be samples."""
-    from ankle_interfaces.topics import ANKLE_SAMPLES
-    from session_recorder.bag_reader import BagReader
-    from session_recorder.errors import BagError
-
-    try:
-        topics = BagReader(bag).topics
-    except BagError:
-        return any(file.is_file() and file.stat().st_size for file in bag.rglob("*"))
-    return any(
-        topic.count for name, topic in topics.items() if name.endswith(ANKLE_SAMPLES.absolute)
-    )
-
-
-def _record_session(bag: Path, seconds: float, namespace: str) -> None:
-    """Record so many seconds, counted from when the recorder is ready."""
-    import tempfile
-    import time
-
-    from ankle_bringup.errors import RunError
-    from ankle_bringup.graph import Graph, NodeDescription
-    from ankle_bringup.processes import Processes
-    from ankle_bringup.terminal import progress
-    from ankle_bringup.up import ending_by_signal
-
-    recorder = NodeDescription(
-        "session_recorder",
-        "record",
-        "calibration_recorder",
-        {"out": str(bag)},
-    )
-    began = None
-    try:
-        with (
-            ending_by_signal(),
-            tempfile.TemporaryDirectory() as logs,
-            Processes(
-                Graph("a recorder", (recorder,)).in_namespace(namespace), Path(logs)
-            ) as processes,
-            progress(f"recording {seconds:g} s of the running session") as show,
-        ):
-            started = time.monotonic()
-            while not bag.exists():
-                processes.ended("")
-                if time.monotonic() - started > RECORDER_SECONDS:
-                    raise RunError(f"no recording has begun within {RECORDER_SECONDS:g} s")
-                time.sleep(0.1)
-            began = time.monotonic()
-            while (passed := time.monotonic() - began) < seconds:
-                processes.ended("")
-                show(passed / seconds)
-                time.sleep(0.25)
-    except KeyboardInterrupt:
-        lasted = 0.0 if began is None else time.monotonic() - began
-        raise RunError(
-            f"the recording was ended after {lasted:.0f} s of {seconds:g} s; nothing is calibrated"
-        ) from None
 
 
 def _handed_over(model: Path, namespace: str) -> str:
